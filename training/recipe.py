@@ -1,0 +1,57 @@
+"""A training run in one TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a run is made of. Every field may stand in the file; those without a default must."""
+
+    name: str
+    """The network's name in the catalogue, and the stem of its files."""
+    network: str
+    """Key of `training.networks.NETWORKS`."""
+    train: str
+    """Folder of training pictures."""
+    validate: str
+    """Folder of `*_HR.png` and `*_LR.png` pairs."""
+    steps: int
+    """Optimiser steps."""
+    options: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of the network's constructor."""
+    scale: int = 2
+    crop: int = 88
+    """HR crop side, pixels."""
+    batch: int = 16
+    learning_rate: float = 1e-4
+    """Adam's peak step size; it falls to zero along a half cosine."""
+    warmup: int = 0
+    """Steps over which the step size rises linearly from zero."""
+    clip: float = 0.0
+    """Largest gradient norm; 0 leaves gradients as they are."""
+    bfloat16: bool = False
+    """Run the forward and backward pass in bfloat16 with float32 weights (several times faster on CPUs with AMX)."""
+    seed: int = 0
+    validate_every: int = 500
+    """Steps between checkpoints, each with a validation."""
+
+
+def read(path: Path) -> Recipe:
+    """The recipe in `path`. Raises `ValueError` naming the first key that is missing or unknown."""
+    with path.open("rb") as file:
+        table = tomllib.load(file)
+    known = {f.name for f in fields(Recipe)}
+    unknown = sorted(set(table) - known)
+    if unknown:
+        raise ValueError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(sorted(known))}")
+    try:
+        return Recipe(**table)
+    except TypeError as error:
+        raise ValueError(f"{path}: {error}") from error
