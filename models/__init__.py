@@ -1,0 +1,33 @@
+"""Upscaling of view images: the shipped networks, a card for each, and what runs them on the CPU with onnxruntime.
+
+::
+
+    upscaler = models.load("lite")
+    large = models.upscale_pixels(upscaler, views)     # (N, H, W, C) 8 or 16 bit -> (N, 2H, 2W, C)
+"""
+
+from __future__ import annotations
+
+from models.card import Accuracy, Card
+from models.catalogue import DEFAULT, Entry, entries, load, names
+from models.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
+from models.pixels import upscale_pixels
+from models.upscaler import Upscaler
+
+__all__ = [
+    "DEFAULT",
+    "Accuracy",
+    "BadCard",
+    "BrokenNetwork",
+    "Card",
+    "Entry",
+    "InvalidImage",
+    "ModelError",
+    "UnknownModel",
+    "UnsupportedScale",
+    "Upscaler",
+    "entries",
+    "load",
+    "names",
+    "upscale_pixels",
+]

@@ -57,7 +57,8 @@ class Crops:
         """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
         side = self.crop // self.scale
-        lows, highs = [], []
+        lows: list[Tensor] = []
+        highs: list[Tensor] = []
         for _ in range(self.batch):
             low, high = self.pairs[random.integers(len(self.pairs))]
             y = int(random.integers(low.shape[1] - side + 1))

@@ -6,9 +6,12 @@ whose pitch is twice as wide over the same extent. Half a pixel of error here co
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING
+
 from torch.nn import functional
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 def bicubic(image: Tensor, scale: int) -> Tensor:
@@ -35,6 +38,6 @@ def crop_to_multiple(image: Tensor, scale: int) -> Tensor:
     return image[..., : height - height % scale, : width - width % scale]
 
 
-def to_tensor(pixels: torch.Tensor) -> Tensor:
+def to_tensor(pixels: Tensor) -> Tensor:
     """8-bit `(H, W, 3)` -> float `(1, 3, H, W)` in [0, 1]."""
     return pixels.permute(2, 0, 1).unsqueeze(0).float().div(255.0)

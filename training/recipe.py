@@ -44,9 +44,11 @@ class Recipe:
 
 
 def read(path: Path) -> Recipe:
-    """The recipe in `path`. Raises `ValueError` naming the first key that is missing or unknown."""
-    with path.open("rb") as file:
-        table = tomllib.load(file)
+    """The recipe in `path`. Raises `ValueError` where it is no TOML, or names a key that is missing or unknown."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: not TOML: {error}") from error
     known = {f.name for f in fields(Recipe)}
     unknown = sorted(set(table) - known)
     if unknown:

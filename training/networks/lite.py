@@ -29,7 +29,9 @@ class ResidualBlock(nn.Module):
         self.second = conv3x3(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        return x + self.second(self.activation(self.first(x)))
+        """Same shape."""
+        change: Tensor = self.second(self.activation(self.first(x)))
+        return x + change
 
 
 class LiteGenerator(nn.Module):
@@ -42,7 +44,7 @@ class LiteGenerator(nn.Module):
         body  = head + conv(x_1 + ... + x_blocks)            dense sum, last convolution, global skip
         image = conv(LeakyReLU(conv(nearest_x2(body))))      C -> C -> 3
 
-    With the default 6 blocks of 64 channels: 521 thousand parameters, 158,842 multiply-adds for each output pixel
+    With the default 6 blocks of 64 channels: 521 thousand parameters, 158,832 multiply-adds for each output pixel
     (146 G for a picture of 1280x720).
     """
 
@@ -74,6 +76,7 @@ class LiteGenerator(nn.Module):
             self.body_last.weight.mul_(1.0 / max(1, len(self.blocks)))
 
     def forward(self, image: Tensor) -> Tensor:
+        """See the class."""
         head = self.activation(self.head(image))
         x = head
         dense = torch.zeros_like(head)
@@ -83,4 +86,5 @@ class LiteGenerator(nn.Module):
         body = head + self.body_last(dense)
         # Nearest x2. An integer size keeps the exported Resize exact for every size.
         large = nn.functional.interpolate(body, scale_factor=float(SCALE), mode="nearest")
-        return self.tail(self.activation(self.upscaled(large)))
+        output: Tensor = self.tail(self.activation(self.upscaled(large)))
+        return output

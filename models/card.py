@@ -1,0 +1,143 @@
+"""A network's card: what it is, what it was made from, what it costs and how accurate it is. One `.json` file."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from models.errors import BadCard
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Tensor:
+    """An input or output of the network."""
+
+    name: str
+    shape: tuple[str | int, ...]
+    """A number where the size is fixed, a name or formula where it isn't."""
+    dtype: str
+    low: float
+    high: float
+    """The range of its values; an output may leave it by a little and is clipped."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """How the weights were made."""
+
+    recipe: dict[str, Any]
+    """Every field of `training.recipe.Recipe`, data included."""
+    commit: str
+    """The commit whose code trained it; `+` at its end: with changes that were not committed."""
+    iterations: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Mean scores over one test set."""
+
+    data: str
+    """The set's name."""
+    pictures: int
+    psnr: float
+    """dB on Y."""
+    ssim: float
+    """Structural similarity on Y, at most 1."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """All that is known of a shipped network; the `.onnx` of the same stem lies beside it."""
+
+    name: str
+    kind: str
+    """The design, in words."""
+    scale: int
+    sha256: str
+    """Of the `.onnx`, 64 hexadecimal digits."""
+    opset: int
+    input: Tensor
+    output: Tensor
+    radius: int
+    """Receptive field radius: how many input pixels away an input pixel can still change an output pixel."""
+    parameters: int
+    macs_per_output_pixel: float
+    """Multiply-adds of all convolutions for each output pixel (three channels together)."""
+    training: Training
+    protocol: str
+    """How `accuracy` was measured, in words."""
+    command: str
+    """The command that printed `accuracy`."""
+    accuracy: tuple[Accuracy, ...]
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
+            raise BadCard(f"card {self.name}: sha256 is {self.sha256!r}; 64 hexadecimal digits are needed")
+        for key in ("scale", "opset", "parameters"):
+            if getattr(self, key) < 1:
+                raise BadCard(f"card {self.name}: {key} is {getattr(self, key)}; at least 1 is needed")
+        if self.radius < 0:
+            raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
+
+
+_PLAIN: dict[str, tuple[type, ...]] = {
+    "str": (str,),
+    "int": (int,),
+    "float": (int, float),
+    "dict[str, Any]": (dict,),
+    "tuple[str | int, ...]": (list,),
+}
+_NESTED: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy}
+
+
+def _build(kind: type, table: object, where: str) -> Any:
+    """An instance of the dataclass `kind` from parsed JSON, every key and type checked."""
+    if not isinstance(table, dict):
+        raise BadCard(f"{where}: a table is needed, not {table!r}")
+    known = {field.name: str(field.type) for field in dataclasses.fields(kind)}
+    odd = sorted(known.keys() ^ table.keys())
+    if odd:
+        state = "missing" if odd[0] in known else "unknown"
+        raise BadCard(f"{where}: key {odd[0]!r} is {state}; write the card with `ciir export`")
+    values: dict[str, Any] = {}
+    for key, annotation in known.items():
+        value, place = table[key], f"{where}: {key}"
+        if annotation in _NESTED:
+            values[key] = _build(_NESTED[annotation], value, place)
+        elif annotation == "tuple[Accuracy, ...]" and isinstance(value, list):
+            values[key] = tuple(_build(Accuracy, item, place) for item in value)
+        elif isinstance(value, _PLAIN.get(annotation, ())) and not isinstance(value, bool):
+            values[key] = tuple(value) if isinstance(value, list) else value
+        else:
+            raise BadCard(f"{place} is {value!r}; {annotation} is needed")
+    return kind(**values)
+
+
+def read(path: Path) -> Card:
+    """The card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadCard(f"{path}: can't be read as JSON ({error}); write the card with `ciir export`") from error
+    card = _build(Card, table, str(path))
+    assert isinstance(card, Card)  # noqa: S101 - tells the type checker what `_build` was asked for
+    if card.name != path.stem:
+        raise BadCard(f"{path}: names its network {card.name!r}; name the files after the network")
+    return card
+
+
+def to_dict(card: Card) -> dict[str, Any]:
+    """The card as plain JSON values; `read` takes them back."""
+    return dataclasses.asdict(card)
+
+
+def write(card: Card, path: Path) -> None:
+    """Writes `card` as JSON that `read` takes back."""
+    path.write_text(json.dumps(to_dict(card), indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,82 @@
+"""The models that ship with the project, by name."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models import card as cards
+from models.baselines import SCALES, Bicubic, Nearest
+from models.errors import UnknownModel, UnsupportedScale
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from models.upscaler import Upscaler
+
+SHIPPED = Path(__file__).parent / "shipped"
+"""Holds an `.onnx` and a `.json` card for each network."""
+DEFAULT = "lite"
+"""The model that is used where none is named."""
+BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
+"""Name -> constructor from a scale."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the catalogue."""
+
+    name: str
+    kind: str
+    """What it is, in words."""
+    scales: tuple[int, ...]
+    """The factors it upscales by, ascending."""
+    card: cards.Card | None
+    """None for interpolation, which was not trained."""
+
+
+def entries() -> list[Entry]:
+    """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
+    networks = (cards.read(path) for path in sorted(SHIPPED.glob("*.json")))
+    return [Entry(card.name, card.kind, (card.scale,), card) for card in networks] + [
+        Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES
+    ]
+
+
+def names() -> list[str]:
+    """The names that `load` takes, in the order of `entries`."""
+    return [entry.name for entry in entries()]
+
+
+_loaded: dict[tuple[str, int, int | None], Upscaler] = {}
+_lock = threading.Lock()
+
+
+def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
+    """The model `name`, made once for each combination of arguments; may be called from several threads.
+
+    `threads`: cores for each call of a network, all of the process's where None.
+
+    Raises `UnknownModel`, `UnsupportedScale`, or `BadCard` where the installation is damaged.
+    """
+    key = (name, scale, threads)
+    with _lock:
+        if key not in _loaded:
+            _loaded[key] = _make(name, scale, threads)
+        return _loaded[key]
+
+
+def _make(name: str, scale: int, threads: int | None) -> Upscaler:
+    if name in BASELINES:
+        return BASELINES[name](scale)
+    known = {entry.name: entry for entry in entries()}
+    if name not in known:
+        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
+    if scale not in known[name].scales:
+        scales = ", ".join(map(str, known[name].scales))
+        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or --model bicubic")
+    from models.session import Network  # not before a network is asked for: `ciir models` needs none
+
+    return Network(SHIPPED / f"{name}.json", threads=threads)

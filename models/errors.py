@@ -1,0 +1,37 @@
+"""Everything that can be wrong with a model or with what it is given, drawn once.
+
+::
+
+    ModelError              the model that was asked for or its input is at fault; the message is one line
+    ├── UnknownModel        no model of that name
+    ├── UnsupportedScale    the model doesn't upscale by that factor
+    ├── InvalidImage        not an array of pictures of the shape, type and range that models take
+    └── BadCard             a card, or the network beside it, is missing, incomplete or doesn't fit
+    BrokenNetwork           a network turned good input into something that is not a number
+"""
+
+from __future__ import annotations
+
+
+class ModelError(ValueError):
+    """The model that was asked for or its input is at fault; `str()` is one line with the limit and the remedy."""
+
+
+class UnknownModel(ModelError):  # noqa: N818 - the cause is the name
+    """No model of that name."""
+
+
+class UnsupportedScale(ModelError):  # noqa: N818
+    """The model doesn't upscale by that factor."""
+
+
+class InvalidImage(ModelError):  # noqa: N818
+    """Not an array of pictures of the shape, type and range that models take."""
+
+
+class BadCard(ModelError):  # noqa: N818
+    """A card, or the network beside it, is missing, incomplete or doesn't fit."""
+
+
+class BrokenNetwork(RuntimeError):  # noqa: N818
+    """A network turned good input into something that is not a number: its weights are at fault, not the picture."""

@@ -1,0 +1,85 @@
+"""Networks on the CPU by onnxruntime, which is imported here and nowhere else, when the first network is opened."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models import card as cards
+from models import tiles
+from models.errors import BadCard
+from models.upscaler import check, finish
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+WINDOW = 1 << 16
+"""Most input pixels of one tile. It bounds the arena, which grows to the largest run and stays: about 210 MiB for
+the lite network, for each call that runs at the same time. A 200x200 view still goes whole."""
+BATCH = 1 << 13
+"""Most input pixels of several pictures in one run: larger batches leave the cache and were never quicker a picture."""
+
+
+class Network:
+    """A shipped network as an `Upscaler`; calls from several threads share one session and run side by side."""
+
+    def __init__(self, path: Path, *, threads: int | None = None) -> None:
+        """`path`: the card; its `.onnx` lies beside it. `threads`: for each call, all of the process's cores if None.
+
+        Raises `BadCard` where the card is no card, or the network is missing or not the one that it describes.
+        """
+        self.card = cards.read(path)
+        self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
+        self.threads = threads or available_cores()
+        self._session = open_session(_read(path.with_suffix(".onnx"), self.card), self.threads)
+
+    def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
+        check(images)
+        result = tiles.apply(self._run, images, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH)
+        return finish(result, self.name)
+
+    def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        (output,) = self._session.run([self.card.output.name], {self.card.input.name: images})
+        return np.asarray(output)
+
+
+def available_cores() -> int:
+    """The cores that this process may use, at least 1."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _read(path: Path, card: cards.Card) -> bytes:
+    """The network in `path`, held against its card; hashing takes 2 ms."""
+    try:
+        network = path.read_bytes()
+    except OSError as error:
+        raise BadCard(f"{path}: can't be read ({error.strerror}); install the package again") from error
+    found = hashlib.sha256(network).hexdigest()
+    if found != card.sha256:
+        raise BadCard(f"{path}: sha256 {found[:12]}... is not its card's {card.sha256[:12]}...; install both again")
+    return network
+
+
+def open_session(network: bytes, threads: int) -> Any:
+    """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` cores for each run."""
+    import onnxruntime  # slow to start, and `ciir models` needs none of it
+
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3  # errors alone; they arrive as exceptions too
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.enable_mem_pattern = False  # it would keep a plan for each shape that is ever seen
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_session_config_entry("session.set_denormal_as_zero", "1")
+    # The thread that makes a session is left flushing denormals to zero, and so is every thread that it starts: numpy
+    # then warns and computes differently. So it is a thread of its own. The session's workers flush; a calling thread
+    # does its own share without, which costs nothing as long as the weights hold no denormals (see the export).
+    with ThreadPoolExecutor(max_workers=1) as own:
+        return own.submit(onnxruntime.InferenceSession, network, options, providers=["CPUExecutionProvider"]).result()

@@ -1,0 +1,107 @@
+"""Pictures in parts: windows whose halo is no smaller than the receptive field, so that tiled equals whole."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+Span = tuple[slice, slice]
+"""Rows and columns."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One window of a picture and the part of its result that is kept."""
+
+    window: Span
+    """What to read, halo included, in input pixels."""
+    kept: Span
+    """What its result is good for, in input pixels; the kept spans of all tiles cover the picture once."""
+
+    def source(self, scale: int) -> Span:
+        """The kept part within the window's result, in output pixels."""
+        rows, cols = (_scaled(k, scale, origin=w.start) for k, w in zip(self.kept, self.window, strict=True))
+        return rows, cols
+
+    def target(self, scale: int) -> Span:
+        """The kept part within the whole result, in output pixels."""
+        rows, cols = (_scaled(k, scale, origin=0) for k in self.kept)
+        return rows, cols
+
+
+def _scaled(span: slice, scale: int, *, origin: int) -> slice:
+    return slice((span.start - origin) * scale, (span.stop - origin) * scale)
+
+
+def split(height: int, width: int, *, radius: int, window: int) -> Iterator[Tile]:
+    """Windows of at most `window` pixels over a picture of `height x width`, row by row.
+
+    Each keeps `radius` pixels between what is kept and any edge of the window that is not the picture's own. All
+    windows of a picture have one size, so that a runtime plans for one shape.
+
+    Raises `ValueError` where no square of `window` pixels is wider than its halo.
+    """
+    side = math.isqrt(window)
+    if side <= 2 * radius:
+        raise ValueError(
+            f"a window of {window} pixels has nothing inside a halo of {radius}; give over {4 * radius**2}"
+        )
+    if height <= side:
+        rows, cols = height, window // height
+    elif width <= side:
+        rows, cols = window // width, width
+    else:
+        rows, cols = side, side
+    for row_window, row_kept in _spans(height, rows, radius):
+        for col_window, col_kept in _spans(width, cols, radius):
+            yield Tile((row_window, col_window), (row_kept, col_kept))
+
+
+def _spans(length: int, largest: int, radius: int) -> Iterator[tuple[slice, slice]]:
+    """Windows of one size, at most `largest`, along one side, with what each keeps."""
+    if length <= largest:
+        yield slice(0, length), slice(0, length)
+        return
+    inner = length - 2 * radius  # the picture's own edges need no halo
+    count = math.ceil(inner / (largest - 2 * radius))
+    step = math.ceil(inner / count)
+    count = math.ceil(inner / step)  # rounding the step up can make the last window needless
+    size, done = step + 2 * radius, 0
+    for index in range(count):
+        start = min(index * step, length - size)
+        stop = length if index == count - 1 else start + size - radius
+        yield slice(start, start + size), slice(done, stop)
+        done = stop
+
+
+def apply(
+    run: Callable[[NDArray[np.float32]], NDArray[np.float32]],
+    images: NDArray[np.float32],
+    *,
+    scale: int,
+    radius: int,
+    window: int,
+    batch: int,
+) -> NDArray[np.float32]:
+    """`run` over `(N, C, H, W)` in tiles of at most `window` input pixels; the result is a new array.
+
+    Small pictures go several at a time, up to `batch` input pixels together. `run` takes `(n, C, h, w)` and gives
+    `(n, C, scale*h, scale*w)`; `radius` is how far it sees, in input pixels.
+    """
+    count, channels, height, width = images.shape
+    result = np.empty((count, channels, height * scale, width * scale), np.float32)
+    together = max(1, batch // (height * width))
+    for tile in split(height, width, radius=radius, window=window):
+        span, source, target = tile.window, tile.source(scale), tile.target(scale)
+        for first in range(0, count, together):
+            part = slice(first, first + together)
+            result[part, :, *target] = run(np.ascontiguousarray(images[part, :, *span]))[:, :, *source]
+    return result

@@ -1,0 +1,68 @@
+"""What every model is: a function from pictures to larger pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from models.errors import BrokenNetwork, InvalidImage
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Upscaler(Protocol):
+    """Upscales by an integer factor; may be called from several threads at once.
+
+    Sample centres line up as for area resampling: input sample i covers output samples `scale*i` to
+    `scale*i + scale - 1`.
+    """
+
+    @property
+    def name(self) -> str:
+        """Its name in the catalogue."""
+        ...
+
+    @property
+    def scale(self) -> int:
+        """Output pixels for each input pixel, along each side."""
+        ...
+
+    @property
+    def radius(self) -> int:
+        """How many input pixels away, along each side, an input pixel can still change an output pixel."""
+        ...
+
+    def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        """`(N, 3, H, W)` RGB in [0, 1] -> `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1].
+
+        Any N from 0 and any H and W from 1. Raises `InvalidImage` where the input is of another shape or type, not
+        finite, or out of range; `BrokenNetwork` where the output is not finite.
+        """
+        ...
+
+
+def check(images: NDArray[np.float32]) -> None:
+    """Raises `InvalidImage` unless `images` is `(N, 3, H, W)` float32 in [0, 1] with H and W from 1."""
+    if images.dtype != np.float32:
+        raise InvalidImage(f"pictures of type {images.dtype}: give float32 in [0, 1]")
+    if images.ndim != 4 or images.shape[1] != 3 or 0 in images.shape[2:]:
+        raise InvalidImage(f"an array of shape {images.shape}: give (N, 3, H, W) with H and W of at least 1")
+    # A NaN makes both extremes NaN and so fails the comparison: two quick passes in the good case.
+    if images.size == 0 or (images.min() >= 0.0 and images.max() <= 1.0):
+        return
+    bad = ~np.isfinite(images)
+    if not bad.any():
+        raise InvalidImage(f"values from {images.min()} to {images.max()}: scale the pictures to [0, 1]")
+    index = tuple(int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape))
+    raise InvalidImage(
+        f"{images[index]} at index {index} (picture, channel, row, column): give finite values in [0, 1]"
+    )
+
+
+def finish(output: NDArray[np.float32], name: str) -> NDArray[np.float32]:
+    """`output` clipped to [0, 1] in place. Raises `BrokenNetwork` naming `name` where it is not finite."""
+    if output.size and not (np.isfinite(output.min()) and np.isfinite(output.max())):
+        raise BrokenNetwork(f"{name}: the network's output is not finite; reinstall it or choose another model")
+    return np.clip(output, 0.0, 1.0, out=output)

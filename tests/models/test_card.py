@@ -1,0 +1,60 @@
+import json
+
+import pytest
+
+from models import card as cards
+from models.catalogue import SHIPPED
+from models.errors import BadCard
+
+LITE = SHIPPED / "lite.json"
+
+
+def edited(tmp_path, **changes):
+    """The path of a card that is lite's but for `changes`; `...` takes a key away."""
+    table = json.loads(LITE.read_text()) | changes
+    path = tmp_path / "lite.json"
+    path.write_text(json.dumps({key: value for key, value in table.items() if value is not ...}))
+    return path
+
+
+def test_written_and_read_back(tmp_path):
+    card = cards.read(LITE)
+    cards.write(card, tmp_path / "lite.json")
+    assert cards.read(tmp_path / "lite.json") == card
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scale": ...}, "'scale' is missing"),
+        ({"colour": "red"}, "'colour' is unknown"),
+        ({"scale": "2"}, "scale is '2'; int is needed"),
+        ({"scale": True}, "scale is True; int is needed"),
+        ({"scale": 0}, "scale is 0; at least 1"),
+        ({"radius": -1}, "radius is -1; at least 0"),
+        ({"sha256": "abc"}, "64 hexadecimal digits"),
+        ({"input": 3}, "input: a table is needed"),
+        ({"input": {"name": "image"}}, "input: key 'dtype' is missing"),
+        ({"accuracy": {}}, "accuracy is {}"),
+        ({"accuracy": [{"data": "Set5", "pictures": 5, "psnr": "high", "ssim": 1.0}]}, "psnr is 'high'; float"),
+        ({"training": {"recipe": [], "commit": "", "iterations": 1, "seed": 0}}, r"recipe is \[\]; dict"),
+        ({"name": "other"}, "names its network 'other'"),
+    ],
+)
+def test_a_bad_card_is_refused_in_one_line(tmp_path, changes, message):
+    with pytest.raises(BadCard, match=message) as caught:
+        cards.read(edited(tmp_path, **changes))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [b"", b"{", b"[]", b"\xff\xfe"])
+def test_what_is_no_json_table(tmp_path, text):
+    path = tmp_path / "lite.json"
+    path.write_bytes(text)
+    with pytest.raises(BadCard, match=r"lite\.json"):
+        cards.read(path)
+
+
+def test_no_card(tmp_path):
+    with pytest.raises(BadCard, match="No such file"):
+        cards.read(tmp_path / "lite.json")

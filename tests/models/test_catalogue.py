@@ -1,0 +1,58 @@
+import hashlib
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import models
+from models.catalogue import SHIPPED
+from models.errors import UnknownModel, UnsupportedScale
+
+
+def test_names_and_entries():
+    entries = models.entries()
+    assert [entry.name for entry in entries] == models.names()
+    assert models.DEFAULT in models.names()
+    assert models.names()[-2:] == ["bicubic", "nearest"]
+    assert all((entry.card is None) == (entry.kind == "interpolation") for entry in entries)
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_each_model_loads_and_keeps_its_contract(name):
+    (entry,) = (entry for entry in models.entries() if entry.name == name)
+    upscaler = models.load(name, scale=entry.scales[0])
+    assert (upscaler.name, upscaler.scale) == (name, entry.scales[0])
+    assert models.load(name, scale=entry.scales[0]) is upscaler
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.onnx")), ids=lambda path: path.stem)
+def test_each_shipped_network_has_its_card(path):
+    (entry,) = (entry for entry in models.entries() if entry.name == path.stem)
+    assert entry.card.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert path.stat().st_size > 4 * entry.card.parameters  # the weights are inside
+
+
+def test_an_unknown_model():
+    with pytest.raises(UnknownModel, match=r"'fancy'.*lite.*bicubic"):
+        models.load("fancy")
+
+
+@pytest.mark.parametrize(("name", "scale"), [("lite", 3), ("bicubic", 9), ("nearest", 1)])
+def test_a_scale_that_a_model_does_not_have(name, scale):
+    with pytest.raises(UnsupportedScale, match="scale"):
+        models.load(name, scale=scale)
+
+
+def test_threads_that_ask_at_once_get_one_model():
+    with ThreadPoolExecutor(8) as pool:
+        loaded = list(pool.map(lambda _: models.load("lite", threads=1), range(8)))
+    assert len({id(upscaler) for upscaler in loaded}) == 1
+
+
+def test_listing_imports_no_runtime():
+    """`ciir models` must answer within a second."""
+    heavy = {"onnxruntime", "torch", "PIL", "onnx", "skimage", "scipy"}
+    code = f"import sys, models; models.entries(); print({heavy} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - ours
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,93 @@
+import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from models import session
+from models.catalogue import SHIPPED, load
+from models.errors import BadCard, InvalidImage
+from models.session import Network
+
+
+def noise(*shape: int) -> np.ndarray:
+    return np.random.default_rng(11).random(shape, dtype=np.float32)
+
+
+@pytest.fixture(scope="module")
+def lite():
+    return load("lite")
+
+
+@pytest.mark.parametrize("shape", [(1, 3, 1, 1), (2, 3, 1, 7), (1, 3, 13, 2), (3, 3, 25, 25), (0, 3, 5, 6)])
+def test_any_size(lite, shape):
+    got = lite(noise(*shape))
+    assert got.shape == (shape[0], 3, 2 * shape[2], 2 * shape[3])
+    assert got.dtype == np.float32
+    assert ((got >= 0) & (got <= 1)).all()
+
+
+def test_a_batch_equals_its_pictures_one_by_one(lite):
+    images = noise(9, 3, 31, 40)
+    np.testing.assert_allclose(lite(images), np.concatenate([lite(image[None]) for image in images]), atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(40, 57), (97, 33), (34, 34), (20, 120)])
+def test_tiled_equals_whole(lite, size, monkeypatch):
+    images = noise(2, 3, *size)
+    whole = lite(images)
+    monkeypatch.setattr(session, "WINDOW", 34 * 34)  # tiles of 4 pixels within a halo of 15
+    np.testing.assert_allclose(lite(images), whole, atol=1e-5)
+
+
+def test_a_broken_halo_shows(lite, monkeypatch):
+    images = noise(1, 3, 60, 60)
+    whole = lite(images)
+    monkeypatch.setattr(session, "WINDOW", 34 * 34)
+    monkeypatch.setattr(lite, "radius", 5)
+    assert np.abs(lite(images) - whole).max() > 1e-3
+
+
+def test_not_a_number_is_refused(lite):
+    images = noise(2, 3, 4, 4)
+    images[1, 0, 2, 3] = np.nan
+    with pytest.raises(InvalidImage, match=r"\(1, 0, 2, 3\)"):
+        lite(images)
+
+
+def test_calls_from_many_threads(lite):
+    pictures = [noise(1, 3, 20 + i, 30 - i) for i in range(8)]
+    want = [lite(picture) for picture in pictures]
+    with ThreadPoolExecutor(8) as pool:
+        got = list(pool.map(lite, pictures * 4))
+    for i, output in enumerate(got):
+        np.testing.assert_allclose(output, want[i % 8], atol=1e-6)
+
+
+def test_the_callers_floating_point_stays_as_it_was():
+    """onnxruntime's option against denormals would leave this thread, and its children, flushing them to zero."""
+
+    def keeps_denormals() -> bool:
+        return bool(np.array([1e-40], np.float32)[0] * np.float32(1) > 0)
+
+    found = []
+    Network(SHIPPED / "lite.json", threads=1)(noise(1, 3, 4, 4))
+    child = threading.Thread(target=lambda: found.append(keeps_denormals()))
+    child.start()
+    child.join()
+    assert keeps_denormals()
+    assert found == [True]
+
+
+def test_a_network_that_is_missing(tmp_path):
+    shutil.copy(SHIPPED / "lite.json", tmp_path)
+    with pytest.raises(BadCard, match=r"lite\.onnx: can't be read"):
+        Network(tmp_path / "lite.json")
+
+
+def test_a_network_that_is_not_its_cards(tmp_path):
+    shutil.copy(SHIPPED / "lite.json", tmp_path)
+    (tmp_path / "lite.onnx").write_bytes((SHIPPED / "lite.onnx").read_bytes()[:-1])
+    with pytest.raises(BadCard, match="is not its card's"):
+        Network(tmp_path / "lite.json")

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models import tiles
+
+sizes = st.integers(1, 70)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(height=sizes, width=sizes, radius=st.integers(0, 4), side=st.integers(9, 30))
+def test_tiles_cover_once_within_the_window_and_keep_their_halo(height, width, radius, side):
+    covered = np.zeros((height, width), int)
+    shapes = set()
+    for tile in tiles.split(height, width, radius=radius, window=side * side):
+        covered[tile.kept] += 1
+        shapes.add(tuple(w.stop - w.start for w in tile.window))
+        for window, kept, length in zip(tile.window, tile.kept, (height, width), strict=True):
+            assert 0 <= window.start <= kept.start < kept.stop <= window.stop <= length
+            assert window.start == 0 or kept.start - window.start >= radius
+            assert window.stop == length or window.stop - kept.stop >= radius
+    assert (covered == 1).all()
+    (shape,) = shapes
+    assert shape[0] * shape[1] <= side * side
+
+
+def test_a_window_that_is_all_halo():
+    with pytest.raises(ValueError, match="halo of 5"):
+        list(tiles.split(100, 100, radius=5, window=100))
+
+
+def blur(images: np.ndarray, reach: int) -> np.ndarray:
+    """Sums of the `(2*reach + 1)**2` neighbours, zeros outside, each pixel then doubled: a network's borders."""
+    height, width = images.shape[2:]
+    padded = np.pad(images, ((0, 0), (0, 0), (reach, reach), (reach, reach)))
+    side = range(2 * reach + 1)
+    total = sum(padded[:, :, y : y + height, x : x + width] for y in side for x in side)
+    return total.repeat(2, axis=2).repeat(2, axis=3)
+
+
+@pytest.mark.parametrize(
+    "shape", [(1, 3, 40, 53), (3, 3, 9, 64), (2, 1, 61, 7), (7, 3, 5, 5), (2, 3, 1, 1), (0, 3, 4, 4)]
+)
+@pytest.mark.parametrize("radius", [2, 3])
+def test_tiled_equals_whole(shape, radius):
+    images = np.random.default_rng(1).integers(0, 9, shape).astype(np.float32)
+    got = tiles.apply(lambda x: blur(x, 2), images, scale=2, radius=radius, window=144, batch=60)
+    assert np.array_equal(got, blur(images, 2))
+
+
+def test_a_halo_one_pixel_too_small_shows():
+    images = np.ones((1, 3, 40, 53), np.float32)
+    got = tiles.apply(lambda x: blur(x, 2), images, scale=2, radius=1, window=144, batch=60)
+    assert not np.array_equal(got, blur(images, 2))
+
+
+def test_runs_stay_within_their_limits():
+    seen = []
+
+    def run(images: np.ndarray) -> np.ndarray:
+        seen.append(images.shape)
+        return images
+
+    tiles.apply(run, np.zeros((10, 3, 5, 5), np.float32), scale=1, radius=1, window=400, batch=100)
+    assert seen == [(4, 3, 5, 5), (4, 3, 5, 5), (2, 3, 5, 5)]
+    seen.clear()
+    tiles.apply(run, np.zeros((2, 3, 50, 50), np.float32), scale=1, radius=1, window=400, batch=100)
+    assert {shape[0] for shape in seen} == {1}
+    assert max(shape[2] * shape[3] for shape in seen) <= 400

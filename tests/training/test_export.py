@@ -1,0 +1,99 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+NEEDS = "needs the training extra"
+pytest.importorskip("torch", reason=NEEDS)
+pytest.importorskip("onnxscript", reason=NEEDS)
+pytest.importorskip("onnx", reason=NEEDS)
+import onnx
+import torch
+
+from models import card as cards
+from models.catalogue import SHIPPED
+from models.session import Network
+from training import loop, to_onnx
+from training.evaluate import evaluate
+from training.export import compare, export, from_checkpoint, macs_per_output_pixel, receptive_radius
+from training.networks import LiteGenerator
+
+
+@pytest.fixture(scope="module")
+def checkpoint(recipe, tmp_path_factory):
+    path = loop.train(recipe, tmp_path_factory.mktemp("run"))
+    state = torch.load(path, weights_only=True)
+    state["network"]["head.weight"][0, 0, 0, :] = torch.tensor([1e-40, -1e-13, 1e-11])
+    torch.save(state, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def exported(checkpoint, recipe, tmp_path_factory):
+    return export(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[Path(recipe.validate)])
+
+
+def test_the_card(exported, recipe):
+    card = cards.read(exported)
+    assert exported.name == "tiny.json"
+    assert (card.name, card.scale, card.radius) == ("tiny", 2, 1 + 2 + 1 + 1)
+    assert card.parameters == 3 * 8 * 9 + 8 + 4 * (8 * 8 * 9 + 8) + 8 * 3 * 9 + 3
+    assert card.training.iterations == 3
+    assert card.training.recipe["train"] == recipe.train
+    assert [score.data for score in card.accuracy] == ["pairs"]
+    assert card.accuracy[0] == evaluate(Network(exported), Path(recipe.validate))
+
+
+def test_the_file(exported):
+    assert sorted(path.name for path in exported.parent.iterdir()) == ["tiny.json", "tiny.onnx"]
+    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read(exported)
+    assert model.opset_import[0].version == card.opset
+    for value, tensor in ((model.graph.input[0], card.input), (model.graph.output[0], card.output)):
+        assert value.name == tensor.name
+        dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
+        assert tuple(dims) == tensor.shape
+    assert str(Path.cwd()) not in str(model)
+
+
+def test_no_weight_is_denormal_or_near_it(checkpoint):
+    state = torch.load(checkpoint, weights_only=True)
+    row = from_checkpoint(state).head.weight[0, 0, 0]
+    assert torch.equal(row, torch.tensor([0.0, 0.0, 1e-11]))
+    for path in SHIPPED.glob("*.onnx"):
+        for tensor in onnx.load(path).graph.initializer:
+            values = np.abs(onnx.numpy_helper.to_array(tensor))
+            assert not ((values > 0) & (values < 1e-12)).any()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 5), (31, 18)])
+def test_what_ships_equals_torch(exported, checkpoint, size):
+    network = from_checkpoint(torch.load(checkpoint, weights_only=True))
+    images = np.random.default_rng(2).random((2, 3, *size), dtype=np.float32)
+    with torch.no_grad():
+        want = network(torch.from_numpy(images)).clamp(0, 1).numpy()
+    np.testing.assert_allclose(Network(exported)(images), want, atol=1e-5)
+
+
+def test_an_export_that_differs_is_refused(exported, checkpoint):
+    network = from_checkpoint(torch.load(checkpoint, weights_only=True))
+    weights = exported.with_suffix(".onnx").read_bytes()
+    assert compare(network, weights) <= 1e-5
+    with torch.no_grad():
+        network.tail.bias += 1e-3
+    with pytest.raises(ValueError, match="differs from torch"):
+        compare(network, weights)
+
+
+def test_an_export_says_nothing_and_comes_out_the_same_again(exported, checkpoint, capfd):
+    network = from_checkpoint(torch.load(checkpoint, weights_only=True))
+    assert to_onnx.convert(network, 2) == exported.with_suffix(".onnx").read_bytes()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_radius_and_cost_of_the_papers_generator():
+    network = LiteGenerator()
+    assert receptive_radius(network, 2) == 15
+    in_low = 3 * 64 * 9 + 13 * 64 * 64 * 9
+    in_high = 64 * 64 * 9 + 64 * 3 * 9
+    assert macs_per_output_pixel(network) == in_low / 4 + in_high
+    assert sum(p.numel() for p in network.parameters()) == 520515
