@@ -1,0 +1,1 @@
+"""A mesh or an elemental image array -> view images."""

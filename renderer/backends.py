@@ -1,0 +1,94 @@
+"""The two rendering backends under one interface."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from renderer.errors import BackendUnavailable, InvalidOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
+    from renderer.scene import Scene
+    from renderer.views import View
+
+BackendName = Literal["auto", "raster", "raytrace"]
+
+
+class Backend(Protocol):
+    """Renders a scene that already stands in front of the lens array. May be called from several threads at once."""
+
+    name: str
+
+    def views(
+        self,
+        scene: Scene,
+        array: LensArray,
+        views: Sequence[View],
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> Iterator[NDArray[np.uint8]]:
+        """Each of `views` in turn, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene covers.
+
+        `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB,
+        0 to 255. Raises `InvalidOption` where `samples` or the picture is out of range.
+        """
+        ...
+
+    def elemental(
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> NDArray[np.uint8]:
+        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA, with the same samples as `views`."""
+        ...
+
+
+_lock = threading.Lock()
+_open: dict[str, Backend | BackendUnavailable] = {}
+
+
+def _opened(name: str) -> Backend:
+    """The one backend of this name in this process. A failure is kept too: OpenGL does not appear while we run."""
+    with _lock:
+        if name not in _open:
+            try:
+                if name == "raster":
+                    from renderer.raster import RasterBackend
+
+                    _open[name] = RasterBackend()
+                else:
+                    from renderer.raytrace import RaytraceBackend
+
+                    _open[name] = RaytraceBackend()
+            except BackendUnavailable as error:
+                _open[name] = error
+        found = _open[name]
+    if isinstance(found, BackendUnavailable):
+        raise found
+    return found
+
+
+def open_backend(name: str) -> tuple[Backend, str]:
+    """The backend that `name` asks for, and why it was taken, in one line for the report.
+
+    `auto` takes `raster` where OpenGL works and `raytrace` elsewhere. Raises `BackendUnavailable` where `raster` is
+    asked for and OpenGL doesn't work, `InvalidOption` for any other name.
+    """
+    if name in ("raster", "raytrace"):
+        return _opened(name), f"{name}: asked for"
+    if name != "auto":
+        raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
+    try:
+        return _opened("raster"), "raster: OpenGL works on this machine"
+    except BackendUnavailable as error:
+        return _opened("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"

@@ -1,0 +1,43 @@
+"""Where an object stands in front of the lens array."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
+    from renderer.scene import Scene
+
+FILL = 0.94
+"""Share of the array's width or height that the object's images take up, all views together."""
+GAP = 0.05
+"""Distance from the array to the object's nearest point, as a share of the object's longest side."""
+
+
+def frame(scene: Scene, array: LensArray) -> NDArray[np.float64]:
+    """The 4x4 matrix that puts `scene` in front of `array`, as large as it can be while every view holds all of it.
+
+    The object keeps its orientation (y up, its +z side towards the array); its bounding box is centred on the array's
+    axis. A point at distance d from the array appears, seen along tangent t, displaced by -t*d: so the condition is
+    `|x| + t * d <= FILL * width / 2` for every vertex, with t the outermost view's tangent; likewise for y. It is
+    linear in the scale.
+    """
+    low, high = scene.bounds()
+    middle = (low + high) / 2
+    gap = GAP * float((high - low).max())
+    reach_x = np.abs(array.tangent_x()).max()
+    reach_y = np.abs(array.tangent_y()).max()
+    swept_x = swept_y = 0.0
+    for part in scene.parts:
+        used = part.vertices[np.unique(part.faces)]  # (n, 3)
+        distance = high[2] - used[:, 2] + gap
+        swept_x = max(swept_x, float((np.abs(used[:, 0] - middle[0]) + reach_x * distance).max()))
+        swept_y = max(swept_y, float((np.abs(used[:, 1] - middle[1]) + reach_y * distance).max()))
+    scale = FILL / 2 * min(array.width / swept_x, array.height / swept_y)
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[:3, 3] = -scale * np.array([middle[0], middle[1], high[2] + gap])
+    return matrix

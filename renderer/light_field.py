@@ -1,0 +1,57 @@
+"""The light field `L[v, u, y, x, c]` and pixel mapping: views out of an elemental image array, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from renderer.errors import InvalidOption
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Pickup = Literal["virtual", "optical"]
+"""How an elemental image was taken: upright, as a virtual camera does, or turned by 180 degrees, as a lens does."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightField:
+    """All views of a lens array."""
+
+    views: NDArray[np.uint8] | NDArray[np.uint16]
+    """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
+
+    @classmethod
+    def from_eia(
+        cls,
+        eia: NDArray[np.uint8] | NDArray[np.uint16],
+        *,
+        rows: int,
+        cols: int,
+        pickup: Pickup = "virtual",
+    ) -> LightField:
+        """Pixel mapping (Wu et al. 2024, equation 4): view (v, u) is `eia[v::pixels_v, u::pixels_u]`.
+
+        `eia`: `(rows*pixels_v, cols*pixels_u, channels)`. The views share its memory: nothing is copied.
+
+        Raises `InvalidOption` where the lens grid doesn't divide the picture.
+        """
+        height, width, channels = eia.shape
+        if rows < 1 or cols < 1 or height % rows or width % cols:
+            raise InvalidOption(
+                f"lenses: {rows}x{cols} does not divide the picture of {height}x{width} pixels (rows x columns); "
+                "give the lens counts that were used to take it, or crop the picture to whole elemental images"
+            )
+        blocks = eia.reshape(rows, height // rows, cols, width // cols, channels)  # (y, v, x, u, c)
+        if pickup == "optical":
+            blocks = blocks[:, ::-1, :, ::-1]
+        return cls(blocks.transpose(1, 3, 0, 2, 4))
+
+    def to_eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`."""
+        pixels_v, pixels_u, rows, cols, channels = self.views.shape
+        blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)
+        if pickup == "optical":
+            blocks = blocks[:, ::-1, :, ::-1]
+        return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)

@@ -1,0 +1,149 @@
+"""Pictures to pixels and back: PNG, JPEG and TIFF, 8 and 16 bit, each by its own named decoder.
+
+A picture's size is read from its header and checked before anything of that size is allocated. Colour profiles and
+gamma are ignored: pixels are taken as they are stored.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from renderer.names import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+"""`(height, width, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha (not premultiplied)."""
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff"})
+"""What the name of a picture that is read or written here ends with, in lower case."""
+MAX_PIXELS = 64_000_000
+"""Most pixels in a picture."""
+MAX_SIDE = 131_072
+"""Most pixels along one side of a picture."""
+
+# What Pillow, tifffile and its codecs raise on hostile bytes, found by mutating files a million times.
+DECODER_ERRORS = (
+    ArithmeticError,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+
+# What tifffile would print on standard error comes as one line from here; whoever sets up logging still gets it.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+
+def decode(data: bytes, *, name: str, max_pixels: int = MAX_PIXELS) -> Pixels:
+    """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
+
+    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. The kind goes by the
+    content alone; `name` stands in the messages.
+
+    Raises `UnsupportedType` where it isn't a PNG, JPEG or TIFF of such pixels, `TooLarge` over `max_pixels` (height x
+    width) or `MAX_SIDE`, `Unreadable` where it is truncated or corrupt.
+    """
+    decoder = _decoder(data, name)
+    with _unreadable(name):
+        pixels, orientation = decoder(data, name, partial(_check_size, name=name, max_pixels=max_pixels))
+        pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
+    return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
+
+
+def encode(pixels: Pixels, suffix: str) -> bytes:
+    """The file that a name ending with `suffix` asks for: `.png`, `.tif` or `.tiff` (deflate), `.jpg` or `.jpeg`.
+
+    PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
+
+    Raises `InvalidOption` for another suffix, or where JPEG can't hold the pixels (16 bit, alpha, a side over 65500).
+    """
+    match suffix.lower():
+        case ".png":
+            return encode_png(pixels)
+        case ".tif" | ".tiff":
+            from renderer import tiff
+
+            return tiff.encode(_layout(pixels))
+        case ".jpg" | ".jpeg":
+            from renderer import jpeg
+
+            return jpeg.encode(_layout(pixels))
+    raise InvalidOption(f"picture: {suffix!r} can't be written; name the file .png, .tif or .jpg")
+
+
+def encode_png(pixels: Pixels) -> bytes:
+    """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
+    from renderer import png
+
+    return png.encode(_layout(pixels))
+
+
+def _layout(pixels: Pixels) -> Pixels:
+    """Contiguous, and grey without its channel axis: how the encoders want it."""
+    return cast("Pixels", np.ascontiguousarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels))
+
+
+def _decoder(data: bytes, name: str) -> Callable[[bytes, str, Callable[[int, int], None]], tuple[Pixels, int]]:
+    """Who reads what starts with these bytes; the modules are loaded when first needed."""
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        from renderer import png
+
+        return png.decode
+    if data.startswith(b"\xff\xd8\xff"):
+        from renderer import jpeg
+
+        return jpeg.decode
+    if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
+        from renderer import tiff
+
+        return tiff.decode
+    raise UnsupportedType(
+        f"{name}: not a picture that is read (PNG, JPEG or TIFF, by its first bytes); convert it to PNG"
+    )
+
+
+def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
+    if height < 1 or width < 1:
+        raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
+    if height * width > max_pixels or max(height, width) > MAX_SIDE:
+        raise TooLarge(
+            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels} in all "
+            f"and {MAX_SIDE} along a side; crop it or scale it down"
+        )
+
+
+def _upright(pixels: Pixels, orientation: int) -> Pixels:
+    """Undo orientation 1 to 8 of Exif and TIFF 6.0: where the stored first row and column lie in the scene."""
+    if orientation in (5, 6, 7, 8):
+        pixels = pixels.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return pixels
+
+
+@contextmanager
+def _unreadable(name: str) -> Iterator[None]:
+    """Whatever a decoder says of bytes that it can't decode becomes `Unreadable`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except DECODER_ERRORS as error:
+        cause = shown(str(error)) or type(error).__name__
+        raise Unreadable(f"{name}: the picture is truncated or corrupt ({cause}); send the whole file") from error

@@ -1,0 +1,293 @@
+"""Views by OpenGL: pyrender on EGL, one oblique parallel projection for each view.
+
+Flat rendering with one sample a pixel and textures without mipmaps, so that a pixel is the point sample that
+`renderer.sampling` defines. The only module that imports pyrender or OpenGL, and only on the thread that owns the
+context: see `RasterBackend`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import types
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from renderer.errors import BackendUnavailable, InvalidOption
+from renderer.projections import oblique, perspective
+from renderer.sampling import average_cells, check_samples
+
+os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+# pyrender's package imports its window, and with it X libraries that a server has not; nothing here opens a window.
+if "pyrender.viewer" not in sys.modules:
+    sys.modules["pyrender.viewer"] = types.ModuleType("pyrender.viewer")
+    sys.modules["pyrender.viewer"].Viewer = None  # type: ignore[attr-defined]
+
+try:
+    import pyrender
+    from OpenGL import GL
+    from pyrender.platforms.egl import EGLPlatform, get_device_by_index
+    from pyrender.shader_program import ShaderProgramCache
+except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError where libEGL is not there
+    raise BackendUnavailable(
+        f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take --backend raytrace"
+    ) from error
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
+    from renderer.scene import Part, Scene
+    from renderer.views import View
+
+MAX_SIDE = 8192
+"""Longest side of a framebuffer, pixels."""
+VIEWS_AT_ONCE = 64
+"""Views drawn before another caller gets its turn."""
+WRAP = {"repeat": GL.GL_REPEAT, "mirror": GL.GL_MIRRORED_REPEAT, "clamp": GL.GL_CLAMP_TO_EDGE}
+
+
+class PointSampler(pyrender.Renderer):  # type: ignore[misc]
+    """pyrender's renderer with one sample a pixel, our flat shader, and no reading of what isn't asked for."""
+
+    _main_fb: int | None
+    _main_fb_dims: tuple[int, int]
+
+    def __init__(self) -> None:
+        super().__init__(1, 1)
+        self._program_cache = ShaderProgramCache(shader_dir=str(Path(__file__).parent / "shaders"))
+
+    def _configure_main_framebuffer(self) -> None:
+        """A framebuffer of the viewport's size: pyrender's own averages four samples a pixel, which is no point."""
+        size = (self.viewport_width, self.viewport_height)
+        if self._main_fb is not None and self._main_fb_dims == size:
+            return
+        self._delete_main_framebuffer()
+        self._main_cb, self._main_db = GL.glGenRenderbuffers(2)
+        self._main_fb = self._main_fb_ms = GL.glGenFramebuffers(1)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+        for buffer, kind, attachment in (
+            (self._main_cb, GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
+            (self._main_db, GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
+        ):
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
+        self._main_fb_dims = size
+
+    def _delete_main_framebuffer(self) -> None:
+        if self._main_fb is not None:
+            GL.glDeleteFramebuffers(1, [self._main_fb])
+            GL.glDeleteRenderbuffers(2, [self._main_cb, self._main_db])
+        self._main_fb = self._main_fb_ms = self._main_cb = self._main_db = None
+
+    def _read_main_framebuffer(self, scene: object, flags: int) -> NDArray[np.uint8]:  # noqa: ARG002 - pyrender's signature
+        """`(height, width, 4)` RGBA, first row at the top."""
+        width, height = self._main_fb_dims
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+        pixels = GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE)
+        return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1]
+
+    def _sorted_mesh_nodes(self, scene: pyrender.Scene) -> list[pyrender.Node]:
+        """In any order: nothing is blended, so the depth test alone decides."""
+        return list(scene.mesh_nodes)
+
+
+class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
+    """A camera in the plane z = 0 that looks along -z, with a projection matrix of our own.
+
+    It is neither of pyrender's classes on purpose: those overwrite the matrix from the viewport.
+    """
+
+    def __init__(self, matrix: NDArray[np.float64]) -> None:
+        super().__init__(znear=1.0, zfar=2.0)
+        self.matrix = matrix
+
+    def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:  # noqa: ARG002
+        """The 4x4 matrix from camera to clip coordinates."""
+        return self.matrix
+
+
+def to_primitive(part: Part) -> pyrender.Primitive:
+    """`part` on pyrender's terms. The vertex alpha is scaled so that the shader's cutoff of one half is the part's."""
+    colors = part.colors.astype(np.float32).copy()
+    texture = None
+    if part.alpha_cutoff:
+        colors[:, 3] *= 0.5 / part.alpha_cutoff
+    else:
+        colors[:, 3] = 1.0
+    if part.texture is not None and part.uv is not None:
+        pixels = part.texture.pixels
+        if not part.alpha_cutoff:
+            pixels = np.concatenate([pixels[..., :3], np.full_like(pixels[..., 3:], 255)], axis=-1)
+        texture = pyrender.Texture(
+            source=pixels,
+            source_channels="RGBA",
+            sampler=pyrender.Sampler(
+                magFilter=GL.GL_LINEAR,
+                minFilter=GL.GL_LINEAR,
+                wrapS=WRAP[part.texture.wrap_u],
+                wrapT=WRAP[part.texture.wrap_v],
+            ),
+        )
+    return pyrender.Primitive(
+        positions=part.vertices.astype(np.float32),
+        indices=part.faces.astype(np.uint32),
+        color_0=colors,
+        texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
+        material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True),
+    )
+
+
+class Context:
+    """The EGL context and what is loaded into it. Every method must run on the thread that made it."""
+
+    def __init__(self) -> None:
+        try:
+            platform = EGLPlatform(1, 1, device=get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
+            platform.init_context()
+            self._sampler = PointSampler()
+        except (AssertionError, IndexError, ValueError, GL.error.Error) as error:
+            raise BackendUnavailable(
+                f"raster: no OpenGL context can be made ({type(error).__name__}: {str(error)[:80]}); install libegl1 "
+                "and libgl1-mesa-dri, or take --backend raytrace"
+            ) from error
+        self._platform = platform  # the context lives as long as this
+        self.largest = min(MAX_SIDE, int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE)))
+        self._scene: Scene | None = None
+
+    def load(self, scene: Scene) -> None:
+        """Makes `scene` the one that `draw` shows. pyrender frees what the last one held."""
+        if scene is self._scene:
+            return
+        self._gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        self._gl_scene.add(pyrender.Mesh([to_primitive(part) for part in scene.parts]))
+        self._camera = MatrixCamera(np.eye(4))
+        self._camera_node = self._gl_scene.add(self._camera)
+        self._scene = scene
+        distance = -scene.bounds()[:, 2]
+        span = float(distance[0] - distance[1])
+        margin = 0.01 * span + 1e-6 * abs(float(distance[0]))
+        # A perspective camera can't see what is nearer than its near plane, which must lie in front of it.
+        self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
+        self.far = float(distance[0]) + margin
+
+    def draw(
+        self, matrix: NDArray[np.float64], width: int, height: int, x: float = 0.0, y: float = 0.0
+    ) -> NDArray[np.uint8]:
+        """`(height, width, 4)` RGBA of the scene seen from (x, y, 0) through `matrix`; alpha 0 where nothing is."""
+        self._camera.matrix = matrix
+        pose = np.eye(4)
+        pose[:2, 3] = x, y
+        self._gl_scene.set_pose(self._camera_node, pose)
+        self._sampler.viewport_width, self._sampler.viewport_height = width, height
+        flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA
+        pixels: NDArray[np.uint8] = self._sampler.render(self._gl_scene, flags)
+        return pixels
+
+
+class RasterBackend:
+    """One thread owns the EGL context (a context belongs to the thread that made it) and draws for all callers."""
+
+    name = "raster"
+
+    def __init__(self) -> None:
+        """Raises `BackendUnavailable` where no context can be made."""
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
+        self._context = self._thread.submit(Context).result()
+
+    def _draw(self, scene: Scene, work: Callable[[Context], list[NDArray[np.uint8]]]) -> list[NDArray[np.uint8]]:
+        def task() -> list[NDArray[np.uint8]]:
+            self._context.load(scene)
+            return work(self._context)
+
+        return self._thread.submit(task).result()
+
+    def views(
+        self,
+        scene: Scene,
+        array: LensArray,
+        views: Sequence[View],
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> Iterator[NDArray[np.uint8]]:
+        """See `renderer.backends.Backend.views`."""
+        check_samples(samples)
+        fine = array.refined(samples)
+        self._check_size(fine.rows, fine.cols)
+        for start in range(0, len(views), VIEWS_AT_ONCE):
+            some = views[start : start + VIEWS_AT_ONCE]
+
+            def draw(context: Context, some: Sequence[View] = some) -> list[NDArray[np.uint8]]:
+                return [
+                    context.draw(oblique(array, view, context.near, context.far), fine.cols, fine.rows) for view in some
+                ]
+
+            for picture in self._draw(scene, draw):
+                yield average_cells(over(picture, background), samples)
+
+    def elemental(
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> NDArray[np.uint8]:
+        """See `renderer.backends.Backend.elemental`: one render a view or one a lens, whichever is fewer."""
+        rows, cols, pixels_v, pixels_u = array.rows, array.cols, array.pixels_v, array.pixels_u
+        if pixels_v * pixels_u <= rows * cols * samples**2:
+            eia = np.empty((rows * pixels_v, cols * pixels_u, 4), np.uint8)
+            every = [(v, u) for v in range(pixels_v) for u in range(pixels_u)]
+            rendered = self.views(scene, array, every, samples=samples, background=background)
+            for (v, u), view in zip(every, rendered, strict=True):
+                eia[v::pixels_v, u::pixels_u] = view
+            return eia
+        return self._by_lens(scene, array, samples, background)
+
+    def _by_lens(
+        self, scene: Scene, array: LensArray, samples: int, background: tuple[int, int, int]
+    ) -> NDArray[np.uint8]:
+        """The EIA by one perspective render for each lens, or for each of the samples that stand for a lens."""
+        check_samples(samples)
+        pixels_v, pixels_u = array.pixels_v, array.pixels_u
+        self._check_size(pixels_v, pixels_u)
+        fine = array.refined(samples)
+        eia = np.empty((array.rows * pixels_v, array.cols * pixels_u, 4), np.uint8)
+        for row in range(array.rows):
+            places = [(x, y) for y in fine.lens_y()[row * samples : (row + 1) * samples] for x in fine.lens_x()]
+
+            def draw(context: Context, places: list[tuple[float, float]] = places) -> list[NDArray[np.uint8]]:
+                matrix = perspective(array, context.near, context.far)
+                return [context.draw(matrix, pixels_u, pixels_v, x, y) for x, y in places]
+
+            images = np.stack([over(picture, background) for picture in self._draw(scene, draw)])
+            # (sample rows, cols, sample cols, v, u, c) -> one picture of point samples for each pixel -> their mean
+            lenses = images.reshape(samples, array.cols, samples, pixels_v, pixels_u, 4).transpose(1, 3, 0, 4, 2, 5)
+            for col in range(array.cols):
+                block = lenses[col].reshape(pixels_v * samples, pixels_u * samples, 4)
+                eia[row * pixels_v : (row + 1) * pixels_v, col * pixels_u : (col + 1) * pixels_u] = average_cells(
+                    block, samples
+                )
+        return eia
+
+    def _check_size(self, height: int, width: int) -> None:
+        if max(height, width) > self._context.largest:
+            raise InvalidOption(
+                f"raster: a picture of {height}x{width} samples is larger than the {self._context.largest} that OpenGL "
+                "draws here; take fewer lenses, --sampling pinhole or --backend raytrace"
+            )
+
+
+def over(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """`picture` `(h, w, 4)` with `background` where its alpha is 0. Samples are there or not: nothing is in between."""
+    if background != (0, 0, 0):
+        picture = picture.copy()
+        picture[picture[..., 3] == 0, :3] = background
+    return picture

@@ -1,0 +1,155 @@
+"""Views by casting each ray with Embree: the exact reference, and what runs where there is no OpenGL."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from renderer.sampling import average_cells, check_samples
+from renderer.textures import sample
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
+    from renderer.scene import Scene
+    from renderer.views import View
+
+RAYS_AT_ONCE = 1 << 16
+MAX_LAYERS = 32
+"""Most cut-out surfaces that one ray may pass."""
+
+
+class PreparedScene:
+    """All parts of a scene in one Embree scene, with what colours a hit."""
+
+    def __init__(self, scene: Scene) -> None:
+        parts = scene.parts
+        first = np.cumsum([0] + [len(part.vertices) for part in parts])
+        self.textures = [part.texture for part in parts]
+        vertices = np.concatenate([part.vertices for part in parts])  # (n, 3)
+        # Embree's float32 tests lose digits on tiny triangles: it gets a scene of about 100 units, whatever the pitch.
+        self._scale = 100.0 / max(float(np.abs(vertices).max()), 1e-300)
+        self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
+        self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
+        self.uv = np.concatenate(
+            [np.zeros((len(part.vertices), 2), np.float32) if part.uv is None else part.uv for part in parts]
+        )  # (n, 2)
+        self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
+        self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
+        self._embree = EmbreeScene()
+        self._mesh = TriangleMesh(self._embree, (vertices * self._scale).astype(np.float32), self.faces)
+        # The first run commits the scene, which must not happen in several threads at once.
+        self._first_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+
+    def _first_hits(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """Triangle of each ray's first hit or -1 `(n,)`, its barycentric weights `(n, 3)`, and its distance `(n,)`."""
+        hit = self._embree.run(origins, directions, output=1)
+        u, v = hit["u"], hit["v"]
+        return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Colour that each ray meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, alpha 1 where it does.
+
+        `origins` and `directions`: `(n, 3)`, in the scene's coordinates.
+        """
+        starts, along = (origins * self._scale).astype(np.float32), directions.astype(np.float32)
+        rgba = np.zeros((len(origins), 4), np.float32)
+        alive = np.arange(len(origins))
+        for _ in range(MAX_LAYERS):
+            triangle, weights, distance = self._first_hits(starts, along)
+            hit = triangle >= 0
+            color, there = self._shade(triangle[hit], weights[hit])
+            rgba[alive[hit][there], :3] = color[there]
+            rgba[alive[hit][there], 3] = 1.0
+            if there.all():
+                return rgba
+            onward = np.flatnonzero(hit)[~there]
+            # A step of a few float32 spacings past the surface that was cut away.
+            step = distance[onward, None] * np.float32(1 + 4e-6)
+            alive, starts = alive[onward], starts[onward] + along[onward] * step
+            along = along[onward]
+        return rgba
+
+    def _shade(
+        self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """RGB `(n, 3)` of hits, and whether the surface is there at all `(n,)`."""
+        corners = self.faces[triangle]  # (n, 3)
+        product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
+        part = self.part[triangle]
+        for index in np.unique(part):
+            texture = self.textures[index]
+            if texture is None:
+                continue
+            of_part = part == index
+            uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
+            texel = sample(texture, uv)
+            product[of_part] *= texel
+        return np.clip(product[:, :3], 0.0, 1.0), product[:, 3] >= self.cutoff[part]
+
+
+class RaytraceBackend:
+    """One ray for each sample, from the lens array's plane. See `renderer.backends.Backend`."""
+
+    name = "raytrace"
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._last: tuple[Scene, PreparedScene] | None = None
+
+    def _prepared(self, scene: Scene) -> PreparedScene:
+        with self._lock:
+            if self._last is None or self._last[0] is not scene:
+                self._last = (scene, PreparedScene(scene))
+            return self._last[1]
+
+    def views(
+        self,
+        scene: Scene,
+        array: LensArray,
+        views: Sequence[View],
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> Iterator[NDArray[np.uint8]]:
+        """See `renderer.backends.Backend.views`."""
+        check_samples(samples)
+        prepared = self._prepared(scene)
+        fine = array.refined(samples)
+        x, y = np.meshgrid(fine.lens_x(), fine.lens_y())
+        origins = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)  # (rows*cols, 3)
+        for v, u in views:
+            direction = np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
+            rgba = np.empty((len(origins), 4), np.uint8)
+            for start in range(0, len(origins), RAYS_AT_ONCE):
+                some = origins[start : start + RAYS_AT_ONCE]
+                colors = prepared.cast(some, np.broadcast_to(direction, some.shape))
+                rgba[start : start + RAYS_AT_ONCE] = colors * 255.0 + 0.5
+            rgba[rgba[:, 3] == 0, :3] = background
+            yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)
+
+    def elemental(
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> NDArray[np.uint8]:
+        """See `renderer.backends.Backend.elemental`: by lens or by view, the rays are the same."""
+        eia = np.empty((array.rows * array.pixels_v, array.cols * array.pixels_u, 4), np.uint8)
+        every = [(v, u) for v in range(array.pixels_v) for u in range(array.pixels_u)]
+        for (v, u), view in zip(
+            every, self.views(scene, array, every, samples=samples, background=background), strict=True
+        ):
+            eia[v :: array.pixels_v, u :: array.pixels_u] = view
+        return eia

@@ -1,0 +1,39 @@
+"""What a sample means, for both backends and both routes.
+
+A pinhole array samples points: view (v, u) holds, for each lens, the colour that the one ray through the lens's centre
+along the pixel's direction meets. A lenslet array averages over the lens: the mean of `samples x samples` such rays,
+which start on a regular grid over the lens cell, in 8-bit display values. The direction is always the pixel's centre.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from renderer.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MAX_SAMPLES = 16
+LENSLET_SAMPLES = 4
+"""Samples along each side of a lens cell that stand for a lenslet, and for a clean picture's pixel."""
+
+
+def check_samples(samples: int) -> None:
+    """Raises `InvalidOption` where `samples` is out of range."""
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise InvalidOption(f"samples: {samples} is out of range; give 1 to {MAX_SAMPLES} along each side of a lens")
+
+
+def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
+    """`(samples*rows, samples*cols, c)` point samples -> `(rows, cols, c)`, the mean over each lens cell, rounded."""
+    if samples == 1:
+        return picture
+    height, width, channels = picture.shape
+    cells = picture.reshape(height // samples, samples, width // samples, samples, channels)
+    total = cells.sum(axis=(1, 3), dtype=np.uint32)
+    half = samples * samples // 2
+    mean: NDArray[np.uint8] = ((total + half) // (samples * samples)).astype(np.uint8)
+    return mean

@@ -1,0 +1,209 @@
+"""A set of pictures, one for each view, to a light field."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from renderer import pictures
+from renderer.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from renderer.light_field import LightField
+from renderer.names import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from renderer.pictures import Pixels
+
+MAX_SET_PIXELS = 400_000_000
+"""Most pixels in all views of a set: 17 x 17 of 1024 x 1024 (Knights in full) come to 303 million."""
+
+# What lies beside the views in the sets that people pass around: notes, calibration, depth, our own report.
+SIDE_FILES = frozenset({
+    "", ".cfg", ".csv", ".db", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm", ".ply",
+    ".txt", ".url", ".xml", ".yaml", ".yml",
+})  # fmt: skip
+
+# out_RR_CC_Y_X; focal length and sensor size may follow
+STANFORD = re.compile(r"out_(\d{1,9})_(\d{1,9})(?:_-?[\d.]+)*_?")
+# view_VV_UU, View_v_u, NAME_01_01, scene_u_v (whose u counts rows)
+ROW_COLUMN = re.compile(r"(?:.*[^0-9a-z])?(\d{1,9})_(\d{1,9})")
+# row-major, a square count
+HCI = re.compile(r"input_cam(\d{1,9})")
+
+
+def read(
+    files: Mapping[str, bytes],
+    *,
+    name: str,
+    grid: tuple[int, int] | None,
+    max_pixels: int = MAX_SET_PIXELS,
+) -> LightField:
+    """The light field whose views are the pictures in `files` (path in the set to bytes).
+
+    A file's name tells the view's row v and column u, counted from 0 or from 1: `view_VV_UU` (ours), `out_RR_CC_Y_X`
+    (Stanford), `input_CamNNN` (HCI, row-major) and anything that ends with `_R_C`. Where names don't tell, the pictures
+    in natural order fill `grid` = (pixels_v, pixels_u) row by row, or a square where no grid is given. Hidden files and
+    side files (`SIDE_FILES`) are left out. One picture alone is a 1x1 light field.
+
+    Views keep the order that their names tell. Stanford's gantry turns as `LensArray` does (with u growing, far points
+    move left past near ones); HCI's cameras step the other way in v and in u, so there d grows towards the viewer.
+
+    Raises `InvalidOption` where there is no full grid of views or `grid` doesn't fit the names, `UnsupportedType` where
+    a file is no picture that is read, `Unreadable` where pictures are missing, corrupt or differ in size, channels or
+    depth, `TooLarge` over `max_pixels` in all.
+    """
+    names = _picture_names(files, name)
+    order, (pixels_v, pixels_u) = _arrange(names, name, grid)
+    first = pictures.decode(files[order[0]], name=shown(order[0]))
+    if len(order) * first.shape[0] * first.shape[1] > max_pixels:
+        raise TooLarge(
+            f"{name}: {len(order)} views of {first.shape[0]}x{first.shape[1]} pixels are over the limit of "
+            f"{max_pixels} pixels in all; give fewer views or smaller ones"
+        )
+    views = np.empty((len(order), *first.shape), first.dtype)
+    views[0] = first
+
+    def fill(index: int) -> None:
+        picture = pictures.decode(files[order[index]], name=shown(order[index]))
+        if picture.shape != first.shape or picture.dtype != first.dtype:
+            raise Unreadable(
+                f"{name}: {shown(order[index])} is {_describe(picture)} but {shown(order[0])} is {_describe(first)}; "
+                "make all views alike"
+            )
+        views[index] = picture
+
+    with ThreadPoolExecutor(max(2, os.cpu_count() or 2)) as pool:
+        try:
+            for _ in pool.map(fill, range(1, len(order))):
+                pass
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return LightField(views.reshape(pixels_v, pixels_u, *first.shape))
+
+
+def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
+    """The files that are pictures, in natural order."""
+    names = []
+    for file in files:
+        path = PurePosixPath(file)
+        if any(part.startswith((".", "__MACOSX")) for part in path.parts) or path.suffix.lower() in SIDE_FILES:
+            continue
+        if path.suffix.lower() not in pictures.SUFFIXES:
+            raise UnsupportedType(
+                f"{name}: {shown(file)} is no picture that is read (.png, .jpg, .tif); convert it or take it out"
+            )
+        names.append(file)
+    if not names:
+        raise Unreadable(f"{name}: no pictures in it; give a set of views as .png, .jpg or .tif files")
+    return sorted(names, key=_natural)
+
+
+def _natural(file: str) -> list[tuple[int, str]]:
+    """Numbers by value, the rest by letter: `view_2` before `view_10`."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", file.lower())]
+
+
+def _arrange(names: Sequence[str], name: str, grid: tuple[int, int] | None) -> tuple[list[str], tuple[int, int]]:
+    """The files in row-major order of their views, and the grid that they fill."""
+    if len(names) == 1 and grid in (None, (1, 1)):
+        return list(names), (1, 1)
+    for pattern in (STANFORD, ROW_COLUMN):
+        places = _places(pattern, names, name)
+        if places:
+            return _full_grid(places, name, grid)
+    _check_cameras(names, name)
+    side = math.isqrt(len(names))
+    if grid is None and side * side != len(names):
+        raise InvalidOption(
+            f"{name}: {len(names)} pictures whose names don't tell their place, and no square of them; "
+            "give --pixels ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
+        )
+    grid = grid or (side, side)
+    if grid[0] * grid[1] != len(names):
+        raise InvalidOption(
+            f"pixels: {grid[0]}x{grid[1]} asks for {grid[0] * grid[1]} views, but {name} holds {len(names)} pictures; "
+            "give the rows and columns of the views that are there"
+        )
+    return list(names), grid
+
+
+def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[tuple[int, int], str]:
+    """Which file stands at which (row, column) as its name tells it; empty where no name fits the pattern."""
+    places: dict[tuple[int, int], str] = {}
+    others = []
+    for file in names:
+        match = pattern.fullmatch(_stem(file))
+        if match is None:
+            others.append(file)
+            continue
+        place = (int(match[1]), int(match[2]))
+        if place in places:
+            raise InvalidOption(
+                f"{name}: {shown(places[place])} and {shown(file)} are both view {_place(place)}; take one of them out"
+            )
+        places[place] = file
+    if places and others:
+        raise InvalidOption(
+            f"{name}: {shown(next(iter(places.values())))} is named by row and column, {shown(others[0])} is not; "
+            "take it out of the set or rename it"
+        )
+    return places
+
+
+def _full_grid(
+    places: Mapping[tuple[int, int], str], name: str, grid: tuple[int, int] | None
+) -> tuple[list[str], tuple[int, int]]:
+    """The files row by row, where they fill a rectangle that starts at 0 or at 1."""
+    base = 0 if any(0 in place for place in places) else 1
+    last_row, last_column = (max(place[axis] for place in places) for axis in (0, 1))
+    order = []
+    for row in range(base, last_row + 1):
+        for column in range(base, last_column + 1):
+            if (row, column) not in places:
+                raise InvalidOption(
+                    f"{name}: {len(places)} pictures named from {_place(min(places))} to {_place(max(places))} "
+                    f"(row, column), but no view {_place((row, column))}; add it, or rename them to a full grid from 0"
+                )
+            order.append(places[row, column])
+    found = (last_row + 1 - base, last_column + 1 - base)
+    if grid not in (None, found):
+        raise InvalidOption(
+            f"pixels: {grid[0]}x{grid[1]} is not the {found[0]}x{found[1]} grid of views that {name}'s names tell; "
+            "leave the option out or rename the pictures"
+        )
+    return order, found
+
+
+def _check_cameras(names: Sequence[str], name: str) -> None:
+    """HCI's cameras have no gaps and no strangers among them; natural order is theirs then."""
+    numbers = [int(match[1]) if (match := HCI.fullmatch(_stem(file))) else -1 for file in names]
+    if max(numbers) < 0:
+        return
+    base = min(1, *(number for number in numbers if number >= 0))
+    for expected, (number, file) in enumerate(zip(numbers, names, strict=True), base):
+        if number < 0:
+            raise InvalidOption(
+                f"{name}: {shown(file)} is not named input_CamNNN as the others are; take it out of the set"
+            )
+        if number != expected:
+            raise InvalidOption(f"{name}: input_Cam{expected:03d} is missing before {shown(file)}; add it")
+
+
+def _stem(file: str) -> str:
+    return PurePosixPath(file).stem.lower()
+
+
+def _place(place: tuple[int, int]) -> str:
+    return f"({place[0]}, {place[1]})"
+
+
+def _describe(picture: Pixels) -> str:
+    height, width, channels = picture.shape
+    return f"{height}x{width} pixels of {channels} x {8 * picture.itemsize} bit"

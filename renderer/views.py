@@ -1,0 +1,45 @@
+"""Which views are asked for."""
+
+from __future__ import annotations
+
+import re
+
+from renderer.errors import InvalidOption
+
+View = tuple[int, int]
+"""(v, u): the view's pixel row and column under each lens, from the top left."""
+
+
+def center(pixels_v: int, pixels_u: int) -> View:
+    """The view nearest to the lenses' axis; the lower right one of the middle four where counts are even."""
+    return pixels_v // 2, pixels_u // 2
+
+
+def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
+    """The views that `spec` names, of `pixels_v x pixels_u` there are.
+
+    `center`; `cross` (upper, left, centre, right, lower: the paper's figure 4), each view once; `all`, row by row;
+    or pairs `v,u;v,u`. Raises `InvalidOption` for anything else and for a view that isn't there.
+    """
+    v, u = center(pixels_v, pixels_u)
+    if spec == "center":
+        return [(v, u)]
+    if spec == "cross":
+        return list(dict.fromkeys([(0, u), (v, 0), (v, u), (v, pixels_u - 1), (pixels_v - 1, u)]))
+    if spec == "all":
+        return [(v, u) for v in range(pixels_v) for u in range(pixels_u)]
+    pairs = []
+    for pair in spec.split(";"):
+        match = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", pair)
+        if match is None:
+            raise InvalidOption(
+                f"views: {spec[:80]!r} is not understood; give center, cross, all, or pairs like 0,0;7,7"
+            )
+        v, u = int(match[1]), int(match[2])
+        if v >= pixels_v or u >= pixels_u:
+            raise InvalidOption(
+                f"views: {v},{u} is not there; with {pixels_v}x{pixels_u} pixels under each lens v goes from 0 to "
+                f"{pixels_v - 1} and u from 0 to {pixels_u - 1}"
+            )
+        pairs.append((v, u))
+    return list(dict.fromkeys(pairs))

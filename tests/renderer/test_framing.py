@@ -1,0 +1,52 @@
+"""Every view holds the whole object, and the object is as large as that allows."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.framing import FILL, frame
+from renderer.lens_array import LensArray
+from renderer.scene import Part, Scene
+
+
+def cloud(seed, stretch):
+    random = np.random.default_rng(seed)
+    vertices = random.normal(size=(30, 3)) * stretch + random.normal(size=3) * 10
+    return Scene((Part(vertices, np.arange(30, dtype=np.int32).reshape(-1, 3), np.ones((30, 4), np.float32)),))
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    st.integers(0, 1000),
+    st.tuples(*[st.sampled_from([1e-6, 0.01, 1.0, 300.0])] * 3),
+    st.sampled_from([(1, 1, 1, 1), (50, 50, 15, 15), (30, 80, 5, 9), (2, 3, 64, 48)]),
+    st.sampled_from([1.0, 0.02, 500.0]),
+)
+def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, counts, pitch):
+    scene, array = cloud(seed, stretch), LensArray(*counts, pitch=pitch)
+    matrix = frame(scene, array)
+    placed = scene.transformed(matrix).parts[0].vertices
+    assert (placed[:, 2] < 0).all()
+    reach = 0.0
+    for tx in array.tangent_x():
+        for ty in array.tangent_y():
+            across = np.abs(placed[:, 0] + tx * placed[:, 2]).max() / (array.width / 2)
+            down = np.abs(placed[:, 1] + ty * placed[:, 2]).max() / (array.height / 2)
+            reach = max(reach, across, down)
+    # A flat cloud of 1e-6 stands 10 away from the origin: its own extent keeps 9 digits.
+    assert reach == pytest.approx(FILL, rel=1e-7)
+
+
+def test_orientation_and_proportions_stay():
+    matrix = frame(cloud(0, (1, 2, 3)), LensArray(50, 50, 15, 15))
+    assert matrix[0, 0] == matrix[1, 1] == matrix[2, 2] > 0
+    off_diagonal = matrix[:3, :3] - np.diag(np.diag(matrix[:3, :3]))
+    assert not off_diagonal.any()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_bounding_box_is_centred(axis):
+    scene, array = cloud(3, (1, 2, 3)), LensArray(50, 50, 15, 15)
+    bounds = scene.transformed(frame(scene, array)).bounds()
+    assert bounds[:, axis].sum() == pytest.approx(0.0, abs=1e-9)

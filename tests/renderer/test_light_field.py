@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.errors import InvalidOption
+from renderer.light_field import LightField, Pickup
+
+SIDES = st.integers(1, 6)
+SETTINGS = settings(max_examples=80, deadline=None, derandomize=True)
+
+
+def picture(height: int, width: int, channels: int, dtype: type) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, np.iinfo(dtype).max + 1, (height, width, channels), dtype=dtype)
+
+
+@SETTINGS
+@given(
+    sides=st.tuples(SIDES, SIDES, SIDES, SIDES),
+    channels=st.integers(1, 4),
+    dtype=st.sampled_from([np.uint8, np.uint16]),
+    pickup=st.sampled_from(["virtual", "optical"]),
+)
+def test_pixel_mapping_and_back(sides: tuple[int, int, int, int], channels: int, dtype: type, pickup: Pickup) -> None:
+    rows, cols, pixels_v, pixels_u = sides
+    eia = picture(rows * pixels_v, cols * pixels_u, channels, dtype)
+    field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=pickup)
+    assert field.views.shape == (pixels_v, pixels_u, rows, cols, channels)
+    for v in range(pixels_v):
+        for u in range(pixels_u):
+            row, column = (v, u) if pickup == "virtual" else (pixels_v - 1 - v, pixels_u - 1 - u)
+            assert np.array_equal(field.views[v, u], eia[row::pixels_v, column::pixels_u])
+    back = field.to_eia(pickup=pickup)
+    assert back.dtype == dtype
+    assert np.array_equal(back, eia)
+
+
+@pytest.mark.parametrize("pickup", ["virtual", "optical"])
+def test_views_are_no_copy(pickup: Pickup) -> None:
+    eia = picture(12, 20, 3, np.uint8)
+    field = LightField.from_eia(eia, rows=3, cols=4, pickup=pickup)
+    assert np.shares_memory(field.views, eia)
+    assert field.views.base is not None
+    eia[:] = 7
+    assert (field.views == 7).all()
+
+
+def test_an_optical_pickup_turns_each_elemental_image_by_half_a_turn() -> None:
+    eia = picture(6, 10, 3, np.uint16)
+    turned = LightField.from_eia(eia, rows=2, cols=2).to_eia(pickup="optical")
+    for y in (0, 1):
+        for x in (0, 1):
+            block = np.s_[3 * y : 3 * y + 3, 5 * x : 5 * x + 5]
+            assert np.array_equal(turned[block], np.rot90(eia[block], 2))
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(5, 4), (4, 3), (0, 4), (4, 0), (-4, 4), (13, 4)])
+def test_a_lens_grid_that_does_not_divide_the_picture(rows: int, cols: int) -> None:
+    with pytest.raises(InvalidOption, match=f"^lenses: {rows}x{cols} does not divide the picture of 12x20 pixels .*;"):
+        LightField.from_eia(picture(12, 20, 3, np.uint8), rows=rows, cols=cols)

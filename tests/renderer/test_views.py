@@ -1,0 +1,36 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.errors import InvalidOption
+from renderer.views import parse_views
+
+
+def test_named_views():
+    assert parse_views("center", 15, 15) == [(7, 7)]
+    assert parse_views("cross", 15, 9) == [(0, 4), (7, 0), (7, 4), (7, 8), (14, 4)]
+    assert parse_views("cross", 1, 1) == [(0, 0)]
+    assert parse_views("all", 2, 3) == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
+    assert parse_views(" 3,4; 0,0;3,4", 5, 5) == [(3, 4), (0, 0)]
+
+
+@pytest.mark.parametrize("spec", ["", "middle", "1", "1,2,3", "-1,0", "1.5,0", "1,2;", "0,0" * 1000])
+def test_what_is_not_understood(spec):
+    with pytest.raises(InvalidOption, match="give center, cross, all") as error:
+        parse_views(spec, 15, 15)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 250
+
+
+@pytest.mark.parametrize("spec", ["15,0", "0,15", "999999,0"])
+def test_views_that_are_not_there(spec):
+    with pytest.raises(InvalidOption, match="0 to 14"):
+        parse_views(spec, 15, 15)
+
+
+@settings(derandomize=True, deadline=None, max_examples=50)
+@given(st.integers(1, 20), st.integers(1, 20), st.sampled_from(["center", "cross", "all"]))
+def test_named_views_are_there_and_differ(pixels_v, pixels_u, spec):
+    views = parse_views(spec, pixels_v, pixels_u)
+    assert len(set(views)) == len(views) >= 1
+    assert all(0 <= v < pixels_v and 0 <= u < pixels_u for v, u in views)
