@@ -1,0 +1,69 @@
+"""A mesh file and what it refers to, to a scene: the one door through which meshes come in."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from renderer import gltf, gltf_scene, obj, off, ply, stl
+from renderer.errors import InputError, Unreadable, UnsupportedType
+from renderer.kinds import Kind
+from renderer.names import shown
+from renderer.surface import MAX_TRIANGLES, Surface, assemble
+from renderer.texture_files import Resolver
+
+if TYPE_CHECKING:
+    from renderer.bundle import Bundle
+    from renderer.scene import Scene
+
+FAULTS = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+"""What reading on raises where a file has another shape than its format's (`binascii.Error`, `UnicodeDecodeError` and
+`JSONDecodeError` are ValueErrors, `RecursionError` is a RuntimeError, `KeyError` and `IndexError` are LookupErrors).
+"""
+
+
+def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> Scene:
+    """The mesh `bundle.main`, whose content is of `kind`, lit and checked. Its other files are in reach by name.
+
+    What was left out or replaced, a missing texture or triangles without area, is a line in the scene's notes.
+
+    Raises `Unreadable`, `UnsupportedType`, `TooLarge` or `InvalidGeometry`, and nothing else, whatever the bytes are.
+    """
+    if bundle.main is None:
+        raise Unreadable(f"{shown(bundle.name)}: a set of files; say which of them is the mesh")
+    name = shown(bundle.name)
+    data = bundle.files[bundle.main]
+    resolver = Resolver(bundle.files, bundle.main)
+    try:
+        with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
+            surfaces = _surfaces(data, kind, name, resolver, max_triangles)
+    except FAULTS as error:
+        if isinstance(error, InputError):
+            raise
+        why = shown(f"{type(error).__name__}: {error}")
+        raise Unreadable(f"{name}: not a {kind.name} that can be read ({why}); export it again") from error
+    return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=max_triangles)
+
+
+def _surfaces(data: bytes, kind: Kind, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
+    if kind in {Kind.GLB, Kind.GLTF}:
+        return gltf_scene.surfaces(gltf.parse(data, name=name, resolver=resolver), max_triangles=max_triangles)
+    if kind is Kind.OBJ:
+        return obj.surfaces(data, name=name, resolver=resolver)
+    if kind is Kind.PLY:
+        return ply.surfaces(data, name=name, resolver=resolver)
+    if kind is Kind.STL:
+        return stl.surfaces(data, name=name)
+    if kind is Kind.OFF:
+        return off.surfaces(data, name=name)
+    raise UnsupportedType(f"{name}: {kind.name} is not a mesh")

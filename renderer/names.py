@@ -1,0 +1,25 @@
+"""File names that strangers chose: how one is shown in a message, and which key of a bundle it stands for."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+
+_DRIVE_OR_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
+
+
+def shown(name: str) -> str:
+    """`name` fit for one line of a message: control characters replaced, at most 80 characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in name)
+    return clean if len(clean) <= 80 else f"{clean[:38]}...{clean[-39:]}"
+
+
+def inside(name: str, folder: str = "") -> str | None:
+    """The normalised key for `name`, taken relative to `folder`, both with `/`; None where it would leave the bundle.
+
+    Refused: empty names, absolute paths, drive letters and URLs, backslashes, NUL, and any `..` that climbs out.
+    """
+    if not name or name.startswith("/") or "\\" in name or "\0" in name or _DRIVE_OR_SCHEME.match(name):
+        return None
+    key = posixpath.normpath(posixpath.join(folder, name))
+    return None if key in {".", ".."} or key.startswith("../") else key

@@ -1,0 +1,230 @@
+"""raster against raytrace at the same sampling, parallax against the formula, and what an error says."""
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer import backends
+from renderer.backends import open_backend
+from renderer.bundle import Bundle
+from renderer.errors import BackendUnavailable, InvalidOption
+from renderer.framing import frame
+from renderer.inputs import read
+from renderer.lens_array import LensArray
+from renderer.scenes import SCENES, scene
+
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"
+MESHES = ["duck.glb", "spot/spot.obj", "fuze/fuze.obj", "milk-truck.glb"]
+ARRAY = LensArray(50, 50, 15, 15)
+CORNERS_AND_MIDDLE = [(0, 0), (0, 14), (7, 7), (14, 0), (14, 14)]
+
+
+def backend(name):
+    try:
+        return open_backend(name)[0]
+    except BackendUnavailable as error:
+        pytest.skip(str(error))
+
+
+def inputs(names):
+    """Shipped scenes by name, meshes of ../shared by file, in front of the array."""
+    for name in names:
+        if name in SCENES:
+            found = scene(name)
+        elif SHARED.is_dir():
+            found = read(Bundle.from_path(SHARED / "data" / "meshes" / name), lenses=None, pixels=None)
+        else:
+            pytest.skip("needs ../shared")
+        yield found.transformed(frame(found, ARRAY))
+
+
+def disagreement(one, other, *, textured):
+    """What is out of bounds between two sets of RGBA views `(n, rows, cols, 4)`, `other` being the exact one."""
+    faults = []
+    mask, exact = one[..., 3] > 0, other[..., 3] > 0
+    edge = np.zeros_like(exact)
+    for axis in (1, 2):
+        step = np.diff(exact, axis=axis)
+        before, after = [slice(None)] * 3, [slice(None)] * 3
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        edge[tuple(before)] |= step
+        edge[tuple(after)] |= step
+    differ = mask != exact
+    # OpenGL snaps vertices to 1/256 of a pixel; an edge crosses a pixel's centre within that for about 1 in 100.
+    if differ.sum() > 0.02 * edge.sum():
+        faults.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
+    signed = int(mask.sum()) - int(exact.sum())
+    if abs(signed) > max(3.0, 3.0 * np.sqrt(differ.sum())):
+        faults.append(f"silhouette: biased by {signed} pixels of {differ.sum()}")
+    inside = mask & exact
+    error = (one[..., :3].astype(int) - other[..., :3])[inside]
+    if textured:
+        if np.abs(error).mean() > 2.0:
+            faults.append(f"texture: mean absolute difference {np.abs(error).mean():.2f}")
+        if np.abs(error.mean(0)).max() > 0.3:
+            faults.append(f"texture: bias {error.mean(0)}")
+    elif (np.abs(error).max(-1) <= 3).mean() < 0.995:
+        faults.append(f"colour: {(np.abs(error).max(-1) > 3).mean():.4f} of the pixels differ by more than 3")
+    return faults
+
+
+@pytest.mark.parametrize("name", [*SCENES, *MESHES])
+@pytest.mark.parametrize("samples", [1, 2])
+def test_raster_draws_what_rays_meet(name, samples):
+    raster, raytrace = backend("raster"), backend("raytrace")
+    (placed,) = inputs([name])
+    views = [np.stack(list(b.views(placed, ARRAY, CORNERS_AND_MIDDLE, samples=samples))) for b in (raster, raytrace)]
+    assert views[1][..., 3].any(axis=(1, 2)).all()
+    textured = any(part.texture is not None for part in placed.parts)
+    if samples == 1:
+        assert disagreement(*views, textured=textured) == []
+    # Averages hide nothing: over the whole picture both say the same to a fraction of a grey level.
+    assert np.abs(views[0].astype(float).mean((0, 1, 2)) - views[1].mean((0, 1, 2))).max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["hamburger", "duck.glb"])
+@pytest.mark.parametrize("broken", ["shear sign", "half a pixel in x", "half a pixel in y", "upside down"])
+def test_the_comparison_notices(name, broken, monkeypatch):
+    raster, raytrace = backend("raster"), backend("raytrace")
+    from renderer import raster as module
+    from renderer.projections import oblique
+
+    def wrong(array, view, near, far):
+        matrix = oblique(array, view, near, far)
+        if broken == "shear sign":
+            matrix[:2, 2] *= -1
+        elif broken == "half a pixel in x":
+            matrix[0, 3] += 1 / array.cols
+        elif broken == "half a pixel in y":
+            matrix[1, 3] += 1 / array.rows
+        else:
+            matrix[1] *= -1
+        return matrix
+
+    (placed,) = inputs([name])
+    exact = np.stack(list(raytrace.views(placed, ARRAY, CORNERS_AND_MIDDLE)))
+    monkeypatch.setattr(module, "oblique", wrong)
+    assert disagreement(np.stack(list(raster.views(placed, ARRAY, CORNERS_AND_MIDDLE))), exact, textured=True)
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_by_lens_is_by_view(samples):
+    raster = backend("raster")
+    (placed,) = inputs(["globe"])
+    few_lenses = LensArray(4, 6, 20, 30, pitch=10.0, delta=0.02)
+    by_lens = raster.elemental(placed, few_lenses, samples=samples)
+    every = [(v, u) for v in range(20) for u in range(30)]
+    by_view = np.empty_like(by_lens)
+    for (v, u), view in zip(every, raster.views(placed, few_lenses, every, samples=samples), strict=True):
+        by_view[v::20, u::30] = view
+    assert by_lens[..., 3].any()
+    error = by_lens.astype(int) - by_view
+    # Two projections round differently: the same surface to a grey level or two, except where an edge moves over.
+    assert (np.abs(error).max(-1) <= 2).mean() > 0.99
+    assert np.abs(error.mean((0, 1))).max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
+def test_elemental_holds_the_views_exactly(name):
+    made = backend(name)
+    (placed,) = inputs(["hamburger"])
+    array = LensArray(20, 30, 5, 3)
+    eia = made.elemental(placed, array)
+    every = [(v, u) for v in range(5) for u in range(3)]
+    for (v, u), view in zip(every, made.views(placed, array, every), strict=True):
+        np.testing.assert_array_equal(eia[v::5, u::3], view)
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
+def test_parallax_has_the_right_sign_and_size(name):
+    """A point at distance d moves by delta*d/pitch view pixels from one view to the next (design.md, Geometry)."""
+    made = backend(name)
+    (placed,) = inputs(["vase"])
+    bounds = placed.bounds()
+    depth = bounds[1, 2] - bounds[0, 2]
+    flat = placed.transformed(np.diag([1.0, 1.0, 1e-6, 1.0]))
+    distance = 0.7 * depth
+    matrix = np.eye(4)
+    matrix[2, 3] = -distance - flat.bounds()[0, 2]
+    flat = flat.transformed(matrix)
+    fine = replace(ARRAY, rows=400, cols=400, pitch=ARRAY.pitch / 8)  # finely sampled: the centroid to a small fraction
+    centroid = {}
+    for view, picture in zip(CORNERS_AND_MIDDLE, made.views(flat, fine, CORNERS_AND_MIDDLE), strict=True):
+        ys, xs = np.nonzero(picture[..., 3])
+        centroid[view] = np.array([ys.mean(), xs.mean()])
+    for v, u in CORNERS_AND_MIDDLE:
+        moved = centroid[v, u] - centroid[7, 7]
+        step = fine.delta * distance / fine.pitch
+        # As u grows the rays lean right, so what they meet lies further left among the lenses; likewise up.
+        np.testing.assert_allclose(moved, [-(v - 7) * step, -(u - 7) * step], atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
+def test_many_threads_at_once_get_their_own_scenes(name):
+    made = backend(name)
+    placed = dict(zip(SCENES, inputs(SCENES), strict=True))
+    expected = {key: next(iter(made.views(found, ARRAY, [(3, 3)]))) for key, found in placed.items()}
+    wrong = []
+
+    def ask(key):
+        again = [next(iter(made.views(placed[key], ARRAY, [(3, 3)]))) for _ in range(3)]
+        wrong.extend(key for picture in again if not np.array_equal(picture, expected[key]))
+
+    threads = [threading.Thread(target=ask, args=(key,)) for key in list(placed) * 3]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
+@pytest.mark.parametrize("pitch", [1e-9, 1e9])
+def test_units_do_not_matter(name, pitch):
+    made, found = backend(name), scene("globe")
+    views = []
+    for array in (ARRAY, replace(ARRAY, pitch=pitch)):
+        views += made.views(found.transformed(frame(found, array)), array, [(0, 0)])
+    # float32 rounds differently at another scale: a sample on an edge may fall to its other side
+    assert np.abs(views[0].astype(int) - views[1]).mean() < 0.1
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
+def test_background_is_where_nothing_is(name):
+    made = backend(name)
+    (placed,) = inputs(["vase"])
+    (view,) = made.views(placed, ARRAY, [(7, 7)], background=(1, 2, 3))
+    empty = view[..., 3] == 0
+    assert empty.any()
+    assert (view[empty][:, :3] == (1, 2, 3)).all()
+
+
+def test_auto_names_its_reason(monkeypatch):
+    monkeypatch.setitem(backends._open, "raster", BackendUnavailable("raster: no display"))
+    made, reason = open_backend("auto")
+    assert made.name == "raytrace"
+    assert "no display" in reason
+    with pytest.raises(BackendUnavailable, match="no display"):
+        open_backend("raster")
+
+
+def test_auto_counts_rays_and_triangles():
+    backend("raster")
+    made, reason = open_backend("auto", triangles=2501, rays=2500)
+    assert (made.name, "2,501 triangles" in reason) == ("raytrace", True)
+    assert open_backend("auto", triangles=2500, rays=2500)[0].name == "raster"
+
+
+def test_unknown_backend():
+    with pytest.raises(InvalidOption, match="auto, raster or raytrace"):
+        open_backend("vulkan")
+
+
+def test_a_picture_larger_than_opengl_draws():
+    raster = backend("raster")
+    (placed,) = inputs(["vase"])
+    with pytest.raises(InvalidOption, match="--backend raytrace"):
+        next(iter(raster.views(placed, LensArray(4096, 10, 3, 3), [(0, 0)], samples=16)))

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from renderer import pictures, texture_files
+from renderer.texture_files import Resolver, rgba8
+
+
+def test_pixels_of_every_kind_become_rgba() -> None:
+    grey = np.array([[[7]]], np.uint8)
+    assert rgba8(grey, opaque=False).tolist() == [[[7, 7, 7, 255]]]
+    assert rgba8(np.array([[[7, 9]]], np.uint8), opaque=False).tolist() == [[[7, 7, 7, 9]]]
+    assert rgba8(np.array([[[1, 2, 3]]], np.uint8), opaque=False).tolist() == [[[1, 2, 3, 255]]]
+    assert rgba8(np.array([[[1, 2, 3, 4]]], np.uint8), opaque=False).tolist() == [[[1, 2, 3, 4]]]
+    assert rgba8(np.array([[[1, 2, 3, 4]]], np.uint8), opaque=True).tolist() == [[[1, 2, 3, 255]]]
+    deep = np.array([[[0, 128, 129, 32896, 65535]]], np.uint16)[:, :, [0, 2, 3]]
+    assert rgba8(deep, opaque=True).tolist() == [[[0, 1, 128, 255]]]
+
+
+def test_a_texture_is_made_once_for_each_wrap() -> None:
+    resolver = Resolver({"x.png": pictures.encode_png(np.zeros((1, 1, 3), np.uint8))}, "a.obj")
+    first = resolver.texture("x.png", opaque=True)
+    assert resolver.texture("x.png", opaque=True) is first
+    clamped = resolver.texture("x.png", opaque=True, wrap_u="clamp")
+    assert clamped is not first
+    assert clamped is not None
+    assert first is not None
+    assert clamped.pixels is first.pixels
+
+
+def test_all_textures_together_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(texture_files, "MAX_PIXELS", 10)
+    picture = pictures.encode_png(np.zeros((2, 3, 3), np.uint8))
+    resolver = Resolver({"x.png": picture, "y.png": picture}, "a.obj")
+    assert resolver.texture("x.png", opaque=True) is not None
+    assert resolver.texture("y.png", opaque=True) is None
+    assert "y.png is left out" in resolver.notes[0]
+
+
+def test_names_are_relative_to_the_mesh_and_stay_within() -> None:
+    resolver = Resolver({"m/x.mtl": b"1", "y.mtl": b"2"}, "m/a.obj")
+    assert resolver.find("x.mtl", "file") == b"1"
+    assert resolver.find("../y.mtl", "file") == b"2"
+    assert resolver.find(r"C:\work\x.mtl", "file") == b"1"  # by its name alone, beside the mesh
+    assert resolver.find(r"C:\work\y.mtl", "file") is None
+    assert resolver.find("../../y.mtl", "file") is None
+    assert resolver.find("z.mtl", "file") is None
+    resolver.find("z.mtl", "file")
+    assert len(resolver.notes) == 3
