@@ -78,17 +78,23 @@ def _opened(name: str) -> Backend:
     return found
 
 
-def open_backend(name: str) -> tuple[Backend, str]:
+def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
     """The backend that `name` asks for, and why it was taken, in one line for the report.
 
-    `auto` takes `raster` where OpenGL works and `raytrace` elsewhere. Raises `BackendUnavailable` where `raster` is
-    asked for and OpenGL doesn't work, `InvalidOption` for any other name.
+    `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples: rasterising costs by the
+    triangle, ray casting by the ray, about the same for each (`python -m benchmarks.backends`). Where OpenGL doesn't
+    work it takes `raytrace`. Raises `BackendUnavailable` where `raster` is asked for and OpenGL doesn't work,
+    `InvalidOption` for any other name.
     """
     if name in ("raster", "raytrace"):
         return _opened(name), f"{name}: asked for"
     if name != "auto":
         raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
+    if rays < triangles:
+        return _opened(
+            "raytrace"
+        ), f"raytrace: a view takes {rays:,} rays, fewer than the scene's {triangles:,} triangles"
     try:
-        return _opened("raster"), "raster: OpenGL works on this machine"
+        return _opened("raster"), f"raster: the scene has {triangles:,} triangles, no more than a view's {rays:,} rays"
     except BackendUnavailable as error:
         return _opened("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"

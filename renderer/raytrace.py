@@ -125,14 +125,14 @@ class RaytraceBackend:
         check_samples(samples)
         prepared = self._prepared(scene)
         fine = array.refined(samples)
-        x, y = np.meshgrid(fine.lens_x(), fine.lens_y())
-        origins = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)  # (rows*cols, 3)
+        x, y = fine.lens_x(), fine.lens_y()
         for v, u in views:
             direction = np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
-            rgba = np.empty((len(origins), 4), np.uint8)
-            for start in range(0, len(origins), RAYS_AT_ONCE):
-                some = origins[start : start + RAYS_AT_ONCE]
-                colors = prepared.cast(some, np.broadcast_to(direction, some.shape))
+            rgba = np.empty((fine.rows * fine.cols, 4), np.uint8)
+            for start in range(0, len(rgba), RAYS_AT_ONCE):
+                row, col = np.divmod(np.arange(start, min(start + RAYS_AT_ONCE, len(rgba))), fine.cols)
+                origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
+                colors = prepared.cast(origins, np.broadcast_to(direction, origins.shape))
                 rgba[start : start + RAYS_AT_ONCE] = colors * 255.0 + 0.5
             rgba[rgba[:, 3] == 0, :3] = background
             yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)

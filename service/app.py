@@ -1,0 +1,218 @@
+"""The HTTP API. Work runs in threads, a bounded number at once; the event loop only passes bytes on."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import logging
+import tempfile
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import IO, TYPE_CHECKING, Any
+
+import anyio
+from anyio import to_thread
+from fastapi import FastAPI, Request, Response
+from fastapi.openapi.docs import get_swagger_ui_html
+from fastapi.responses import HTMLResponse, StreamingResponse
+from starlette.staticfiles import StaticFiles
+
+from models import catalogue
+from renderer.bundle import Bundle
+from service import listing, pipeline, problems, upload
+from service.body_limit import BodyLimit
+from service.errors import NotReady
+from service.outputs import FileSink
+from service.plan import NO_MODEL
+from service.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Iterator
+
+    from service.report import Report
+    from service.upload import Upload
+
+MEDIA_TYPES = {"png": "image/png", "zip": "application/zip", "npz": "application/x-npz"}
+CHUNK = 2**18
+MEMORY_BYTES = 8 * 2**20
+"""An answer up to this size stays in memory; a larger one goes through a temporary file."""
+_log = logging.getLogger("uvicorn.error")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished reconstruction."""
+
+    id: str
+    file: IO[bytes]
+    size: int
+    format: str
+    report: Report
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The application; `settings` come from the environment where None is given."""
+    settings = settings or Settings()
+    app = FastAPI(
+        title="ciir",
+        description="Computational integral imaging reconstruction",
+        version=version("ciir"),
+        docs_url=None,
+        redoc_url=None,
+        lifespan=_lifespan,
+    )
+    app.openapi_version = "3.0.3"  # the newest that the Swagger UI of swagger-ui-bundle shows
+    app.state.settings = settings
+    app.add_middleware(BodyLimit, limit=settings.max_body_bytes)
+    problems.install(app)
+    _add_reconstructions(app)
+    _add_service(app)
+    _add_docs(app)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    app.state.limiter = anyio.CapacityLimiter(app.state.settings.workers)
+    app.state.warm = asyncio.create_task(to_thread.run_sync(_warm_up), name="warm-up")
+    app.state.warm.add_done_callback(_log_failure)
+    yield
+    await asyncio.wait([app.state.warm])
+
+
+def _warm_up() -> None:
+    import numpy as np
+
+    upscaler = catalogue.load(catalogue.DEFAULT)
+    upscaler(np.zeros((1, 3, 32, 32), np.float32))
+
+
+def _log_failure(warm: asyncio.Task[None]) -> None:
+    if not warm.cancelled() and (error := warm.exception()) is not None:
+        _log.error("the models can't be loaded; /readyz stays 503", exc_info=error)
+
+
+def _require_ready(app: FastAPI) -> None:
+    warm: asyncio.Task[None] = app.state.warm
+    if not warm.done():
+        raise NotReady("the models are being loaded; try again in a second")
+    if warm.cancelled() or warm.exception() is not None:
+        raise NotReady("the models can't be loaded; the server's log says why")
+
+
+def _add_reconstructions(app: FastAPI) -> None:
+    faults: dict[int | str, dict[str, Any]] = {
+        status: {"description": text, "content": {problems.MEDIA_TYPE: {"schema": problems.SCHEMA}}}
+        for status, text in (
+            (400, "the multipart form is broken"),
+            (413, "over a limit on bytes, pixels, files or triangles"),
+            (415, "not multipart, or not a file of a kind that is read"),
+            (422, "an option or the input's content is at fault"),
+            (503, "the server is starting"),
+        )
+    }
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    done: dict[int | str, dict[str, Any]] = {
+        200: {"description": "the views", "content": dict.fromkeys(MEDIA_TYPES.values(), binary)}
+    }
+
+    @app.post(
+        "/v1/reconstructions",
+        summary="Views out of a mesh, an EIA picture or a zip of views",
+        response_class=Response,
+        responses=done | faults,
+        openapi_extra={
+            "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": upload.SCHEMA}}}
+        },
+    )
+    async def create_reconstruction(request: Request) -> Response:
+        _require_ready(app)
+        upload.check_content_type(request.headers.get("content-type"))
+        form = request.form(max_files=1, max_fields=upload.MAX_FIELDS, max_part_size=upload.MAX_FIELD_BYTES)
+        async with form as parts:
+            given = upload.parse(parts.multi_items())
+            result = await to_thread.run_sync(_reconstruct, given, app.state.settings, limiter=app.state.limiter)
+        return _answer(result)
+
+
+def _reconstruct(given: Upload, settings: Settings) -> Result:
+    """Runs in a worker thread."""
+    data = given.file.read()
+    bundle = Bundle.from_upload(given.name, data)
+    file = tempfile.SpooledTemporaryFile(MEMORY_BYTES)  # noqa: SIM115 - the answer reads and closes it
+    try:
+        sink = FileSink(file, given.format)
+        report = pipeline.reconstruct(bundle, given.options, sink, max_pixels=settings.max_output_pixels)
+        size = file.tell()
+        file.seek(0)
+    except BaseException:
+        file.close()
+        raise
+    return Result(content_id(given, data, report), file, size, sink.format, report)
+
+
+def content_id(given: Upload, data: bytes, report: Report) -> str:
+    """What the result depends on, hashed: the input's bytes and kind, the options, the network, and this version.
+
+    32 hexadecimal digits. The same request has the same id on every server of one version.
+    """
+    network = report["model"]["sha256"] if report["plan"]["model"] != NO_MODEL else None
+    key = json.dumps([version("ciir"), given.name, given.options.as_dict(), network], sort_keys=True)
+    return hashlib.sha256(key.encode() + b"\0" + data).hexdigest()[:32]
+
+
+def _answer(result: Result) -> StreamingResponse:
+    # A zip and an npz hold a report with timings, so two of one id agree in all but some bytes: a weak tag.
+    tag = f'"{result.id}"' if result.format == "png" else f'W/"{result.id}-{result.format}"'
+    timings = result.report["timings_ms"]
+    headers = {
+        "Content-Length": str(result.size),
+        "Content-Disposition": f'attachment; filename="{result.id}.{result.format}"',
+        "ETag": tag,
+        "X-Reconstruction-Id": result.id,
+        "Server-Timing": ", ".join(f"{stage};dur={ms:.3f}" for stage, ms in timings.items()),
+    }
+    return StreamingResponse(_chunks(result.file), headers=headers, media_type=MEDIA_TYPES[result.format])
+
+
+def _chunks(file: IO[bytes]) -> Iterator[bytes]:
+    with file:
+        while chunk := file.read(CHUNK):
+            yield chunk
+
+
+def _add_service(app: FastAPI) -> None:
+    starting: dict[int | str, dict[str, Any]] = {
+        503: {"description": "starting", "content": {problems.MEDIA_TYPE: {"schema": problems.SCHEMA}}}
+    }
+
+    @app.get("/v1/models", summary="The models that can be named, with their cards")
+    def list_models() -> list[dict[str, Any]]:
+        return listing.models()
+
+    @app.get("/healthz", summary="Alive: the process answers")
+    async def healthz() -> dict[str, str]:
+        return {"status": "alive"}
+
+    @app.get("/readyz", summary="Ready: the models are loaded", responses=starting)
+    async def readyz() -> dict[str, str]:
+        _require_ready(app)
+        return {"status": "ready"}
+
+
+def _add_docs(app: FastAPI) -> None:
+    from swagger_ui_bundle import swagger_ui_path
+
+    app.mount("/docs/static", StaticFiles(directory=swagger_ui_path), name="docs-static")
+
+    @app.get("/docs", include_in_schema=False)
+    async def docs() -> HTMLResponse:
+        return get_swagger_ui_html(
+            openapi_url="/openapi.json",
+            title="ciir",
+            swagger_js_url="/docs/static/swagger-ui-bundle.js",
+            swagger_css_url="/docs/static/swagger-ui.css",
+            swagger_favicon_url="/docs/static/favicon-32x32.png",
+        )

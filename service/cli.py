@@ -1,0 +1,128 @@
+"""The command line, `ciir`: what can be asked for, and what a fault looks like.
+
+Exit status: 0 done; 2 the input or an option is at fault, with one line on standard error; 1 anything else;
+130 after Ctrl-C; 141 where whoever read our output went away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from typing import TYPE_CHECKING, NoReturn
+
+from renderer.errors import InvalidOption
+from service.errors import FAULTS, meaning, one_line
+from service.request import HELP, NAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+INTERRUPTED = 130
+PIPE_CLOSED = 141
+
+ELEMENTAL = ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta")
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose faults are one line, as all others are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises `InvalidOption` in place of printing the usage."""
+        raise InvalidOption(f"{message}; see {self.prog} --help")
+
+
+def _add_options(parser: argparse.ArgumentParser, names: Sequence[str]) -> None:
+    for name in names:
+        metavar, text = HELP[name]
+        parser.add_argument(f"--{name}", metavar=metavar, help=text, default=argparse.SUPPRESS, dest=f"option_{name}")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line. Each command's `run` names the module of `service.commands` that does it."""
+    top = Parser(prog="ciir", description="Views of a light field: from a mesh or an elemental image array, upscaled.")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+
+    def command(name: str, text: str, module: str | None = None) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".", allow_abbrev=False)
+        added.set_defaults(module=module or name)
+        return added
+
+    add = command("reconstruct", "views out of a mesh, an EIA picture, or a folder or zip of views")
+    add.add_argument("input", metavar="INPUT", help="file, folder or zip, or scene:vase, scene:globe, scene:hamburger")
+    add.add_argument(
+        "-o", "--out", required=True, metavar="OUT", help="a folder; or a file name with .zip, .npz or .png"
+    )
+    _add_options(add, NAMES)
+    add.add_argument("--report", metavar="FILE", help="write the report (JSON) here too")
+
+    add = command("elemental", "a mesh's elemental image array")
+    add.add_argument("input", metavar="MESH", help="mesh file, or zip or folder with one, or scene:NAME")
+    add.add_argument("-o", "--out", required=True, metavar="FILE", help="picture to write: .png, .tif or .jpg")
+    _add_options(add, ELEMENTAL)
+    add.add_argument("--report", metavar="FILE", help="write the report (JSON) here")
+
+    add = command("upscale", "any picture, or a folder of them, upscaled")
+    add.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
+    add.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture's name, or a folder")
+    _add_options(add, ("model", "scale"))
+    add.add_argument("--report", metavar="FILE", help="write the report (JSON) here")
+
+    add = command("models", "the models that can be named")
+    add.add_argument("--json", action="store_true", help="all that is known of each, as JSON")
+
+    add = command("demo", "the shipped scenes from mesh to upscaled view, as pictures and a table of timings")
+    add.add_argument(
+        "-o", "--out", default="demo-out", metavar="DIR", help="folder for the pictures (default demo-out)"
+    )
+    _add_options(add, ("backend",))
+
+    add = command("serve", "the HTTP API")
+    add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
+    add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
+
+    add = command("evaluate", "a model's accuracy on folders of *_LR.png and *_HR.png pairs", "training")
+    add.add_argument("model", metavar="MODEL", help="a name that `ciir models` lists")
+    add.add_argument("folders", nargs="+", metavar="FOLDER", help="a test set")
+    _add_options(add, ("scale",))
+
+    add = command("train", "a network, from a recipe", "training")
+    add.add_argument("recipe", metavar="RECIPE", help="a .toml file as in training/recipes")
+    add.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the checkpoint and the log")
+
+    add = command("export", "a checkpoint to .onnx and card", "training")
+    add.add_argument("checkpoint", metavar="CHECKPOINT", help="checkpoint.pt as `ciir train` writes it")
+    add.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for NAME.onnx and NAME.json")
+    add.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
+    return top
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs `argv` (the process's own where None) and returns the exit status. Faults are one line on stderr."""
+    try:
+        args = parser().parse_args(argv)
+        if args.command is None:
+            raise InvalidOption("no command given; see ciir --help")
+        importlib.import_module(f"service.commands.{args.module}").run(args)
+        sys.stdout.flush()
+    except FAULTS as fault:
+        return _tell(fault, meaning(fault).exit)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as fault:
+        return _tell(f"{fault.filename}: {fault.strerror}; name a place that can be read or written", 2)
+    except BrokenPipeError:
+        # Python flushes stdout once more on its way out: let that go nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        return _tell("interrupted", INTERRUPTED)
+    return 0
+
+
+def _tell(fault: Exception | str, status: int) -> int:
+    print(f"ciir: {one_line(str(fault))}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

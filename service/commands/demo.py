@@ -1,0 +1,35 @@
+"""`ciir demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from service import demo
+from service.atomic import Staged
+from service.commands import common
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the pictures, and prints where the time went."""
+    options = common.options(args)
+    staged = Staged(Path(args.out))
+    names: list[str] = []
+
+    def write(name: str, data: bytes) -> None:
+        staged.write(name, data)
+        names.append(name)
+
+    def tell(step: demo.Step) -> None:
+        common.say(demo.line(step))
+
+    common.say(demo.header())
+    try:
+        demo.run(write, options.backend, tell)
+        staged.commit()
+    finally:
+        staged.discard()
+    common.say(f"{args.out}: {', '.join(names)}")

@@ -1,0 +1,36 @@
+"""`ciir elemental`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from renderer import pictures
+from renderer.errors import InvalidOption
+from service import pipeline
+from service.atomic import replacing
+from service.commands import common
+
+if TYPE_CHECKING:
+    import argparse
+
+    from renderer.pictures import Pixels
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the elemental image array, and the report where one is asked for."""
+    out = Path(args.out)
+    suffix = out.suffix.lower()
+    if suffix not in pictures.SUFFIXES:
+        raise InvalidOption(f"{out}: no picture's name; end it with one of {', '.join(sorted(pictures.SUFFIXES))}")
+    options, source = common.options(args), common.source(args.input)
+    with replacing(out) as file:
+
+        def keep(pixels: Pixels) -> None:
+            file.write(pictures.encode(pixels, suffix))
+
+        report = pipeline.elemental(source, options, keep)
+    common.write_report(report, args.report)
+    array = report["lens_array"]
+    width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]
+    common.say(f"{args.out}: {width}x{height} pixels ({common.timings(report)})")

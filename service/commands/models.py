@@ -1,0 +1,35 @@
+"""`ciir models`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from service import listing
+from service.commands import common
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def run(args: argparse.Namespace) -> None:
+    """Lists the models, a line each, or all that is known of them as JSON."""
+    models = listing.models()
+    if args.json:
+        common.say(json.dumps(models, indent=2, ensure_ascii=False))
+        return
+    rows = [("name", "scales", "parameters", "PSNR, dB on Y", "what it is"), *map(_row, models)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
+    for row in rows:
+        common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
+
+
+def _row(model: dict[str, Any]) -> tuple[str, ...]:
+    card = model["card"]
+    scales = model["scales"]
+    listed = str(scales[0]) if len(scales) == 1 else f"{scales[0]} to {scales[-1]}"
+    name = model["name"] + (" (default)" if model["default"] else "")
+    if card is None:
+        return name, listed, "-", "-", model["kind"]
+    scores = ", ".join(f"{score['data']} {score['psnr']:.2f}" for score in card["accuracy"])
+    return name, listed, f"{card['parameters']:,}", scores or "-", model["kind"]

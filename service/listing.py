@@ -1,0 +1,21 @@
+"""The models that can be named, for `ciir models --json` and `GET /v1/models` alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from models import card, catalogue
+
+
+def models() -> list[dict[str, Any]]:
+    """Each entry of the catalogue: name, kind, scales, whether it is the default, and the card (null for none)."""
+    return [
+        {
+            "name": entry.name,
+            "kind": entry.kind,
+            "scales": list(entry.scales),
+            "default": entry.name == catalogue.DEFAULT,
+            "card": card.to_dict(entry.card) if entry.card is not None else None,
+        }
+        for entry in catalogue.entries()
+    ]

@@ -1,0 +1,128 @@
+"""How a reconstruction will be done, and why: decided before any view is made, and told in the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from renderer.errors import InvalidOption, TooLarge
+from renderer.lens_array import LensArray
+from renderer.sampling import LENSLET_SAMPLES
+
+if TYPE_CHECKING:
+    from service.request import Options
+
+NO_MODEL = "none"
+MAX_VIEW_PIXELS = 64_000_000
+"""Most pixels in one view, in or out: as many as a picture may have that is read."""
+LENSES = (100, 100)
+PIXELS = (15, 15)
+"""What a mesh is seen through where nothing is said."""
+MAX_VIEW_SAMPLES = 64_000_000
+"""Most points of a mesh that are sampled for one view: memory grows with them (by about 50 bytes each, measured)."""
+MAX_VIEWS = 65_536
+"""Most views of one job."""
+_MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What will be done."""
+
+    strategy: Literal["upscale", "direct"]
+    model: str
+    """A name of the catalogue, or `none`."""
+    enlarge: int
+    """View pixels are made `enlarge` times as many along each side, by the model or by the renderer."""
+    samples: int
+    """`samples x samples` points of a mesh are averaged for each pixel; 1 for a picture."""
+    reasons: tuple[str, ...]
+
+
+def samples(options: Options) -> int:
+    """Samples along each side of a lens's cell for `options.sampling`."""
+    return LENSLET_SAMPLES if options.sampling == "lenslet" else 1
+
+
+def make(options: Options, *, name: str, is_mesh: bool) -> Plan:
+    """The plan for an input called `name`. Raises `InvalidOption` where an option doesn't fit the kind of input."""
+    reasons = []
+    if is_mesh and options.pickup != "virtual":
+        raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
+    if not is_mesh:
+        for option, default in _MESH_ONLY:
+            if getattr(options, option) != default:
+                raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
+        if options.strategy == "direct":
+            raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")
+    strategy: Literal["upscale", "direct"] = "upscale" if options.strategy == "auto" else options.strategy
+    if options.strategy == "auto":
+        if is_mesh:
+            strategy = "direct"
+            reasons.append("auto: the input is a mesh, so views are rendered at the larger size; no model is needed")
+        else:
+            reasons.append("auto: the input holds pictures, so views are upscaled")
+    if strategy == "direct":
+        reasons.append(
+            f"direct: each pixel is the mean of {LENSLET_SAMPLES}x{LENSLET_SAMPLES} rays over its own cell; "
+            "no model ran, and sampling doesn't apply"
+        )
+        return Plan(strategy, NO_MODEL, options.scale, LENSLET_SAMPLES, tuple(reasons))
+    enlarge = options.scale
+    if options.model == NO_MODEL:
+        enlarge = 1
+        reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
+    return Plan(strategy, options.model, enlarge, samples(options) if is_mesh else 1, tuple(reasons))
+
+
+def mesh_array(options: Options) -> LensArray:
+    """The lens array in front of a mesh; what isn't said is 100x100 lenses of 15x15 pixels with a pitch of 1."""
+    rows, cols = options.lenses or LENSES
+    pixels_v, pixels_u = options.pixels or PIXELS
+    pitch = 1.0 if options.pitch is None else options.pitch
+    delta = 0.0 if options.delta is None else options.delta
+    return LensArray(rows, cols, pixels_v, pixels_u, pitch, delta)
+
+
+def check_views(spec: str, pixels: tuple[int, int]) -> None:
+    """Raises `TooLarge` where `spec` asks for all views and those are more than `MAX_VIEWS`."""
+    if spec == "all" and pixels[0] * pixels[1] > MAX_VIEWS:
+        raise TooLarge(
+            f"views: all of {pixels[0]}x{pixels[1]} are over the limit of {MAX_VIEWS:,}; name some, or fewer pixels"
+        )
+
+
+def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None, *, what: str = "a view") -> None:
+    """Raises `TooLarge` where a view, or all `count` of them together with a `limit`, would have too many pixels."""
+    pixels = rows * cols * enlarge**2
+    if pixels > MAX_VIEW_PIXELS:
+        raise TooLarge(
+            f"{what}: {rows * enlarge}x{cols * enlarge} pixels are over the limit of {MAX_VIEW_PIXELS:,}; "
+            "give a smaller scale or a smaller input"
+        )
+    if limit is not None and count * pixels > limit:
+        raise TooLarge(
+            f"{count} views of {rows * enlarge}x{cols * enlarge} are {count * pixels:,} pixels, over the limit of "
+            f"{limit:,}; ask for fewer views, fewer lenses or a smaller scale"
+        )
+
+
+def check_samples(array: LensArray, samples: int) -> None:
+    """Raises `TooLarge` where a view of `array` with `samples x samples` points a pixel has too many of them."""
+    points = array.rows * array.cols * samples**2
+    if points > MAX_VIEW_SAMPLES:
+        raise TooLarge(
+            f"a view of {array.rows}x{array.cols} pixels with {samples}x{samples} samples each is {points:,} samples, "
+            f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses, a smaller scale, or pinhole sampling"
+        )
+
+
+def check_eia(options: Options) -> None:
+    """Raises `TooLarge` where a mesh's elemental image array would have more pixels than a picture may have."""
+    array = mesh_array(options)
+    height, width = array.rows * array.pixels_v, array.cols * array.pixels_u
+    if height * width > MAX_VIEW_PIXELS:
+        raise TooLarge(
+            f"an elemental image array of {height}x{width} pixels is over the limit of {MAX_VIEW_PIXELS:,}; "
+            "give fewer lenses or fewer pixels"
+        )

@@ -1,0 +1,82 @@
+"""The report that goes with every result: what was read, what was done, and how long each stage took."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import Any
+
+STAGES = ("decode", "render", "map", "upscale", "encode")
+"""In the order of the work; `total` follows."""
+
+Report = dict[str, Any]
+"""Ready for JSON; the keys are those of `docs` and of design.md."""
+
+
+class Clock:
+    """Wall-clock milliseconds for each stage, summed over its turns. `total` runs from the clock's making."""
+
+    def __init__(self) -> None:
+        self._begun = time.perf_counter()
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Counts the time of the block to `name`, one of `STAGES`, also where the block raises."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - begun
+
+    def timings_ms(self) -> dict[str, float]:
+        """Milliseconds of the stages that ran, and `total` up to now."""
+        seconds = {stage: self._seconds[stage] for stage in STAGES if stage in self._seconds}
+        seconds["total"] = time.perf_counter() - self._begun
+        return {stage: round(1000.0 * s, 3) for stage, s in seconds.items()}
+
+
+class CountedFiles(Mapping[str, bytes]):
+    """A bundle's files, with a count of the bytes that were read of them."""
+
+    def __init__(self, files: Mapping[str, bytes]) -> None:
+        self._files = files
+        self._sizes: dict[str, int] = {}
+
+    def __getitem__(self, key: str) -> bytes:
+        data = self._files[key]
+        self._sizes[key] = len(data)
+        return data
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._files
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @property
+    def bytes_read(self) -> int:
+        """Bytes of the files that were asked for, each once."""
+        return sum(self._sizes.values())
+
+    @property
+    def files_read(self) -> int:
+        """How many files were asked for and found."""
+        return len(self._sizes)
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of this package, Python, and the `packages` that took part."""
+    return {"ciir": version("ciir"), "python": platform.python_version()} | {name: version(name) for name in packages}
+
+
+def to_json(report: Report) -> bytes:
+    """The report as it is written everywhere: UTF-8, indented, with a line end."""
+    return (json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()

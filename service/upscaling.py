@@ -1,0 +1,89 @@
+"""Any picture, or a folder of them, upscaled: what `ciir upscale` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models import catalogue
+from renderer import pictures
+from renderer.errors import InvalidOption
+from service.pipeline import describe_model, enlarge
+from service.plan import NO_MODEL, check_size
+from service.report import Clock, Report, versions
+
+if TYPE_CHECKING:
+    from service.pipeline import Progress
+
+Write = Callable[[str, bytes], None]
+"""Takes an output file's name and its bytes."""
+_LOSSLESS = {".png": ".png", ".tif": ".tif", ".tiff": ".tiff"}
+
+
+def output_names(inputs: list[str]) -> dict[str, str]:
+    """Input name -> output name. PNG and TIFF keep their kind; a JPEG becomes a PNG, for which no pixel is changed.
+
+    Raises `InvalidOption` where two inputs would make one output.
+    """
+    names: dict[str, str] = {}
+    taken: dict[str, str] = {}
+    for name in inputs:
+        stem, dot, suffix = name.rpartition(".")
+        output = stem + _LOSSLESS.get(f"{dot}{suffix}".lower(), ".png")
+        if output in taken:
+            raise InvalidOption(f"{name} and {taken[output]} would both be written as {output}; rename one of them")
+        names[name] = output
+        taken[output] = name
+    return names
+
+
+def upscale_pictures(
+    files: Mapping[str, bytes],
+    outputs: Mapping[str, str],
+    write: Write,
+    *,
+    model: str,
+    scale: int,
+    progress: Progress | None = None,
+) -> Report:
+    """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
+
+    `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
+
+    Raises the input faults of `renderer.errors`, with the picture's name, and those of `models.errors`.
+    """
+    clock = Clock()
+    if model == NO_MODEL:
+        raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
+    with clock.stage("upscale"):
+        upscaler = catalogue.load(model, scale=scale)
+    done: list[dict[str, Any]] = []
+    for name, output in outputs.items():
+        with clock.stage("decode"):
+            pixels = pictures.decode(files[name], name=name)
+        check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
+        with clock.stage("upscale"):
+            large = enlarge(upscaler, pixels[np.newaxis])[0]
+        with clock.stage("encode"):
+            write(output, pictures.encode(large, output[output.rindex(".") :].lower()))
+        height, width, channels = large.shape
+        done.append(
+            {
+                "input": name,
+                "file": output,
+                "height": height,
+                "width": width,
+                "channels": channels,
+                "bits": large.dtype.itemsize * 8,
+            }
+        )
+        if progress is not None:
+            progress(1)
+    return {
+        "pictures": done,
+        "model": describe_model(model, scale),
+        "timings_ms": clock.timings_ms(),
+        "versions": versions("onnxruntime"),
+    }

@@ -1,0 +1,256 @@
+"""Routes and errors in-process; what needs a real connection is in test_server.py."""
+
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from models import catalogue
+from models.errors import BadCard
+from renderer.pictures import decode
+from service import app as app_module
+from service import upload
+from service.app import create_app
+from service.outputs import FORMATS
+from service.request import NAMES
+from service.settings import Settings
+
+ROUTES = [
+    ("POST", "/v1/reconstructions"),
+    ("GET", "/v1/models"),
+    ("GET", "/healthz"),
+    ("GET", "/readyz"),
+    ("GET", "/docs"),
+    ("GET", "/openapi.json"),
+]
+POST = "/v1/reconstructions"
+
+
+def wait_until_ready(client):
+    while client.get("/readyz").status_code == 503:
+        pass
+    return client
+
+
+@pytest.fixture(scope="module")
+def client():
+    with TestClient(create_app(Settings()), raise_server_exceptions=False) as client:
+        yield wait_until_ready(client)
+
+
+def problem(response, status, *words):
+    """Checks the one shape of errors; returns `detail`."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    body = response.json()
+    assert set(body) == {"type", "title", "status", "detail", "instance"}
+    assert body["status"] == status
+    assert body["instance"] == response.request.url.path
+    assert body["type"] == "about:blank" or body["type"].startswith("urn:ciir:")
+    assert body["title"]
+    assert "\n" not in body["detail"]
+    for word in words:
+        assert word in body["detail"]
+    return body["detail"]
+
+
+def send(client, name="eia.png", data=b"", **fields):
+    return client.post(POST, files={"file": (name, data)}, data=fields)
+
+
+@pytest.fixture
+def eia(samples):
+    return samples.encode_png(samples.EIA)
+
+
+def test_one_view_is_a_png(client, samples, eia):
+    response = send(client, data=eia, lenses="6x9", views="1,2", model="none")
+    assert response.status_code == 200
+    assert response.headers["content-type"] == "image/png"
+    assert np.array_equal(decode(response.content, name="x"), samples.EIA[1::4, 2::4])
+    stages = [part.split(";dur=") for part in response.headers["server-timing"].split(", ")]
+    assert [stage for stage, _ in stages] == ["decode", "map", "encode", "total"]
+    assert all(float(ms) >= 0 for _, ms in stages)
+
+
+def test_several_views_are_a_zip_with_a_report(client, samples, eia):
+    response = send(client, data=eia, lenses="6x9", views="cross", model="bicubic")
+    assert response.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
+        report = json.loads(archive.read("report.json"))
+        assert set(archive.namelist()) == {"report.json", *(view["file"] for view in report["views"])}
+    assert report["input"]["name"] == "upload.png"
+    assert report["lens_array"]["rows"] == 6
+    timings = [f"{stage};dur={ms:.3f}" for stage, ms in report["timings_ms"].items()]
+    assert response.headers["server-timing"] == ", ".join(timings)
+
+
+def test_npz(client, samples, eia):
+    response = send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
+    with np.load(io.BytesIO(response.content), allow_pickle=False) as arrays:
+        assert arrays["views"].shape == (16, 6, 9, 3)
+        assert arrays["positions"][7].tolist() == [1, 3]
+        assert json.loads(str(arrays["report"]))["plan"]["model"] == "none"
+
+
+def test_a_mesh(client, samples):
+    fields = {"lenses": "12x10", "pixels": "3x5", "backend": "raytrace", "model": "bicubic"}
+    response = send(client, "cube.off", samples.CUBE, **fields)
+    assert decode(response.content, name="x").shape == (24, 20, 3)
+
+
+def test_a_large_answer_goes_through_a_file(client, samples, eia, monkeypatch):
+    whole = send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
+    monkeypatch.setattr(app_module, "MEMORY_BYTES", 100)
+    monkeypatch.setattr(app_module, "CHUNK", 37)
+    spooled = send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
+    with np.load(io.BytesIO(whole.content)) as a, np.load(io.BytesIO(spooled.content)) as b:
+        assert np.array_equal(a["views"], b["views"])
+
+
+def test_the_id_follows_what_the_result_depends_on(client, samples, eia):
+    def ids(**fields):
+        response = send(client, **({"data": eia, "lenses": "6x9", "model": "none"} | fields))
+        assert response.status_code == 200, response.text
+        return response.headers["x-reconstruction-id"], response.headers["etag"]
+
+    one, tag = ids()
+    assert tag == f'"{one}"'
+    assert ids() == (one, tag)
+    assert ids(name="other name.png") == (one, tag)
+    assert ids(format="zip") == (one, f'W/"{one}-zip"')
+    others = [ids(views="0,0"), ids(model="bicubic"), ids(data=samples.encode_png(samples.EIA[::-1]))]
+    assert len({one, *(other for other, _ in others)}) == 4
+
+
+def test_client_file_names_give_a_suffix_and_no_more(client, samples):
+    detail = problem(send(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
+    assert "upload.txt" in detail
+    assert "pass" not in detail
+
+
+def test_fields_that_a_web_form_left_empty_are_not_given(client, eia):
+    assert send(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
+
+
+def test_bad_input(client, samples, bad_input):
+    name, data, texts, status, words = bad_input
+    detail = problem(send(client, name, data, **texts), status)
+    assert samples.holds(detail, words), detail
+
+
+def test_bad_forms(client, eia):
+    problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
+    problem(send(client, data=eia, lenses="6x9", views="all", format="png"), 422, "16", "zip")
+    problem(send(client, data=eia, lenses="6x9", format="gif"), 422, "gif", "npz")
+    problem(client.post(POST, files={"other": ("a.png", eia)}), 422, "other")
+    problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
+    problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
+    problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
+    problem(client.post(POST, files=[("file", ("a.png", eia)), ("file", ("b.png", eia))]), 400, "1")
+    problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
+    problem(client.post(POST, content=eia), 415, "nothing")
+    problem(client.post(POST, json={"file": "x"}), 415, "application/json")
+    problem(client.post(POST, content=b"x", headers={"content-type": "multipart/form-data"}), 400, "boundary")
+    broken = {"content-type": "multipart/form-data; boundary=b"}
+    problem(client.post(POST, content=b"--b\r\nnonsense", headers=broken), 422)
+    long_field = {"file": ("a.png", eia), "views": (None, "0,0;" * upload.MAX_FIELD_BYTES)}
+    problem(client.post(POST, files=long_field), 400, "Part")
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+def test_another_method_is_a_problem(client, method, path):
+    other = "GET" if method == "POST" else "POST"
+    response = client.request(other, path)
+    problem(response, 405, "method")
+    assert method in response.headers["allow"]
+
+
+@pytest.mark.parametrize("path", ["/", "/v1", "/v1/nothing", "/docs/static/gone.js", "/docs/static/../app.py"])
+def test_nothing_there_is_a_problem(client, path):
+    problem(client.get(path), 404, "/docs")
+
+
+def test_faults_of_the_server_are_problems_without_details(client, eia, monkeypatch):
+    def broken(*_, **__):
+        raise KeyError("secret")
+
+    monkeypatch.setattr("service.pipeline.reconstruct", broken)
+    assert "secret" not in problem(send(client, data=eia, lenses="6x9"), 500, "log")
+
+    def bad_card():
+        raise BadCard("/secret/path: broken")
+
+    monkeypatch.setattr("models.catalogue.entries", bad_card)
+    assert "secret" not in problem(client.get("/v1/models"), 500, "log")
+
+
+def test_limit_on_output_pixels(samples, eia):
+    with TestClient(create_app(Settings(max_output_pixels=1000))) as client:
+        wait_until_ready(client)
+        problem(send(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
+
+
+def test_models(client):
+    listed = client.get("/v1/models").json()
+    assert [model["name"] for model in listed] == catalogue.names()
+    assert {"name", "kind", "scales", "default", "card"} == set(listed[0])
+
+
+def test_health(client):
+    assert client.get("/healthz").json() == {"status": "alive"}
+    assert client.get("/readyz").json() == {"status": "ready"}
+
+
+def test_not_ready_while_models_are_loaded(eia, monkeypatch):
+    import threading
+
+    loaded = threading.Event()
+    monkeypatch.setattr(app_module, "_warm_up", loaded.wait)
+    with TestClient(create_app(Settings())) as client:
+        problem(client.get("/readyz"), 503, "loaded")
+        response = send(client, data=eia, lenses="6x9")
+        problem(response, 503, "again")
+        assert response.headers["retry-after"] == "1"
+        assert client.get("/healthz").status_code == 200
+        loaded.set()
+        wait_until_ready(client)
+
+
+def test_never_ready_where_models_are_broken(monkeypatch, caplog):
+    def fail():
+        raise BadCard("broken")
+
+    monkeypatch.setattr(app_module, "_warm_up", fail)
+    with TestClient(create_app(Settings())) as client:
+        while "can't" not in problem(client.get("/readyz"), 503):
+            pass
+        assert client.get("/healthz").status_code == 200
+
+
+def test_docs_need_no_other_server(client):
+    page = client.get("/docs").text
+    assert "://" not in page
+    for path in ("swagger-ui-bundle.js", "swagger-ui.css", "favicon-32x32.png"):
+        assert f"/docs/static/{path}" in page
+        assert client.get(f"/docs/static/{path}").status_code == 200
+
+
+def test_openapi_tells_every_field(client):
+    api = client.get("/openapi.json").json()
+    assert api["openapi"].startswith("3.0")
+    assert {(method.upper(), path) for path, item in api["paths"].items() for method in item} == set(ROUTES[:4])
+    form = api["paths"][POST]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
+    assert set(form["properties"]) == {"file", "format", *NAMES}
+    assert form["properties"]["format"]["enum"] == list(FORMATS)
+    assert {"200", "400", "413", "415", "422", "503"} <= set(api["paths"][POST]["post"]["responses"])
+
+
+def test_settings_come_from_the_environment(monkeypatch):
+    monkeypatch.setenv("CIIR_WORKERS", "3")
+    monkeypatch.setenv("CIIR_MAX_BODY_BYTES", "2048")
+    settings = Settings()
+    assert (settings.workers, settings.max_body_bytes) == (3, 2048)

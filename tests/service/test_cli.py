@@ -1,0 +1,232 @@
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models
+from renderer.pictures import decode, encode
+from service.cli import main
+
+SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace"]
+
+
+def read(path):
+    return decode(Path(path).read_bytes(), name=str(path))
+
+
+def fails(capsys, *argv):
+    """The one line on standard error of a command that ends with 2."""
+    assert main([str(word) for word in argv]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("ciir: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+def test_reconstruct_a_mesh(cube_file, tmp_path, capsys):
+    out, report = tmp_path / "out", tmp_path / "r.json"
+    argv = ["reconstruct", str(cube_file), "-o", str(out), "--views", "cross", "--model", "bicubic", *SMALL]
+    assert main([*argv, "--report", str(report)]) == 0
+    names = sorted(path.name for path in out.iterdir())
+    assert names == ["report.json"] + [f"view_{v:02d}_{u:02d}.png" for v, u in [(0, 2), (1, 0), (1, 2), (1, 4), (2, 2)]]
+    assert read(out / "view_01_02.png").shape == (24, 20, 3)
+    assert json.loads((out / "report.json").read_text()) == json.loads(report.read_text())
+    assert "5 views of 20x24" in capsys.readouterr().out
+
+
+def test_reconstruct_into_one_file(cube_file, tmp_path):
+    argv = ["reconstruct", str(cube_file), "--model", "none", *SMALL]
+    assert main([*argv, "-o", str(tmp_path / "a.png")]) == 0
+    assert main([*argv, "-o", str(tmp_path / "a.npz"), "--views", "all"]) == 0
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["views"].shape == (15, 12, 10, 3)
+        assert np.array_equal(arrays["views"][7], read(tmp_path / "a.png"))
+
+
+def test_files_of_others_stay(cube_file, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "mine.txt").write_text("mine")
+    (out / "view_01_02.png").write_text("old")
+    assert main(["reconstruct", str(cube_file), "-o", str(out), "--model", "none", *SMALL]) == 0
+    assert (out / "mine.txt").read_text() == "mine"
+    assert read(out / "view_01_02.png").shape == (12, 10, 3)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg"])
+def test_elemental(cube_file, tmp_path, suffix):
+    out, report = tmp_path / f"eia{suffix}", tmp_path / "r.json"
+    assert main(["elemental", str(cube_file), "-o", str(out), "--report", str(report), *SMALL]) == 0
+    assert read(out).shape == (36, 50, 3)
+    assert json.loads(report.read_text())["lens_array"]["pixels_u"] == 5
+
+
+def test_elemental_and_back(cube_file, tmp_path):
+    eia, mapped, rendered = tmp_path / "eia.png", tmp_path / "mapped", tmp_path / "rendered"
+    assert main(["elemental", str(cube_file), "-o", str(eia), *SMALL]) == 0
+    rest = ["--views", "all", "--model", "none"]
+    assert main(["reconstruct", str(eia), "--lenses", "12x10", "-o", str(mapped), *rest]) == 0
+    assert main(["reconstruct", str(cube_file), "-o", str(rendered), *rest, *SMALL]) == 0
+    for path in mapped.glob("*.png"):
+        assert np.array_equal(read(path), read(rendered / path.name))
+    assert len(list(mapped.glob("*.png"))) == 15
+
+
+def test_upscale_a_picture(samples, tmp_path):
+    picture = samples.picture(5, 6, 2, np.uint16)
+    (tmp_path / "a.png").write_bytes(encode(picture, ".png"))
+    argv = ["upscale", str(tmp_path / "a.png"), "--model", "bicubic", "--scale", "3"]
+    assert main([*argv, "-o", str(tmp_path / "b.tif"), "--report", str(tmp_path / "r.json")]) == 0
+    expected = models.upscale_pixels(models.load("bicubic", scale=3), picture[np.newaxis])[0]
+    assert np.array_equal(read(tmp_path / "b.tif"), expected)
+    assert json.loads((tmp_path / "r.json").read_text())["pictures"][0]["file"] == "b.tif"
+    assert main([*argv, "-o", str(tmp_path / "folder")]) == 0
+    assert np.array_equal(read(tmp_path / "folder" / "a.png"), expected)
+
+
+def test_upscale_a_folder(samples, tmp_path):
+    source, out = tmp_path / "in", tmp_path / "out"
+    source.mkdir()
+    (source / "a.png").write_bytes(encode(samples.picture(5, 6), ".png"))
+    (source / "b.jpg").write_bytes(encode(samples.picture(4, 4), ".jpg"))
+    (source / "notes.txt").write_text("hello")
+    argv = ["upscale", str(source), "-o", str(out), "--model", "nearest", "--report", str(tmp_path / "r.json")]
+    assert main(argv) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
+    assert "notes.txt" in json.loads((tmp_path / "r.json").read_text())["notes"][0]
+
+
+def test_upscale_leaves_nothing_where_one_picture_is_bad(samples, tmp_path, capsys):
+    source, out = tmp_path / "in", tmp_path / "out"
+    source.mkdir()
+    (source / "a.png").write_bytes(encode(samples.EIA, ".png"))
+    (source / "b.png").write_bytes(encode(samples.EIA, ".png")[:100])
+    assert "b.png" in fails(capsys, "upscale", source, "-o", out, "--model", "nearest")
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+def test_models(capsys):
+    assert main(["models"]) == 0
+    text = capsys.readouterr().out
+    assert main(["models", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [model["name"] for model in listed] == models.names()
+    assert all(model["name"] in text for model in listed)
+    assert [model["name"] for model in listed if model["default"]] == [models.DEFAULT]
+
+
+def test_evaluate(samples, tmp_path, capsys):
+    pytest.importorskip("skimage", reason="SSIM needs the extra `training`")
+    high = np.repeat(np.repeat(samples.picture(20, 20), 2, 0), 2, 1)
+    (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
+    (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
+    assert main(["evaluate", "nearest", str(tmp_path)]) == 0
+    assert "PSNR inf dB, SSIM 1.0000" in capsys.readouterr().out
+    assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
+    assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
+    assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
+
+
+def test_training_without_torch_names_the_remedy(tmp_path, capsys, monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "training"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    (tmp_path / "r.toml").write_text("")
+    (tmp_path / "c.pt").write_bytes(b"")
+    assert 'pip install "ciir[training]"' in fails(capsys, "train", tmp_path / "r.toml", "-o", tmp_path / "run")
+    assert 'pip install "ciir[training]"' in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
+
+
+def test_bad_input_is_one_line_and_leaves_nothing(samples, bad_input, tmp_path, capsys):
+    name, data, texts, _, words = bad_input
+    (tmp_path / name).write_bytes(data)
+    options = [word for option, text in texts.items() for word in (f"--{option}", text)]
+    line = fails(capsys, "reconstruct", tmp_path / name, "-o", tmp_path / "out", *options)
+    assert samples.holds(line, words), line
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        ([], ["--help"]),
+        (["nothing"], ["nothing", "reconstruct"]),
+        (["reconstruct"], ["INPUT", "-o"]),
+        (["reconstruct", "gone.glb", "-o", "out"], ["gone.glb"]),
+        (["reconstruct", "scene:teapot", "-o", "out"], ["teapot", "hamburger"]),
+        (["reconstruct", "scene:vase", "-o", "out", "--len", "5x5"], ["--len"]),
+        (["reconstruct", "scene:vase", "-o", __file__, "--model", "none"], ["a file is there"]),
+        (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
+        (["elemental", "scene:vase", "-o", "eia.jpg", "--model", "lite"], ["--model"]),
+        (["serve", "--port", "many"], ["port", "65535"]),
+        (["train", "gone.toml", "-o", "run"], ["gone.toml"]),
+        (["export", "gone.pt", "-o", "card"], ["gone.pt"]),
+    ],
+)
+def test_bad_arguments_are_one_line(argv, words, samples, capsys, empty_folder):
+    line = fails(capsys, *argv)
+    assert samples.holds(line, words), line
+    assert list(empty_folder.iterdir()) == []
+
+
+def test_an_old_result_survives_a_fault(eia_file, tmp_path, capsys):
+    (tmp_path / "a.png").write_bytes(b"old")
+    fails(capsys, "reconstruct", eia_file, "--lenses", "6x9", "--views", "all", "-o", tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes() == b"old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "eia.png"]
+
+
+CIIR = ("-m", "service.cli")
+
+
+def test_as_a_process(samples, cube_file, tmp_path):
+    done = samples.python(*CIIR, "reconstruct", cube_file, "-o", tmp_path / "out", "--model", "none", *SMALL)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count("\n") == 1
+    failed = samples.python(*CIIR, "reconstruct", cube_file, "-o", tmp_path / "out2", "--scale", "0")
+    assert (failed.returncode, failed.stdout, failed.stderr.count("\n")) == (2, "", 1)
+    assert not (tmp_path / "out2").exists()
+
+
+def test_help_is_no_fault(samples):
+    done = samples.python(*CIIR, "reconstruct", "--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--lenses RxC" in done.stdout
+
+
+def test_nothing_heavy_is_imported_before_it_is_needed(samples):
+    script = (
+        "import sys, service.cli; service.cli.main(['models']); "
+        "heavy = {'trimesh', 'pyrender', 'onnxruntime', 'PIL', 'fastapi', 'torch'} & set(sys.modules); "
+        "sys.exit(','.join(heavy) or 0)"
+    )
+    done = samples.python("-c", script)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_closed_pipe_is_quiet(samples):
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "wb") as output:
+        done = samples.python(*CIIR, "models", "--json", stdout=output)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_interrupting_is_quiet(monkeypatch, capsys, tmp_path):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("service.pipeline.reconstruct", interrupt)
+    assert main(["reconstruct", "scene:vase", "-o", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == "ciir: interrupted\n"
+    assert list(tmp_path.iterdir()) == []

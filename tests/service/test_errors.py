@@ -1,0 +1,42 @@
+import pytest
+
+from models import errors as model_errors
+from renderer import errors as renderer_errors
+from service.errors import FAULTS, NotReady, meaning, one_line
+
+
+def descendants(kind):
+    return {kind}.union(*(descendants(child) for child in kind.__subclasses__()))
+
+
+@pytest.mark.parametrize("root", FAULTS)
+def test_every_fault_has_a_meaning_that_both_doors_agree_on(root):
+    for kind in descendants(root):
+        row = meaning(kind("x"))
+        assert (row.status < 500) == (row.exit == 2), kind
+        assert row.exit in (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("fault", "status"),
+    [
+        (renderer_errors.TooLarge("x"), 413),
+        (renderer_errors.UnsupportedType("x"), 415),
+        (renderer_errors.InvalidOption("x"), 422),
+        (renderer_errors.BackendUnavailable("x"), 422),
+        (model_errors.UnknownModel("x"), 422),
+        (model_errors.BadCard("x"), 500),
+        (NotReady("x"), 503),
+    ],
+)
+def test_status_codes(fault, status):
+    assert meaning(fault).status == status
+
+
+def test_what_is_not_in_the_table_has_no_meaning():
+    with pytest.raises(LookupError, match="KeyError"):
+        meaning(KeyError("x"))
+
+
+def test_messages_stay_one_line():
+    assert one_line("a\nb\r\n\tc  d") == "a b c d"

@@ -1,0 +1,76 @@
+import pytest
+
+from renderer.errors import InvalidOption, TooLarge
+from service import plan
+from service.request import Options
+
+
+def mesh(**options):
+    return plan.make(Options(**options), name="a.glb", is_mesh=True)
+
+
+def pictures(**options):
+    return plan.make(Options(**options), name="a.png", is_mesh=False)
+
+
+def test_upscaling_is_the_default():
+    for made in (mesh(), pictures()):
+        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", "lite", 2, 1)
+
+
+def test_direct_averages_over_cells_and_needs_no_model():
+    made = mesh(strategy="direct", scale=3)
+    assert (made.strategy, made.model, made.enlarge, made.samples) == ("direct", "none", 3, 4)
+
+
+def test_auto_says_why():
+    assert mesh(strategy="auto").strategy == "direct"
+    assert pictures(strategy="auto").strategy == "upscale"
+    assert any("mesh" in reason for reason in mesh(strategy="auto").reasons)
+    assert any("pictures" in reason for reason in pictures(strategy="auto").reasons)
+
+
+def test_without_a_model_nothing_is_enlarged():
+    made = pictures(model="none", scale=4)
+    assert (made.model, made.enlarge) == ("none", 1)
+    assert any("scale" in reason for reason in made.reasons)
+
+
+def test_a_lenslet_averages_over_its_pitch():
+    assert mesh(sampling="lenslet").samples == 4
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"strategy": "direct"}, {"backend": "raster"}, {"sampling": "lenslet"}, {"background": (1, 2, 3)}],
+)
+def test_what_is_for_meshes_is_refused_for_pictures(options):
+    with pytest.raises(InvalidOption, match=rf"{next(iter(options))}.*a\.png"):
+        pictures(**options)
+
+
+def test_pickup_is_refused_for_a_mesh():
+    with pytest.raises(InvalidOption, match="pickup"):
+        mesh(pickup="optical")
+
+
+def test_default_lens_array_of_a_mesh():
+    array = plan.mesh_array(Options())
+    assert (array.rows, array.cols, array.pixels_v, array.pixels_u, array.pitch) == (100, 100, 15, 15, 1.0)
+    assert array.delta == pytest.approx(0.4 / 15)
+
+
+def test_limits():
+    plan.check_size(100, 100, 2, 225, 225 * 40_000)
+    with pytest.raises(TooLarge, match="225 views of 200x200"):
+        plan.check_size(100, 100, 2, 225, 225 * 40_000 - 1)
+    with pytest.raises(TooLarge, match=r"a\.png"):
+        plan.check_size(4096, 4096, 2, 1, None, what="a.png")
+    with pytest.raises(TooLarge, match="all of 4096x4096"):
+        plan.check_views("all", (4096, 4096))
+    plan.check_views("center", (4096, 4096))
+    plan.check_samples(plan.mesh_array(Options(lenses=(2000, 2000))), 4)
+    with pytest.raises(TooLarge, match=r"2001x2000.*pinhole"):
+        plan.check_samples(plan.mesh_array(Options(lenses=(2001, 2000))), 4)
+    with pytest.raises(TooLarge, match="elemental"):
+        plan.check_eia(Options(lenses=(1000, 1000)))

@@ -1,0 +1,57 @@
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.errors import InvalidOption
+from service.request import HELP, NAMES, Options
+
+
+def test_defaults_are_those_of_the_design():
+    options = Options()
+    assert (options.views, options.model, options.scale, options.strategy) == ("center", "lite", 2, "upscale")
+    assert (options.backend, options.sampling, options.pickup) == ("auto", "pinhole", "virtual")
+
+
+def test_every_option_has_its_line_of_help():
+    assert tuple(HELP) == NAMES
+
+
+def test_parses_every_option():
+    texts = {
+        "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
+        "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
+        "delta": "1e-2",
+    }  # fmt: skip
+    assert set(texts) == set(NAMES)
+    assert Options.parse(texts) == Options(
+        lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
+        sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("lenses", "50"), ("lenses", "0x5"), ("lenses", "-1x5"), ("lenses", "5x5x5"), ("pixels", "axb"),
+        ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
+        ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
+        ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
+    ],
+)  # fmt: skip
+def test_a_fault_names_the_option_in_one_line(name, text):
+    with pytest.raises(InvalidOption, match=name) as caught:
+        Options.parse({name: text})
+    assert "\n" not in str(caught.value)
+    assert ";" in str(caught.value)  # what is wrong; the remedy
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.dictionaries(st.sampled_from(NAMES), st.text(max_size=20)))
+def test_any_text_gives_options_or_a_fault(texts):
+    try:
+        options = Options.parse(texts)
+    except InvalidOption:
+        return
+    json.dumps(options.as_dict(), allow_nan=False)

@@ -1,0 +1,180 @@
+"""A real server, real sockets."""
+
+import io
+import json
+import socket
+import threading
+import time
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import httpx2
+import numpy as np
+import pytest
+
+from renderer.backends import open_backend
+from renderer.errors import BackendUnavailable
+from renderer.pictures import decode
+
+POST = "/v1/reconstructions"
+
+
+def send(url, name, data, **fields):
+    return httpx2.post(url + POST, files={"file": (name, data)}, data=fields, timeout=120)
+
+
+def test_eight_at_once(server, samples):
+    eias = [samples.picture(24, 36, 3, np.uint8, seed) for seed in range(8)]
+
+    def ask(index):
+        if index % 2:
+            fields = {"lenses": "20x20", "backend": "raytrace", "views": "cross"}
+            return send(server, "cube.off", samples.CUBE, **fields)
+        return send(server, "eia.png", samples.encode_png(eias[index]), lenses="6x9", views="1,2", model="none")
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(ask, range(8)))
+    assert [answer.status_code for answer in answers] == [200] * 8
+    for index, answer in enumerate(answers):
+        if index % 2:
+            with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+                assert len(archive.namelist()) == 6
+                assert json.loads(archive.read("report.json"))["plan"]["backend"] == "raytrace"
+        else:
+            assert np.array_equal(decode(answer.content, name="x"), eias[index][1::4, 2::4])
+
+
+def test_eight_at_once_on_the_one_thread_that_owns_the_context(server, samples):
+    try:
+        open_backend("raster")
+    except BackendUnavailable as error:
+        pytest.skip(f"raster doesn't run here: {error}")
+
+    def ask(index):
+        fields = {
+            "lenses": f"{20 + index % 2}x20",
+            "backend": "raster",
+            "model": "none",
+            "views": "all",
+            "format": "npz",
+        }
+        return send(server, "cube.off", samples.CUBE, **fields)
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(ask, range(8)))
+    assert [answer.status_code for answer in answers] == [200] * 8
+    views = [np.load(io.BytesIO(answer.content))["views"] for answer in answers]
+    for index, other in enumerate(views):
+        assert other.shape == (225, 20 + index % 2, 20, 3)
+        assert np.array_equal(other, views[index % 2])
+
+
+def test_alive_while_it_works(server, samples):
+    busy = threading.Event()
+    seen = []
+
+    def watch():
+        with httpx2.Client() as client:
+            while not busy.is_set():
+                seen.append(client.get(server + "/healthz").status_code)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    begun = len(seen)
+    with ThreadPoolExecutor(3) as pool:
+        asked = [
+            pool.submit(send, server, "cube.off", samples.CUBE, lenses="200x200", backend="raytrace") for _ in range(3)
+        ]
+        answers = [future.result() for future in asked]
+    answered = len(seen) - begun
+    busy.set()
+    watcher.join()
+    assert [answer.status_code for answer in answers] == [200] * 3
+    assert set(seen) == {200}
+    assert answered > 3  # more than once for each: nobody waited for a reconstruction to end
+
+
+@pytest.fixture(scope="module")
+def small_server(samples, tmp_path_factory):
+    with samples.serving(tmp_path_factory.mktemp("small") / "log", CIIR_MAX_BODY_BYTES="100000") as url:
+        yield url
+
+
+def check_too_large(response):
+    assert response.status_code == 413
+    assert response.headers["content-type"] == "application/problem+json"
+    assert response.json() == {
+        "type": "urn:ciir:over-a-limit",
+        "title": "Over a limit",
+        "status": 413,
+        "detail": "the request's body is over the limit of 100,000 bytes; send a smaller file",
+        "instance": POST,
+    }
+
+
+@pytest.mark.parametrize("size", [100_001, 5_000_000])
+def test_a_declared_body_over_the_limit(small_server, size):
+    check_too_large(send(small_server, "a.png", bytes(size)))
+
+
+@pytest.mark.parametrize("size", [100_001, 5_000_000])
+def test_a_chunked_body_over_the_limit(small_server, size):
+    def chunks():
+        yield b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.png"\r\n\r\n'
+        for _ in range(0, size, 50_000):
+            yield bytes(50_000)
+        yield b"\r\n--b--\r\n"
+
+    headers = {"content-type": "multipart/form-data; boundary=b"}
+    check_too_large(httpx2.post(small_server + POST, content=chunks(), headers=headers, timeout=60))
+
+
+def test_both_shapes_below_the_limit(small_server, samples):
+    data = samples.encode_png(samples.EIA)
+    declared = send(small_server, "a.png", data, lenses="6x9", model="none")
+    head = b'--b\r\nContent-Disposition: form-data; name="%s"%s\r\n\r\n%s\r\n'
+    body = head % (b"lenses", b"", b"6x9") + head % (b"model", b"", b"none")
+    body += head % (b"file", b'; filename="a.png"', data) + b"--b--\r\n"
+    headers = {"content-type": "multipart/form-data; boundary=b"}
+    chunked = httpx2.post(small_server + POST, content=iter([body[:100], body[100:]]), headers=headers, timeout=60)
+    assert (declared.status_code, chunked.status_code) == (200, 200)
+    assert declared.content == chunked.content
+
+
+def test_a_client_that_asks_first_need_not_send(small_server):
+    host, port = small_server.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as connection:
+        connection.sendall(
+            f"POST {POST} HTTP/1.1\r\nHost: {host}\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n"
+            "Content-Type: multipart/form-data; boundary=b\r\n\r\n".encode()
+        )
+        assert connection.recv(100).startswith(b"HTTP/1.1 413")
+
+
+def test_a_client_that_stalls_is_not_waited_for(small_server):
+    host, port = small_server.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as connection:
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: {host}\r\nContent-Length: 9999999\r\n\r\nxyz".encode())
+        assert connection.recv(100).startswith(b"HTTP/1.1 413")
+
+
+def test_a_port_that_is_taken(server, samples):
+    done = samples.python("-m", "service.cli", "serve", "--port", server.rpartition(":")[2])
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "already in use" in done.stderr
+
+
+@pytest.mark.parametrize(("name", "value"), [("CIIR_WORKERS", "0"), ("CIIR_MAX_BODY_BYTES", "many")])
+def test_a_setting_out_of_range(samples, monkeypatch, name, value):
+    monkeypatch.setenv(name, value)
+    done = samples.python("-m", "service.cli", "serve", "--port", "0")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert name in done.stderr
+
+
+def test_it_stops_when_told(samples, tmp_path):
+    begun = time.monotonic()
+    with samples.serving(tmp_path / "log"):
+        pass
+    assert "Application shutdown complete" in (tmp_path / "log").read_text()
+    assert time.monotonic() - begun < 60
