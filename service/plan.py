@@ -19,7 +19,7 @@ LENSES = (100, 100)
 PIXELS = (15, 15)
 """What a mesh is seen through where nothing is said."""
 MAX_VIEW_SAMPLES = 64_000_000
-"""Most points of a mesh that are sampled for one view: memory grows with them (by about 50 bytes each, measured)."""
+"""Most points of a mesh that are sampled for one view: memory grows with them, by about 10 bytes each."""
 MAX_VIEWS = 65_536
 """Most views of one job."""
 _MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
