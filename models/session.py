@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 WINDOW = 1 << 16
 """Most input pixels of one tile. It bounds the arena, which grows to the largest run and stays: about 210 MiB for
 the lite network, for each call that runs at the same time. A 200x200 view still goes whole."""
+SMALLEST = 8
+"""Shortest side that a network is given, in input pixels. It met no picture in training that was mostly zero padding:
+white of 1x1 came out as dark grey. From 5 pixels on a flat picture is as flat as a large one."""
 BATCH = 1 << 13
 """Most input pixels of several pictures in one run: larger batches leave the cache and were never quicker a picture."""
 
@@ -42,8 +45,9 @@ class Network:
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
         check(images)
-        result = tiles.apply(self._run, images, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH)
-        return finish(result, self.name)
+        padded, kept = tiles.at_least(images, SMALLEST, scale=self.scale)
+        result = tiles.apply(self._run, padded, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH)
+        return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         (output,) = self._session.run([self.card.output.name], {self.card.input.name: images})

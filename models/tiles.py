@@ -82,6 +82,20 @@ def _spans(length: int, largest: int, radius: int) -> Iterator[tuple[slice, slic
         done = stop
 
 
+def at_least(images: NDArray[np.float32], side: int, *, scale: int) -> tuple[NDArray[np.float32], Span]:
+    """`(N, C, H, W)` with its edge pixels repeated around it until no side is shorter than `side`; the pictures
+    themselves where none is. And where the picture's own part lies in a result `scale` times as large.
+    """
+    height, width = images.shape[2:]
+    rows, cols = (max(0, side - length) for length in (height, width))
+    around = ((0, 0), (0, 0), (rows // 2, rows - rows // 2), (cols // 2, cols - cols // 2))
+    kept = (
+        slice(rows // 2 * scale, (rows // 2 + height) * scale),
+        slice(cols // 2 * scale, (cols // 2 + width) * scale),
+    )
+    return (np.pad(images, around, mode="edge") if rows or cols else images), kept
+
+
 def apply(
     run: Callable[[NDArray[np.float32]], NDArray[np.float32]],
     images: NDArray[np.float32],

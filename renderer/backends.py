@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from renderer.errors import BackendUnavailable, InvalidOption
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from renderer.scene import Scene
     from renderer.views import View
 
-BackendName = Literal["auto", "raster", "raytrace"]
+FEW_RAYS = 1 << 14
+"""Rays of a view that are cast whatever the scene: they take some 4 ms, and OpenGL takes most of a second to start."""
 
 
 class Backend(Protocol):
@@ -82,19 +83,21 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
     """The backend that `name` asks for, and why it was taken, in one line for the report.
 
     `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples: rasterising costs by the
-    triangle, ray casting by the ray, about the same for each (`python -m benchmarks.backends`). Where OpenGL doesn't
-    work it takes `raytrace`. Raises `BackendUnavailable` where `raster` is asked for and OpenGL doesn't work,
-    `InvalidOption` for any other name.
+    triangle and casting by the ray, about the same for each (`python -m benchmarks.backends`); up to `FEW_RAYS` rays
+    are cast in any case. The choice doesn't depend on how many views there are, so that a view alone equals the same
+    view out of an elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
+
+    Raises `BackendUnavailable` where `raster` is asked for and OpenGL doesn't work, `InvalidOption` for any other name.
     """
     if name in ("raster", "raytrace"):
         return _opened(name), f"{name}: asked for"
     if name != "auto":
         raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
-    if rays < triangles:
+    if rays <= max(triangles, FEW_RAYS):
         return _opened(
             "raytrace"
-        ), f"raytrace: a view takes {rays:,} rays, fewer than the scene's {triangles:,} triangles"
+        ), f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"
     try:
-        return _opened("raster"), f"raster: the scene has {triangles:,} triangles, no more than a view's {rays:,} rays"
+        return _opened("raster"), f"raster: {rays:,} rays a view cost more to cast than {triangles:,} triangles to draw"
     except BackendUnavailable as error:
         return _opened("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"

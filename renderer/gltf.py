@@ -1,8 +1,8 @@
 """glTF 2.0 files: the container, the JSON in it, the buffers, and which extensions can be decoded here.
 
-Read by this project's own code and not through trimesh 5.2: that reads on past required extensions that it doesn't
-know, gives zeros for accessors without data, drops samplers, texture transforms and the vertex colours of textured
-meshes, and swallows what goes wrong (format: Khronos glTF 2.0, sections 3 and 4).
+Read by this project's own code and not by trimesh 5.2, which never reads a sampler's wraps or a texture's transform,
+sets the vertex colours of textured meshes aside, reads on past required extensions that it doesn't know, and makes
+zeros of accessors without data, each without a word (format: Khronos glTF 2.0, sections 3 and 4).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Wavefront OBJ and its MTL to surfaces, one for each material.
 
-Read by this project's own code and not through trimesh 5.2: that counts negative indices from the end of the file and
-not back from where they stand, opens pictures of any kind itself, and says nothing of a missing material or texture.
+Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file and not
+back from where they stand, so that real files come out as other shapes without a word; says nothing of a missing MTL,
+material or texture; and opens textures of any kind and size that Pillow knows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""OFF to a surface: polygons, with vertex colours where it is COFF (Geomview's Object File Format)."""
+"""OFF to a surface: polygons, with vertex colours where it is COFF (Geomview's Object File Format).
+
+Read by this project's own code and not by trimesh 5.2, which drops the colours of COFF without a word, so that a
+coloured model comes out grey.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """PLY, ASCII and binary, to a surface (Turk, "The PLY Polygon File Format", 1994).
 
-Read by this project's own code and not through trimesh 5.2, which refuses binary faces of mixed lengths.
+Read by this project's own code and not by trimesh 5.2, which refuses binary faces of mixed lengths or reads them as
+garbage where the total fits, passes over short rows, and casts 16-bit colours modulo 256, each without a word. A reader
+on top of it that vets all this was written and measured: nearly as long, slower, and still without mixed faces.
 """
 
 from __future__ import annotations

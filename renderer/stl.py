@@ -1,4 +1,8 @@
-"""STL, ASCII and binary, to a surface: triangles without colour, whose normals are computed."""
+"""STL, ASCII and binary, to a surface: triangles without colour, whose normals are computed.
+
+Read by this project's own code and not by trimesh 5.2, which finds its keywords in the names of solids and believes
+any count; vetting that for it takes more lines than the format does.
+"""
 
 from __future__ import annotations
 

@@ -28,6 +28,14 @@ def test_any_size(lite, shape):
     assert ((got >= 0) & (got <= 1)).all()
 
 
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (3, 3), (4, 60), (7, 5)])
+def test_the_smallest_pictures_are_as_flat_as_larger_ones(lite, size):
+    for grey in (0.25, 0.5, 1.0):
+        large = lite(np.full((1, 3, 24, 24), grey, np.float32))
+        small = lite(np.full((1, 3, *size), grey, np.float32))
+        assert np.abs(small - grey).max() <= np.abs(large - grey).max() + 1 / 255
+
+
 def test_a_batch_equals_its_pictures_one_by_one(lite):
     images = noise(9, 3, 31, 40)
     np.testing.assert_allclose(lite(images), np.concatenate([lite(image[None]) for image in images]), atol=1e-5)

@@ -204,7 +204,7 @@ def test_background_is_where_nothing_is(name):
 
 def test_auto_names_its_reason(monkeypatch):
     monkeypatch.setitem(backends._open, "raster", BackendUnavailable("raster: no display"))
-    made, reason = open_backend("auto")
+    made, reason = open_backend("auto", triangles=1, rays=1 << 20)
     assert made.name == "raytrace"
     assert "no display" in reason
     with pytest.raises(BackendUnavailable, match="no display"):
@@ -213,9 +213,16 @@ def test_auto_names_its_reason(monkeypatch):
 
 def test_auto_counts_rays_and_triangles():
     backend("raster")
-    made, reason = open_backend("auto", triangles=2501, rays=2500)
-    assert (made.name, "2,501 triangles" in reason) == ("raytrace", True)
-    assert open_backend("auto", triangles=2500, rays=2500)[0].name == "raster"
+    few = backends.FEW_RAYS
+    for triangles, rays, expected in (
+        (10, few, "raytrace"),
+        (10, few + 1, "raster"),
+        (10 * few, 10 * few, "raytrace"),
+        (10 * few, 10 * few + 1, "raster"),
+    ):
+        made, reason = open_backend("auto", triangles=triangles, rays=rays)
+        assert made.name == expected
+        assert f"{rays:,} rays" in reason
 
 
 def test_unknown_backend():
