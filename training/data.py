@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from PIL import Image
 from torch import Tensor
+from tqdm import tqdm
 
 from training import degrade
 
@@ -31,6 +32,29 @@ def read_picture(path: Path) -> Tensor:
         return torch.from_numpy(np.array(image.convert("RGB")))
 
 
+Pair = tuple[Tensor, Tensor]
+"""LR `(3, h, w)` and HR `(3, H, W)`, 8 bit."""
+SHARES = (0.5, 0.35, 0.15)
+"""Of crops of photographs, of a pinhole array's views and of a lenslet array's, where scenes are rendered."""
+
+
+def _rendered(
+    photographs: list[Pair], scenes: int, *, scale: int, crop: int, seed: int
+) -> tuple[list[Pair], list[Pair]]:
+    """Pairs of a pinhole array's views, and of a lenslet array's, with the photographs as textures."""
+    from training import rendered
+
+    if scale != 2 or crop > 2 * rendered.SIDE:
+        raise ValueError(f"scenes are rendered for scale 2 and crops up to {2 * rendered.SIDE}, not {scale} and {crop}")
+    textures = [high.permute(1, 2, 0).numpy() for _, high in photographs]
+    pinhole: list[Pair] = []
+    lenslet: list[Pair] = []
+    for index in tqdm(range(scenes), disable=None, desc="rendering", unit="scene"):
+        for into, (low, high) in zip((pinhole, lenslet), rendered.pairs(textures, seed=seed, index=index), strict=True):
+            into.append((torch.from_numpy(low).permute(2, 0, 1), torch.from_numpy(high).permute(2, 0, 1)))
+    return pinhole, lenslet
+
+
 class Crops:
     """Random aligned LR/HR crops with flips and rotations, kept in memory as 8 bits.
 
@@ -38,20 +62,26 @@ class Crops:
     LR pictures are made once from whole pictures, as the published protocol does, and cropped on the sample grid.
     """
 
-    def __init__(self, folder: Path, *, crop: int, scale: int, batch: int, seed: int) -> None:
-        """`crop`: HR side in pixels, a multiple of `scale`."""
+    def __init__(self, folder: Path, *, crop: int, scale: int, batch: int, seed: int, scenes: int = 0) -> None:
+        """`crop`: HR side in pixels, a multiple of `scale`. `scenes`: rendered ones beside the pictures; scale 2 only.
+
+        With scenes, half of the crops are of photographs and half of views: see `SHARES`.
+        """
         if crop % scale:
             raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
-        self.pairs: list[tuple[Tensor, Tensor]] = []  # (3, h, w), (3, H, W) uint8
+        photographs: list[Pair] = []
         for path in picture_files(folder):
             high = degrade.crop_to_multiple(degrade.to_tensor(read_picture(path)), scale)
             if min(high.shape[-2:]) < crop:
                 continue
             low = degrade.bicubic(high, scale)
-            self.pairs.append(tuple(t[0].mul(255.0).round().to(torch.uint8) for t in (low, high)))  # type: ignore[arg-type]
-        if not self.pairs:
+            photographs.append(tuple(t[0].mul(255.0).round().to(torch.uint8) for t in (low, high)))  # type: ignore[arg-type]
+        if not photographs:
             raise ValueError(f"{folder}: every picture is smaller than the crop of {crop}x{crop} pixels")
+        self.groups = [photographs]
+        if scenes:
+            self.groups += _rendered(photographs, scenes, scale=scale, crop=crop, seed=seed)
 
     def at(self, step: int) -> tuple[Tensor, Tensor]:
         """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
@@ -60,7 +90,8 @@ class Crops:
         lows: list[Tensor] = []
         highs: list[Tensor] = []
         for _ in range(self.batch):
-            low, high = self.pairs[random.integers(len(self.pairs))]
+            group = self.groups[random.choice(3, p=SHARES) if len(self.groups) > 1 else 0]
+            low, high = group[random.integers(len(group))]
             y = int(random.integers(low.shape[1] - side + 1))
             x = int(random.integers(low.shape[2] - side + 1))
             turns, mirror = int(random.integers(4)), bool(random.integers(2))

@@ -98,8 +98,17 @@ def train(recipe: Recipe, out: Path) -> Path:
         optimiser.load_state_dict(state["optimiser"])
         start, source, seconds = state["step"], state["commit"], state["seconds"]
     else:
+        if recipe.initial:
+            network.load_state_dict(torch.load(recipe.initial, weights_only=True)["network"])
         log.write_text("step,loss,learning_rate,psnr,seconds\n")
-    crops = Crops(Path(recipe.train), crop=recipe.crop, scale=recipe.scale, batch=recipe.batch, seed=recipe.seed)
+    crops = Crops(
+        Path(recipe.train),
+        crop=recipe.crop,
+        scale=recipe.scale,
+        batch=recipe.batch,
+        seed=recipe.seed,
+        scenes=recipe.scenes,
+    )
 
     begun, total = time.monotonic() - seconds, 0.0
     for step in tqdm(range(start, recipe.steps), initial=start, total=recipe.steps, disable=None, unit="step"):

@@ -24,6 +24,10 @@ class Recipe:
     """Folder of `*_HR.png` and `*_LR.png` pairs."""
     steps: int
     """Optimiser steps."""
+    scenes: int = 0
+    """Random scenes that are rendered as training pairs beside the photographs (see `training.rendered`)."""
+    initial: str = ""
+    """Checkpoint whose weights the run starts from; empty: from random ones."""
     options: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the network's constructor."""
     scale: int = 2

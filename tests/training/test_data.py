@@ -40,7 +40,7 @@ def test_low_and_high_stay_aligned_under_every_flip_and_turn(crops):
 
 
 def test_pictures_smaller_than_the_crop_are_left_out(recipe):
-    assert len(Crops(Path(recipe.train), crop=24, scale=2, batch=1, seed=0).pairs) == 2
+    assert len(Crops(Path(recipe.train), crop=24, scale=2, batch=1, seed=0).groups[0]) == 2
     with pytest.raises(ValueError, match="smaller than the crop of 60x60"):
         Crops(Path(recipe.train), crop=60, scale=2, batch=1, seed=0)
 
