@@ -55,13 +55,15 @@ class Backend(Protocol):
 
 
 _lock = threading.Lock()
-_open: dict[str, Backend | BackendUnavailable] = {}
+_open: dict[str, Backend] = {}
+_refused: dict[str, str] = {}
+"""Why a backend can't run: the words, since an exception that is kept would keep its callers' frames alive."""
 
 
 def _opened(name: str) -> Backend:
-    """The one backend of this name in this process. A failure is kept too: OpenGL does not appear while we run."""
+    """The one backend of this name in this process. A refusal stands: OpenGL does not appear while we run."""
     with _lock:
-        if name not in _open:
+        if name not in _open and name not in _refused:
             try:
                 if name == "raster":
                     from renderer.raster import RasterBackend
@@ -72,11 +74,10 @@ def _opened(name: str) -> Backend:
 
                     _open[name] = RaytraceBackend()
             except BackendUnavailable as error:
-                _open[name] = error
-        found = _open[name]
-    if isinstance(found, BackendUnavailable):
-        raise found
-    return found
+                _refused[name] = str(error)
+        if name in _refused:
+            raise BackendUnavailable(_refused[name])
+        return _open[name]
 
 
 def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:

@@ -37,7 +37,9 @@ def frame(scene: Scene, array: LensArray) -> NDArray[np.float64]:
         distance = high[2] - used[:, 2] + gap
         swept_x = max(swept_x, float((np.abs(used[:, 0] - middle[0]) + reach_x * distance).max()))
         swept_y = max(swept_y, float((np.abs(used[:, 1] - middle[1]) + reach_y * distance).max()))
-    scale = FILL / 2 * min(array.width / swept_x, array.height / swept_y)
+    # A flat object that is seen edge-on sweeps nothing along one side, which then sets no limit.
+    limits = [side / swept for side, swept in ((array.width, swept_x), (array.height, swept_y)) if swept > 0]
+    scale = FILL / 2 * min(limits, default=min(array.width, array.height) / (2 * gap))
     matrix = np.diag([scale, scale, scale, 1.0])
     matrix[:3, 3] = -scale * np.array([middle[0], middle[1], high[2] + gap])
     return matrix

@@ -11,6 +11,9 @@ import os
 import sys
 import types
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +21,7 @@ import numpy as np
 
 from renderer.errors import BackendUnavailable, InvalidOption
 from renderer.projections import oblique, perspective
-from renderer.sampling import average_cells, check_samples
+from renderer.sampling import average_cells, check_samples, rounded_mean
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 # pyrender's package imports its window, and with it X libraries that a server has not; nothing here opens a window.
@@ -47,8 +50,8 @@ if TYPE_CHECKING:
 
 MAX_SIDE = 8192
 """Longest side of a framebuffer, pixels."""
-VIEWS_AT_ONCE = 64
-"""Views drawn before another caller gets its turn."""
+PICTURES_AT_ONCE, SAMPLES_AT_ONCE = 64, 1 << 22
+"""Most pictures, and samples in them, that are drawn and held before another caller gets its turn."""
 WRAP = {"repeat": GL.GL_REPEAT, "mirror": GL.GL_MIRRORED_REPEAT, "clamp": GL.GL_CLAMP_TO_EDGE}
 
 
@@ -144,6 +147,18 @@ def to_primitive(part: Part) -> pyrender.Primitive:
     )
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """One picture to draw."""
+
+    projection: Callable[[float, float], NDArray[np.float64]]
+    """From the distances of the near and the far plane to the 4x4 matrix."""
+    height: int
+    width: int
+    place: tuple[float, float] = (0.0, 0.0)
+    """x and y of the camera in the array's plane."""
+
+
 class Context:
     """The EGL context and what is loaded into it. Every method must run on the thread that made it."""
 
@@ -162,30 +177,27 @@ class Context:
         self._scene: Scene | None = None
 
     def load(self, scene: Scene) -> None:
-        """Makes `scene` the one that `draw` shows. pyrender frees what the last one held."""
+        """Makes `scene` the one that `draw` shows; the last one, which pyrender frees, stays where that fails."""
         if scene is self._scene:
             return
-        self._gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
-        self._gl_scene.add(pyrender.Mesh([to_primitive(part) for part in scene.parts]))
-        self._camera = MatrixCamera(np.eye(4))
-        self._camera_node = self._gl_scene.add(self._camera)
-        self._scene = scene
+        gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        gl_scene.add(pyrender.Mesh([to_primitive(part) for part in scene.parts]))
+        camera = MatrixCamera(np.eye(4))
+        camera_node = gl_scene.add(camera)
         distance = -scene.bounds()[:, 2]
-        span = float(distance[0] - distance[1])
-        margin = 0.01 * span + 1e-6 * abs(float(distance[0]))
+        margin = 0.01 * float(distance[0] - distance[1]) + 1e-6 * abs(float(distance[0]))
+        self._gl_scene, self._camera, self._camera_node, self._scene = gl_scene, camera, camera_node, scene
         # A perspective camera can't see what is nearer than its near plane, which must lie in front of it.
         self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
         self.far = float(distance[0]) + margin
 
-    def draw(
-        self, matrix: NDArray[np.float64], width: int, height: int, x: float = 0.0, y: float = 0.0
-    ) -> NDArray[np.uint8]:
-        """`(height, width, 4)` RGBA of the scene seen from (x, y, 0) through `matrix`; alpha 0 where nothing is."""
-        self._camera.matrix = matrix
+    def draw(self, drawing: Drawing) -> NDArray[np.uint8]:
+        """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
+        self._camera.matrix = drawing.projection(self.near, self.far)
         pose = np.eye(4)
-        pose[:2, 3] = x, y
+        pose[:2, 3] = drawing.place
         self._gl_scene.set_pose(self._camera_node, pose)
-        self._sampler.viewport_width, self._sampler.viewport_height = width, height
+        self._sampler.viewport_width, self._sampler.viewport_height = drawing.width, drawing.height
         flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA
         pixels: NDArray[np.uint8] = self._sampler.render(self._gl_scene, flags)
         return pixels
@@ -201,12 +213,27 @@ class RasterBackend:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
         self._context = self._thread.submit(Context).result()
 
-    def _draw(self, scene: Scene, work: Callable[[Context], list[NDArray[np.uint8]]]) -> list[NDArray[np.uint8]]:
-        def task() -> list[NDArray[np.uint8]]:
-            self._context.load(scene)
-            return work(self._context)
+    def _pictures(
+        self, scene: Scene, drawings: Sequence[Drawing], background: tuple[int, int, int]
+    ) -> Iterator[NDArray[np.uint8]]:
+        """Each of `drawings`, which are of one size, `(height, width, 4)`. Callers take turns after some."""
+        if not drawings:
+            return
+        height, width = drawings[0].height, drawings[0].width
+        if max(height, width) > self._context.largest:
+            raise InvalidOption(
+                f"raster: a picture of {height}x{width} samples is larger than the {self._context.largest} that OpenGL "
+                "draws here; take fewer lenses, sampling pinhole or backend raytrace"
+            )
+        together = max(1, min(PICTURES_AT_ONCE, SAMPLES_AT_ONCE // (height * width)))
 
-        return self._thread.submit(task).result()
+        def task(some: Sequence[Drawing]) -> list[NDArray[np.uint8]]:
+            self._context.load(scene)
+            return [self._context.draw(drawing) for drawing in some]
+
+        for start in range(0, len(drawings), together):
+            for picture in self._thread.submit(task, drawings[start : start + together]).result():
+                yield over(picture, background)
 
     def views(
         self,
@@ -220,17 +247,9 @@ class RasterBackend:
         """See `renderer.backends.Backend.views`."""
         check_samples(samples)
         fine = array.refined(samples)
-        self._check_size(fine.rows, fine.cols)
-        for start in range(0, len(views), VIEWS_AT_ONCE):
-            some = views[start : start + VIEWS_AT_ONCE]
-
-            def draw(context: Context, some: Sequence[View] = some) -> list[NDArray[np.uint8]]:
-                return [
-                    context.draw(oblique(array, view, context.near, context.far), fine.cols, fine.rows) for view in some
-                ]
-
-            for picture in self._draw(scene, draw):
-                yield average_cells(over(picture, background), samples)
+        drawings = [Drawing(partial(oblique, array, view), fine.rows, fine.cols) for view in views]
+        for picture in self._pictures(scene, drawings, background):
+            yield average_cells(picture, samples)
 
     def elemental(
         self,
@@ -256,33 +275,21 @@ class RasterBackend:
     ) -> NDArray[np.uint8]:
         """The EIA by one perspective render for each lens, or for each of the samples that stand for a lens."""
         check_samples(samples)
-        pixels_v, pixels_u = array.pixels_v, array.pixels_u
-        self._check_size(pixels_v, pixels_u)
-        fine = array.refined(samples)
-        eia = np.empty((array.rows * pixels_v, array.cols * pixels_u, 4), np.uint8)
-        for row in range(array.rows):
-            places = [(x, y) for y in fine.lens_y()[row * samples : (row + 1) * samples] for x in fine.lens_x()]
-
-            def draw(context: Context, places: list[tuple[float, float]] = places) -> list[NDArray[np.uint8]]:
-                matrix = perspective(array, context.near, context.far)
-                return [context.draw(matrix, pixels_u, pixels_v, x, y) for x, y in places]
-
-            images = np.stack([over(picture, background) for picture in self._draw(scene, draw)])
-            # (sample rows, cols, sample cols, v, u, c) -> one picture of point samples for each pixel -> their mean
-            lenses = images.reshape(samples, array.cols, samples, pixels_v, pixels_u, 4).transpose(1, 3, 0, 4, 2, 5)
-            for col in range(array.cols):
-                block = lenses[col].reshape(pixels_v * samples, pixels_u * samples, 4)
-                eia[row * pixels_v : (row + 1) * pixels_v, col * pixels_u : (col + 1) * pixels_u] = average_cells(
-                    block, samples
-                )
+        height, width = array.pixels_v, array.pixels_u
+        fine, projection = array.refined(samples), partial(perspective, array)
+        lenses = [(row, col) for row in range(array.rows) for col in range(array.cols)]
+        drawings = [
+            Drawing(projection, height, width, (x, y))
+            for row, col in lenses
+            for y in fine.lens_y()[row * samples : (row + 1) * samples]
+            for x in fine.lens_x()[col * samples : (col + 1) * samples]
+        ]
+        pictures = self._pictures(scene, drawings, background)
+        eia = np.empty((array.rows * height, array.cols * width, 4), np.uint8)
+        for row, col in lenses:
+            image = rounded_mean(np.stack(list(islice(pictures, samples**2))), axes=(0,))
+            eia[row * height : (row + 1) * height, col * width : (col + 1) * width] = image
         return eia
-
-    def _check_size(self, height: int, width: int) -> None:
-        if max(height, width) > self._context.largest:
-            raise InvalidOption(
-                f"raster: a picture of {height}x{width} samples is larger than the {self._context.largest} that OpenGL "
-                "draws here; take fewer lenses, --sampling pinhole or --backend raytrace"
-            )
 
 
 def over(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:

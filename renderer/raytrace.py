@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,16 +101,6 @@ class RaytraceBackend:
 
     name = "raytrace"
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._last: tuple[Scene, PreparedScene] | None = None
-
-    def _prepared(self, scene: Scene) -> PreparedScene:
-        with self._lock:
-            if self._last is None or self._last[0] is not scene:
-                self._last = (scene, PreparedScene(scene))
-            return self._last[1]
-
     def views(
         self,
         scene: Scene,
@@ -123,7 +112,7 @@ class RaytraceBackend:
     ) -> Iterator[NDArray[np.uint8]]:
         """See `renderer.backends.Backend.views`."""
         check_samples(samples)
-        prepared = self._prepared(scene)
+        prepared = PreparedScene(scene)
         fine = array.refined(samples)
         x, y = fine.lens_x(), fine.lens_y()
         for v, u in views:

@@ -33,7 +33,12 @@ def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]
         return picture
     height, width, channels = picture.shape
     cells = picture.reshape(height // samples, samples, width // samples, samples, channels)
-    total = cells.sum(axis=(1, 3), dtype=np.uint32)
-    half = samples * samples // 2
-    mean: NDArray[np.uint8] = ((total + half) // (samples * samples)).astype(np.uint8)
+    return rounded_mean(cells, axes=(1, 3))
+
+
+def rounded_mean(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
+    """The mean over `axes`, rounded to the nearest, halves up."""
+    count = int(np.prod([pictures.shape[axis] for axis in axes]))
+    total = pictures.sum(axis=axes, dtype=np.uint32)
+    mean: NDArray[np.uint8] = ((total + count // 2) // count).astype(np.uint8)
     return mean

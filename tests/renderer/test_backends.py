@@ -14,6 +14,7 @@ from renderer.errors import BackendUnavailable, InvalidOption
 from renderer.framing import frame
 from renderer.inputs import read
 from renderer.lens_array import LensArray
+from renderer.scene import Part, Scene, Texture
 from renderer.scenes import SCENES, scene
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
@@ -110,6 +111,76 @@ def test_the_comparison_notices(name, broken, monkeypatch):
     assert disagreement(np.stack(list(raster.views(placed, ARRAY, CORNERS_AND_MIDDLE))), exact, textured=True)
 
 
+def cut_outs(wrap):
+    """Two sheets, the near one full of holes where its texture and its vertices together are too clear."""
+    y, x = np.mgrid[:48, :64]
+    alpha = 127.5 + 127.5 * np.sin(x / 5.0) * np.cos(y / 6.0)
+    pixels = np.stack([x * 4, y * 5, 255 - x * 3, alpha], axis=-1).astype(np.uint8)
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    uv = (corners[:, :2] * 1.7 + 0.3).astype(np.float32)
+    texture = Texture(pixels, *wrap)
+    thin, solid = np.ones((4, 4), np.float32), np.ones((4, 4), np.float32)
+    thin[:, 3] = [0.6, 0.8, 1.0, 0.7]
+    solid[:, 3] = 0.1  # says nothing where no cutoff does
+    return Scene(
+        (
+            Part(corners * 20 - [0, 0, 30], faces, thin, uv, texture, alpha_cutoff=0.3),
+            Part(corners * 24 - [0, 0, 40], faces, solid, uv, texture),
+        )
+    )
+
+
+@pytest.mark.parametrize("wrap", [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat")])
+def test_cut_outs_and_wraps_agree(wrap):
+    raster, raytrace = backend("raster"), backend("raytrace")
+    array = LensArray(160, 160, 3, 3, pitch=0.3125)
+    made = [np.stack(list(b.views(cut_outs(wrap), array, [(0, 2), (1, 1)]))) for b in (raster, raytrace)]
+    assert disagreement(*made, textured=True) == []
+    # A hole that is there in one alone, or another copy of the texture, is worth tens of grey levels.
+    differ = np.abs(made[0].astype(int) - made[1]).max(-1) > 3
+    assert differ.mean() < 0.003
+
+
+def test_pictures_are_held_up_to_a_number_of_samples(monkeypatch):
+    raster = backend("raster")
+    from renderer import raster as module
+
+    (placed,) = inputs(["vase"])
+    array, wanted, turns = LensArray(20, 30, 3, 3), [(0, 0), (1, 1), (2, 2)], []
+    expected = list(raster.views(placed, array, wanted))
+    submit = raster._thread.submit
+    monkeypatch.setattr(raster._thread, "submit", lambda *given: turns.append(1) or submit(*given))
+    monkeypatch.setattr(module, "SAMPLES_AT_ONCE", 2 * 20 * 30)
+    np.testing.assert_array_equal(list(raster.views(placed, array, wanted)), expected)
+    assert len(turns) == 2
+
+
+def test_a_scene_that_fails_to_load_leaves_the_last_one(monkeypatch):
+    raster = backend("raster")
+    from renderer import raster as module
+
+    vase, globe = inputs(["vase", "globe"])
+    (expected,) = raster.views(vase, ARRAY, [(7, 7)])
+    with monkeypatch.context() as broken:
+        broken.setattr(module, "MatrixCamera", None)
+        with pytest.raises(TypeError):
+            list(raster.views(globe, ARRAY, [(7, 7)]))
+    (again,) = raster.views(vase, ARRAY, [(7, 7)])
+    np.testing.assert_array_equal(again, expected)
+
+
+def test_a_refusal_keeps_no_caller_alive(monkeypatch):
+    monkeypatch.delitem(backends._open, "raster", raising=False)
+    monkeypatch.setitem(backends._refused, "raster", "raster: no display")
+    raised = []
+    for _ in range(2):
+        with pytest.raises(BackendUnavailable) as caught:
+            open_backend("raster")
+        raised.append(caught.value)
+    assert raised[0] is not raised[1]
+
+
 @pytest.mark.parametrize("samples", [1, 2])
 def test_by_lens_is_by_view(samples):
     raster = backend("raster")
@@ -203,7 +274,8 @@ def test_background_is_where_nothing_is(name):
 
 
 def test_auto_names_its_reason(monkeypatch):
-    monkeypatch.setitem(backends._open, "raster", BackendUnavailable("raster: no display"))
+    monkeypatch.delitem(backends._open, "raster", raising=False)
+    monkeypatch.setitem(backends._refused, "raster", "raster: no display")
     made, reason = open_backend("auto", triangles=1, rays=1 << 20)
     assert made.name == "raytrace"
     assert "no display" in reason
@@ -233,5 +305,5 @@ def test_unknown_backend():
 def test_a_picture_larger_than_opengl_draws():
     raster = backend("raster")
     (placed,) = inputs(["vase"])
-    with pytest.raises(InvalidOption, match="--backend raytrace"):
+    with pytest.raises(InvalidOption, match="backend raytrace"):
         next(iter(raster.views(placed, LensArray(4096, 10, 3, 3), [(0, 0)], samples=16)))

@@ -45,6 +45,16 @@ def test_orientation_and_proportions_stay():
     assert not off_diagonal.any()
 
 
+@pytest.mark.parametrize("flat", [(0, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 0)])
+def test_flat_objects_stand_in_front_of_the_array(flat):
+    array = LensArray(10, 10, 1, 1)
+    bounds = cloud(4, (1, 2, 3)).transformed(np.diag([*flat, 1.0]))
+    placed = bounds.transformed(frame(bounds, array)).bounds()
+    assert np.isfinite(placed).all()
+    assert (placed[:, 2] < 0).all()
+    assert np.abs(placed[:, :2]).max() <= 5.0
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_bounding_box_is_centred(axis):
     scene, array = cloud(3, (1, 2, 3)), LensArray(50, 50, 15, 15)
