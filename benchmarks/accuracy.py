@@ -3,7 +3,7 @@
     python -m benchmarks.accuracy [--lenses 100] [--mesh FILE ...]
 
 The truth is the view rendered at the larger size, area-averaged over its own pixels (`--strategy direct`), whatever
-sampled the input. Y-PSNR in dB (BT.601), whole pictures, mean over five views. No shipped network saw these in training.
+sampled the input. Y-PSNR in dB (BT.601), whole pictures, mean over five views. No shipped network saw these scenes.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import stat
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -12,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import Kind, claimed, identify
-from renderer.names import inside, shown
+from renderer.names import inside, is_hidden, shown
 
 _ZIP_FAULTS = (
     zipfile.BadZipFile,
@@ -24,8 +25,9 @@ _ZIP_FAULTS = (
     OverflowError,
     RuntimeError,
     ValueError,
+    struct.error,
 )
-"""What `zipfile` raises on hostile bytes (UnicodeDecodeError and struct.error's cousins are ValueErrors here)."""
+"""What `zipfile` raises on hostile bytes (UnicodeDecodeError is a ValueError)."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Bundle:
         """
         own = PurePosixPath(name.replace("\\", "/")).name
         if len(data) > limits.bytes:
-            raise TooLarge(f"{shown(own)}: {len(data):,} bytes; at most {limits.bytes:,} are read")
+            raise TooLarge(_too_large(own, len(data), limits))
         kind = identify(own, data)
         if kind is Kind.ZIP:
             return cls(own, None, unpack(own, data, limits))
@@ -106,11 +108,13 @@ class Folder(Mapping[str, bytes]):
         keys = set(self._known)
         for path in self._path.rglob("*"):
             key = path.relative_to(self._path).as_posix()
-            if _is_hidden(key) or not self._is_ours(path):
+            if is_hidden(key) or not self._is_ours(path):
                 continue
             keys.add(key)
             if len(keys) > self._limits.files:
-                raise TooLarge(f"{shown(self._path.name)}: more than {self._limits.files:,} files; give fewer")
+                raise TooLarge(
+                    f"{shown(self._path.name)}: more than {self._limits.files:,} files; give a folder that holds fewer"
+                )
         yield from sorted(keys)
 
     def __len__(self) -> int:
@@ -134,7 +138,7 @@ def read_file(path: Path, limits: Limits) -> bytes:
     try:
         size = path.stat().st_size
         if size > limits.bytes:
-            raise TooLarge(f"{shown(path.name)}: {size:,} bytes; at most {limits.bytes:,} are read")
+            raise TooLarge(_too_large(path.name, size, limits))
         if not path.is_file():
             raise Unreadable(f"{shown(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
@@ -143,6 +147,10 @@ def read_file(path: Path, limits: Limits) -> bytes:
             raise
         why = getattr(error, "strerror", None) or str(error)
         raise Unreadable(f"{shown(str(path))}: {why}; give a file that can be read") from error
+
+
+def _too_large(name: str, size: int, limits: Limits) -> str:
+    return f"{shown(name)}: {size:,} bytes; at most {limits.bytes:,} are read; decimate the mesh or scale pictures down"
 
 
 def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
@@ -169,11 +177,13 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
 def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
     members = [member for member in members if not member.is_dir()]
     if len(members) > limits.files:
-        raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read")
+        raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer")
     unpacked = sum(member.file_size for member in members)
     packed = sum(member.compress_size for member in members)
     if unpacked > limits.bytes:
-        raise TooLarge(f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read")
+        raise TooLarge(
+            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files"
+        )
     if unpacked > max(2**20, packed * limits.ratio):
         raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked")
     found: dict[str, zipfile.ZipInfo] = {}
@@ -190,13 +200,9 @@ def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[
             raise UnsupportedType(f"{name}: {what} is packed in a rare way; pack it with plain deflate")
         if key in found:
             raise Unreadable(f"{name}: holds {what} twice; pack it once")
-        if not _is_hidden(key):
+        if not is_hidden(key):
             found[key] = member
     return found
-
-
-def _is_hidden(key: str) -> bool:
-    return any(part.startswith(".") or part == "__MACOSX" for part in key.split("/"))
 
 
 def is_kind(name: str, kinds: frozenset[Kind]) -> bool:

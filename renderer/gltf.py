@@ -33,7 +33,12 @@ DECODED = frozenset(
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 
-@dataclass(frozen=True, eq=False)
+MAX_ELEMENTS = 60_000_000
+"""Most elements in all accessors that are read: positions, normals, colours, texture coordinates and indices of the
+largest mesh. One that stands for zeros costs a file nothing."""
+
+
+@dataclass(eq=False)
 class Document:
     """A glTF file's JSON and what it points at."""
 
@@ -45,6 +50,7 @@ class Document:
     resolver: Resolver
     buffers: dict[int, bytes] = field(default_factory=dict)
     """Buffers that were read already."""
+    elements_left: int = MAX_ELEMENTS
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object; `Unreadable` where the file has no such thing."""
@@ -70,9 +76,12 @@ class Document:
             if data is None:
                 raise Unreadable(f"{self.name}: buffer {index} has no data; export it again")
         else:
-            data = self.uri(uri, "buffer")
+            data = _embedded(uri, self.name)
             if data is None:
-                raise Unreadable(f"{self.name}: {self.resolver.notes[-1]}, or export it as one .glb file")
+                data = self.resolver.get(unquote(uri))
+            if data is None:
+                why, remedy = self.resolver.why_not(unquote(uri))
+                raise Unreadable(f"{self.name}: buffer {shown(unquote(uri))} {why}; {remedy}, or export one .glb file")
         if len(data) < int(entry["byteLength"]):
             raise Unreadable(f"{self.name}: buffer {index} is cut short; export it again")
         return data
@@ -86,14 +95,12 @@ class Document:
             raise Unreadable(f"{self.name}: buffer view {index} ends beyond its buffer; export it again")
         return memoryview(data)[start : start + length]
 
-    def uri(self, uri: str, what: str) -> bytes | None:
-        """What a URI stands for: data in itself, or a file of the bundle; None with a note where it is not there."""
-        if uri.startswith("data:"):
-            header, _, payload = uri.partition(",")
-            if not header.endswith(";base64"):
-                raise Unreadable(f"{self.name}: a data URI is not base64; export it again")
-            return base64.b64decode(payload)
-        return self.resolver.find(unquote(uri), what)
+    def image(self, entry: dict[str, Any]) -> bytes | None:
+        """The bytes of an entry of `images`; None with a note where its file is not there."""
+        if "bufferView" in entry:
+            return bytes(self.view(entry["bufferView"]))
+        data = _embedded(entry["uri"], self.name)
+        return self.resolver.find(unquote(entry["uri"]), "texture") if data is None else data
 
 
 def parse(data: bytes, *, name: str, resolver: Resolver) -> Document:
@@ -115,6 +122,16 @@ def parse(data: bytes, *, name: str, resolver: Resolver) -> Document:
     for extension in document.get("extensionsRequired", []):
         _check_extension(str(extension), name, resolver)
     return Document(name, document, binary, resolver)
+
+
+def _embedded(uri: str, name: str) -> bytes | None:
+    """The data that a URI holds in itself; None where it names a file."""
+    if not uri.startswith("data:"):
+        return None
+    header, _, payload = uri.partition(",")
+    if not header.endswith(";base64"):
+        raise Unreadable(f"{name}: a data URI is not base64; export it again")
+    return base64.b64decode(payload)
 
 
 def _check_extension(extension: str, name: str, resolver: Resolver) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
+from renderer.gltf import MAX_ELEMENTS
 from renderer.names import shown
-from renderer.polygons import normalised
+from renderer.polygons import fans, normalised
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,18 +19,25 @@ if TYPE_CHECKING:
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-MAX_ELEMENTS = 12_000_000
-"""Most elements of an accessor: one that stands for zeros costs a file nothing."""
 
 
 def accessor(document: Document, index: object) -> NDArray[Any]:
-    """An accessor as `(count, width)`: its own integers, or float32 where it holds floats or is normalised."""
+    """An accessor as `(count, width)`: its own integers, or float32 where it holds floats or is normalised.
+
+    Raises `Unreadable` where it says more than the file holds, `TooLarge` over `gltf.MAX_ELEMENTS` in all.
+    """
     entry = document.item("accessors", index)
     dtype = np.dtype(_TYPES[entry["componentType"]]).newbyteorder("<")
     width, count = _WIDTHS[entry["type"]], int(entry["count"])
-    if not 0 <= count <= MAX_ELEMENTS:
-        many = shown(f"{count:,}")
-        raise TooLarge(f"{document.name}: accessor {index} has {many} elements; at most {MAX_ELEMENTS:,} are read")
+    many = shown(f"{count:,}")
+    if count < 0:
+        raise Unreadable(f"{document.name}: accessor {index} counts {many} elements; export it again")
+    if count > document.elements_left:
+        raise TooLarge(
+            f"{document.name}: accessor {index} has {many} elements; at most {MAX_ELEMENTS:,} are read "
+            "of all accessors together; decimate the mesh"
+        )
+    document.elements_left -= count
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])
         values = _strided(
@@ -55,7 +63,7 @@ def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     if len(flat) < 3:
         return np.empty((0, 3), np.int64)
     if mode == _FAN:
-        return np.stack([flat[1:-1], flat[2:], np.broadcast_to(flat[0], len(flat) - 2)], axis=1)
+        return flat[fans(np.array([len(flat)]))[0]]
     if mode != _STRIP:
         raise ValueError(f"primitive mode {mode}")
     strip = np.stack([flat[:-2], flat[1:-1], flat[2:]], axis=1)

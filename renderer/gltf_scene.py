@@ -11,7 +11,7 @@ from renderer import gltf_arrays
 from renderer.errors import TooLarge, Unreadable
 from renderer.polygons import normalised
 from renderer.shading import encode
-from renderer.surface import Surface
+from renderer.surface import Surface, check_size
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _BLEND_CUTOFF = 0.5
-MAX_NODES = 100_000
+MAX_NODES = 20_000
 
 
 def surfaces(document: Document, *, max_triangles: int) -> list[Surface]:
@@ -50,11 +50,7 @@ def surfaces(document: Document, *, max_triangles: int) -> list[Surface]:
             triangles += len(surface.faces)
             vertices += len(surface.vertices)
             # Here too: a file of a few bytes can name one mesh, or one buffer, again and again.
-            if triangles > max_triangles or vertices > 3 * max_triangles:
-                raise TooLarge(
-                    f"{document.name}: over {max_triangles:,} triangles or {3 * max_triangles:,} vertices, the most "
-                    "that is read; decimate the mesh"
-                )
+            check_size(document.name, triangles, vertices, max_triangles)
             found.append(_placed(surface, matrix))
     return found
 
@@ -134,21 +130,25 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
             entry = document.item("accessors", primitive["attributes"][name])
             if entry.get("normalized"):
                 arrays[name] = normalised(arrays[name])
-    for name in primitive["attributes"]:
-        if name not in arrays and name.startswith(("POSITION", "NORMAL", "COLOR_0", "TEXCOORD_")):
-            arrays[name] = gltf_arrays.accessor(document, primitive["attributes"][name])
+    material = _Material(document, primitive.get("material"))
+    attributes = primitive["attributes"]
+    wanted = [name for name in ("POSITION", "NORMAL", "COLOR_0", material.texcoord) if name in attributes]
+    if len({document.item("accessors", attributes[name])["count"] for name in wanted}) > 1:
+        raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
+    if "POSITION" not in arrays:
+        arrays["POSITION"] = _stored(document, attributes["POSITION"], "positions")
+    for name in wanted:
+        if name not in arrays:
+            arrays[name] = gltf_arrays.accessor(document, attributes[name])
     position = arrays["POSITION"].astype(np.float64).reshape(-1, 3)
     count = len(position)
     if compressed is None:
         indices = (
-            gltf_arrays.accessor(document, primitive["indices"])
-            if "indices" in primitive
-            else np.arange(count)[:, None]
+            _stored(document, primitive["indices"], "indices") if "indices" in primitive else np.arange(count)[:, None]
         )
         faces = gltf_arrays.triangles(indices, mode)
     if any(len(values) != count for values in arrays.values()):
         raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
-    material = _Material(document, primitive.get("material"))
     color_0 = arrays.get("COLOR_0")
     texture, uv = material.texture(arrays)
     return Surface(
@@ -162,6 +162,13 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
         alpha_cutoff=material.alpha_cutoff,
         lit="KHR_materials_unlit" not in material.extensions,
     )
+
+
+def _stored(document: Document, index: object, what: str) -> NDArray[Any]:
+    """An accessor that has data: without any it would stand for zeros, of which no surface can be made."""
+    if "bufferView" not in document.item("accessors", index):
+        raise Unreadable(f"{document.name}: accessor {index}, of {what}, has no data; export it again")
+    return gltf_arrays.accessor(document, index)
 
 
 def display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
@@ -188,6 +195,10 @@ class _Material:
         red, green, blue = (float(value) for value in encode(np.array([red, green, blue])))
         self.color = red, green, blue, min(max(alpha, 0.0), 1.0)
         self._texture = glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture")
+        self._transform: dict[str, Any] = (self._texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
+        channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))
+        self.texcoord = "" if self._texture is None else f"TEXCOORD_{channel}"
+        """The attribute that holds the texture's coordinates; empty without a texture."""
         self.alpha_cutoff = self._cutoff(entry)
 
     def _cutoff(self, entry: dict[str, Any]) -> float | None:
@@ -205,16 +216,14 @@ class _Material:
         """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
         if self._texture is None:
             return None, None
-        transform = self._texture.get("extensions", {}).get("KHR_texture_transform", {})
-        channel = transform.get("texCoord", self._texture.get("texCoord", 0))
-        if f"TEXCOORD_{channel}" not in arrays:
+        if self.texcoord not in arrays:
             self._document.resolver.note("a texture without texture coordinates is left out")
             return None, None
-        uv = normalised(arrays[f"TEXCOORD_{channel}"]).astype(np.float64).reshape(-1, 2)
+        uv = normalised(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
         texture = self._read()
         if texture is None:
             return None, None
-        uv = _transformed(uv, transform)
+        uv = _transformed(uv, self._transform)
         return texture, np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
     def _read(self) -> Texture | None:
@@ -225,18 +234,12 @@ class _Material:
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
         image = document.item("images", entry["source"])
-        name = image.get("uri", "")
-        if "bufferView" in image:
-            data: bytes | None = bytes(document.view(image["bufferView"]))
-        else:
-            data = document.uri(image["uri"], "texture")
-        if data is None:
-            return None
-        if "bufferView" in image or name.startswith("data:"):
-            name = f"image {entry['source']}"
+        uri = image.get("uri", "")
+        embedded = "bufferView" in image or uri.startswith("data:")
         return document.resolver.decoded(
-            data,
-            name,
+            lambda: document.image(image),
+            key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
+            name=f"image {entry['source']}" if embedded else uri,
             opaque=self.alpha_cutoff is None,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),

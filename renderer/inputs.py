@@ -31,19 +31,26 @@ def read(
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` where the input is at fault.
     """
-    if bundle.main is None:
-        return _read_set(bundle, pixels)
-    data = bundle.files[bundle.main]
-    kind = identify(bundle.name, data)
+    found = chosen(bundle)
+    if found is None:
+        return view_set.read(bundle.files, name=shown(bundle.name), grid=pixels)
+    kind, key = found
     if kind in MESHES:
-        return meshes.read(bundle, kind)
-    if kind not in PICTURES:
-        raise UnsupportedType(f"{shown(bundle.name)}: {kind.name} is neither a mesh nor a picture; give one of them")
-    return _eia(bundle.name, data, lenses, pixels, pickup)
+        return meshes.read(replace(bundle, main=key), kind)
+    return _eia(bundle.name, bundle.files[key], lenses, pixels, pickup)
 
 
-def _read_set(bundle: Bundle, pixels: tuple[int, int] | None) -> Scene | LightField:
+def chosen(bundle: Bundle) -> tuple[Kind, str] | None:
+    """What `read` reads of the bundle: the kind and the key of its mesh or its picture; None for a set of views.
+
+    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh.
+    """
     name = shown(bundle.name)
+    if bundle.main is not None:
+        kind = identify(bundle.name, bundle.files[bundle.main])
+        if kind not in MESHES | PICTURES:
+            raise UnsupportedType(f"{name}: {kind.name} is neither a mesh nor a picture; give one of them")
+        return kind, bundle.main
     names = sorted(bundle.files)
     views = [key for key in names if is_kind(key, PICTURES)]
     found = [key for key in names if is_kind(key, MESHES)]
@@ -55,10 +62,10 @@ def _read_set(bundle: Bundle, pixels: tuple[int, int] | None) -> Scene | LightFi
             f"{name}: holds {len(found)} meshes ({listed}{', ...' if found[3:] else ''}); give one of them"
         )
     if found:
-        return meshes.read(replace(bundle, main=found[0]), identify(found[0], bundle.files[found[0]]))
+        return identify(found[0], bundle.files[found[0]]), found[0]
     if not views:
         raise Unreadable(f"{name}: holds neither a mesh nor pictures; give a mesh, or the views of a light field")
-    return view_set.read(bundle.files, name=name, grid=pixels)
+    return None
 
 
 def _eia(
@@ -67,7 +74,7 @@ def _eia(
     if lenses is None and pixels is None:
         raise InvalidOption(
             f"{shown(name)}: a picture is read as an elemental image array; say how many lenses took it, "
-            "as in --lenses 50x50 (rows x columns), or --pixels 15x15 for each lens"
+            "as in lenses 50x50 (rows x columns), or how many pixels each has, as in pixels 15x15"
         )
     eia = pictures.decode(data, name=shown(name))
     height, width = eia.shape[:2]

@@ -12,7 +12,7 @@ from PIL import Image
 # The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
 from PIL.JpegImagePlugin import JpegImageFile
 
-from renderer.errors import InvalidOption, UnsupportedType
+from renderer.errors import InvalidOption, TooLarge, UnsupportedType
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MAX_SIDE = 65_500
 """Most pixels along one side: libjpeg's own limit."""
+MAX_SCANS = 100
+"""Most scans in a progressive JPEG: encoders write about ten."""
 START_OF_SCAN = 0xDA
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 ORIENTATION = 0x0112
@@ -51,9 +53,13 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     """Pixels as stored, and the orientation (Exif 2.32, 4.6.4), 1 to 8.
 
     `check_size(height, width)` is called before anything of that size is allocated. Raises `UnsupportedType` where the
-    colours are neither grey nor RGB: a printer's CMYK needs its profile to become RGB.
+    colours are neither grey nor RGB: a printer's CMYK needs its profile to become RGB; `TooLarge` over `MAX_SCANS`.
     """
     data, exif = _without_metadata(data)
+    # No other 0xFF in the coded pixels has this byte after it. Each scan of a progressive JPEG goes over all pixels.
+    scans = data.count(bytes([0xFF, START_OF_SCAN]))
+    if scans > MAX_SCANS:
+        raise TooLarge(f"{name}: a JPEG of {scans:,} scans; at most {MAX_SCANS} are read; save it without progression")
     with JpegImageFile(io.BytesIO(data)) as image:
         check_size(image.height, image.width)
         if image.mode not in ("L", "RGB"):

@@ -84,10 +84,15 @@ def identify(name: str, data: bytes) -> Kind:
     return content_is
 
 
+def by_magic(data: bytes) -> Kind | None:
+    """The kind that the first bytes of `data` are the mark of; None for kinds without a mark, and unknown ones."""
+    return next((kind for magic, kind in _MAGIC if data.startswith(magic)), None)
+
+
 def _content(data: bytes, name_says: Kind | None) -> Kind | None:
-    by_magic = next((kind for magic, kind in _MAGIC if data.startswith(magic)), None)
-    if by_magic is not None:
-        return by_magic
+    kind = by_magic(data)
+    if kind is not None:
+        return kind
     # Before "solid": many writers begin the free text of a binary STL with that word.
     if len(data) >= _STL_HEADER and len(data) == _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:84], "little"):
         return Kind.STL

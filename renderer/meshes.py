@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from renderer import gltf, gltf_scene, obj, off, ply, stl
-from renderer.errors import InputError, Unreadable, UnsupportedType
+from renderer.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import Kind
 from renderer.names import shown
 from renderer.surface import MAX_TRIANGLES, Surface, assemble
@@ -37,7 +37,8 @@ def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> S
 
     What was left out or replaced, a missing texture or triangles without area, is a line in the scene's notes.
 
-    Raises `Unreadable`, `UnsupportedType`, `TooLarge` or `InvalidGeometry`, and nothing else, whatever the bytes are.
+    Raises `Unreadable`, `UnsupportedType`, `TooLarge` (where memory runs out, too) or `InvalidGeometry`: whatever else
+    of `FAULTS` a file of another shape than its format's brings about becomes `Unreadable`.
     """
     if bundle.main is None:
         raise Unreadable(f"{shown(bundle.name)}: a set of files; say which of them is the mesh")
@@ -47,23 +48,25 @@ def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> S
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = _surfaces(data, kind, name, resolver, max_triangles)
+        return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=max_triangles)
+    except MemoryError as error:
+        raise TooLarge(f"{name}: reading it takes more memory than there is; decimate the mesh") from error
     except FAULTS as error:
         if isinstance(error, InputError):
             raise
         why = shown(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: not a {kind.name} that can be read ({why}); export it again") from error
-    return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=max_triangles)
 
 
 def _surfaces(data: bytes, kind: Kind, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
     if kind in {Kind.GLB, Kind.GLTF}:
         return gltf_scene.surfaces(gltf.parse(data, name=name, resolver=resolver), max_triangles=max_triangles)
     if kind is Kind.OBJ:
-        return obj.surfaces(data, name=name, resolver=resolver)
+        return obj.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
     if kind is Kind.PLY:
-        return ply.surfaces(data, name=name, resolver=resolver)
+        return ply.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
     if kind is Kind.STL:
         return stl.surfaces(data, name=name)
     if kind is Kind.OFF:
-        return off.surfaces(data, name=name)
+        return off.surfaces(data, name=name, max_triangles=max_triangles)
     raise UnsupportedType(f"{name}: {kind.name} is not a mesh")

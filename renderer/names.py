@@ -14,6 +14,11 @@ def shown(name: str) -> str:
     return clean if len(clean) <= 80 else f"{clean[:38]}...{clean[-39:]}"
 
 
+def is_hidden(key: str) -> bool:
+    """Whether `key` is a hidden file, lies in a hidden folder, or is what macOS adds to a zip."""
+    return any(part.startswith((".", "__MACOSX")) for part in key.split("/"))
+
+
 def inside(name: str, folder: str = "") -> str | None:
     """The normalised key for `name`, taken relative to `folder`, both with `/`; None where it would leave the bundle.
 

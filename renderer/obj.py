@@ -7,15 +7,17 @@ material or texture; and opens textures of any kind and size that Pillow knows.
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from renderer.errors import Unreadable
+from renderer.errors import TooLarge, Unreadable
 from renderer.names import shown
-from renderer.surface import PLAIN, Surface
+from renderer.polygons import fans, numbers
+from renderer.surface import PLAIN, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
 _CONTINUED = re.compile(rb"\\\r?\n")
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
+_LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
 _CUTOFF = 0.5
+MAX_LIBRARIES = 100
+"""Most MTL files that an OBJ may name."""
 Color = tuple[float, float, float, float]
 
 
@@ -44,108 +49,165 @@ class _Lines:
     words: dict[bytes, list[bytes]] = field(default_factory=dict)
     numbers: dict[bytes, list[int]] = field(default_factory=dict)
 
+    def count(self, word: bytes) -> int:
+        return len(self.words.get(word, []))
+
+    def before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
+        """How many lines of `word` stand before each of `lines`."""
+        return np.searchsorted(np.array(self.numbers.get(word, []), np.int64), lines)
+
     def array(self, word: bytes, least: int, most: int) -> NDArray[np.float64]:
         """The numbers after `word` as `(lines, least to most)`: as many columns as all of the lines have."""
         lines = self.words.get(word, [])
         if not lines:
             return np.empty((0, least))
-        rows = [line.split() for line in lines]
-        width = min(map(len, rows))
+        widths = [len(line.split(None, most)) for line in lines]
+        width = min(widths)
         if width < least:
-            number = self.numbers[word][[len(row) for row in rows].index(width)]
+            number = self.numbers[word][widths.index(width)]
             raise Unreadable(f"line {number + 1}: {shown(word.decode())} needs {least} numbers and has {width}")
         width = min(width, most)
-        return np.array([row[:width] for row in rows]).astype(np.float64)
+        return numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
 
 
-def surfaces(data: bytes, *, name: str, resolver: Resolver) -> list[Surface]:
-    """The polygons of an OBJ as triangles (fans), grouped by material; lines, points and curves are left out.
+def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
+    """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
-    Raises `Unreadable`, or one of `meshes.FAULTS`, where the text is not what OBJ says.
+    Raises `TooLarge` over `max_triangles`; `Unreadable` or one of `meshes.FAULTS` where the text isn't what OBJ says.
     """
-    lines = _sorted(data)
+    lines = _sorted(data, name, max_triangles)
     try:
         positions = lines.array(b"v", 3, 7)
         texture_coordinates = lines.array(b"vt", 1, 2)
         normals = lines.array(b"vn", 3, 3)
-        corners, face_lines = _triangles(lines, (len(positions), len(texture_coordinates), len(normals)))
+        corners, face_lines = _triangles(lines, name, max_triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
-    for word, what in ((b"l", "lines"), (b"p", "points"), (b"curv", "curves"), (b"surf", "free-form surfaces")):
+    for word, what in _LEFT_OUT.items():
         if word in lines.words:
             resolver.note(f"{what} are left out: only polygons are drawn")
-    materials = _materials(lines, resolver)
     if texture_coordinates.shape[1] == 1:
         texture_coordinates = np.pad(texture_coordinates, ((0, 0), (0, 1)))
-    found = []
-    for material_name, chosen in _by_material(lines, face_lines):
-        material = materials.get(material_name)
-        if material is None:
-            material = _Material()
-            if material_name:
-                resolver.note(
-                    f"material {shown(material_name.decode('utf-8', 'replace'))} is missing: drawn light grey"
-                )
-        if material.texture is not None and (corners[chosen, :, 1] < 0).any():
-            resolver.note("a texture is left out of a material that has corners without texture coordinates")
-        found.append(_surface(corners[chosen], positions, texture_coordinates, normals, material))
-    return found
+    materials, material_of = _materials(lines, face_lines, name, resolver)
+    return [
+        _surface(
+            corners[chosen],
+            positions,
+            texture_coordinates,
+            normals,
+            materials=materials,
+            material_of=material_of[chosen],
+        )
+        for chosen in _alike(corners, materials, material_of, resolver)
+    ]
 
 
-def _sorted(data: bytes) -> _Lines:
+def _sorted(data: bytes, name: str, max_triangles: int) -> _Lines:
     lines = _Lines()
+    most = dict.fromkeys((b"v", b"vt", b"vn", b"usemtl", b"mtllib"), 3 * max_triangles) | {b"f": max_triangles}
     text = _CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
-    for number, line in enumerate(text.split(b"\n")):
+    for number, line in enumerate(io.BytesIO(text)):
         word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
-        if word and not word.startswith(b"#"):
-            lines.words.setdefault(word, []).append(rest.partition(b"#")[0] if word[:1] in b"vf" else rest)
+        if word in _LEFT_OUT:
+            lines.words[word] = []
+        elif word in most:
+            found = lines.words.setdefault(word, [])
+            found.append(rest.partition(b"#")[0] if word[:1] in b"vf" else rest)
+            if len(found) > most[word]:
+                raise TooLarge(
+                    f"{name}: over {most[word]:,} lines of {word.decode()}, more than the {max_triangles:,} triangles "
+                    "that are read at most can use; decimate the mesh"
+                )
             lines.numbers.setdefault(word, []).append(number)
     return lines
 
 
-def _triangles(lines: _Lines, counts: tuple[int, int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
     line `(m,)` that each triangle stands in, in the order of the file.
     """
-    faces, numbers = lines.words.get(b"f", []), np.array(lines.numbers.get(b"f", []), np.int64)
-    seen = [np.searchsorted(lines.numbers.get(word, []), numbers) for word in (b"v", b"vt", b"vn")]
-    groups: dict[tuple[int, int, bool], list[int]] = {}
-    for i, line in enumerate(faces):
-        groups.setdefault((len(line.split()), line.count(b"/"), b"//" in line), []).append(i)
-    found, found_in = [np.empty((0, 3, 3), np.int64)], [np.empty(0, np.int64)]
-    for (count, slashes, gap), members in groups.items():
-        if count < 3:
-            continue  # no surface: counted with the triangles of zero area would be a guess at what was meant
-        if slashes not in {0, count, 2 * count}:
-            raise Unreadable(f"line {numbers[members[0]] + 1}: a face whose corners are written in different ways")
-        per_corner = 1 if slashes == 0 else 2 if slashes == count or gap else 3
-        text = b" ".join(faces[i] for i in members).replace(b"/", b" ")
-        values = np.array(text.split()).astype(np.int64).reshape(len(members), count, per_corner)
-        raw = np.zeros((len(members), count, 3), np.int64)  # as written: from 1, negative from the end, 0 for none
-        raw[:, :, [0, 2] if gap else list(range(per_corner))] = values
-        for kind in range(3):
-            there = seen[kind][members][:, None]
-            column = raw[:, :, kind]
-            index = np.where(column < 0, column + there, column - 1)
-            if ((column != 0) & ((index < 0) | (index >= counts[kind]))).any() or (kind == 0 and (column == 0).any()):
-                raise Unreadable(f"a face names a {('vertex', 'vt', 'vn')[kind]} that isn't there")
-            raw[:, :, kind] = np.where(column == 0, -1, index)
-        fan = np.stack([raw[:, [0, i, i + 1]] for i in range(1, count - 1)], axis=1)  # (faces, fans, 3, 3)
-        found.append(fan.reshape(-1, 3, 3))
-        found_in.append(np.repeat(numbers[members], count - 2))
-    corners, line_of = np.concatenate(found), np.concatenate(found_in)
-    order = np.argsort(line_of, kind="stable")
-    return corners[order], line_of[order]
+    faces, line_of = lines.words.get(b"f", []), np.array(lines.numbers.get(b"f", []), np.int64)
+    lengths = np.array([len(face.split()) for face in faces], np.int64)
+    slashes = np.array([face.count(b"/") for face in faces], np.int64)
+    gaps = np.array([b"//" in face for face in faces], bool)
+    lengths[lengths < 3] = 0  # no surface: counted with the triangles of zero area would be a guess at what was meant
+    odd = (lengths > 0) & (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths)
+    if odd.any():
+        raise Unreadable(f"line {line_of[odd.argmax()] + 1}: a face whose corners are written in different ways")
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), lines.count(b"v"), max_triangles)
+    raw = np.zeros((int(lengths.sum()), 3), np.int64)  # as written: from 1, negative from the end, 0 for none
+    each = np.where(slashes == 0, 1, np.where((slashes == lengths) | gaps, 2, 3))  # numbers in a corner
+    for per_corner, gap in sorted(set(zip(each.tolist(), gaps.tolist(), strict=True))):
+        alike = (lengths > 0) & (each == per_corner) & (gaps == gap)
+        members = np.flatnonzero(alike)
+        words = (word for i in members for word in faces[i].replace(b"/", b" ").split())
+        values = np.fromiter(map(int, words), np.int64).reshape(-1, per_corner)
+        rows = np.flatnonzero(np.repeat(alike, lengths))
+        for column, value in zip((0, 2) if gap else (0, 1, 2), values.T, strict=False):
+            raw[rows, column] = value
+    for column, word in enumerate((b"v", b"vt", b"vn")):
+        written = raw[:, column]
+        index = np.where(written < 0, written + np.repeat(lines.before(word, line_of), lengths), written - 1)
+        wrong = ((written != 0) | (column == 0)) & ((index < 0) | (index >= lines.count(word)))
+        if wrong.any():
+            corner = int(wrong.argmax())
+            raise Unreadable(
+                f"line {np.repeat(line_of, lengths)[corner] + 1}: a face names {word.decode()} {written[corner]} "
+                f"but there are {lines.count(word):,}"
+            )
+        raw[:, column] = np.where(written == 0, -1, index)
+    triangles, face_of = fans(lengths)
+    return raw[triangles], line_of[face_of]
 
 
-def _by_material(lines: _Lines, face_lines: NDArray[np.int64]) -> list[tuple[bytes, NDArray[np.intp]]]:
-    """Each material's name, empty for none, and the triangles that are made of it."""
-    names = [b"", *(name.strip() for name in lines.words.get(b"usemtl", []))]
-    current = np.searchsorted(lines.numbers.get(b"usemtl", []), face_lines)
-    number = {name: i for i, name in reversed(list(enumerate(names)))}
-    distinct = np.array([number[name] for name in names])[current]
-    return [(names[i], np.flatnonzero(distinct == i)) for i in np.unique(distinct)]
+def _materials(
+    lines: _Lines, face_lines: NDArray[np.int64], name: str, resolver: Resolver
+) -> tuple[list[_Material], NDArray[np.intp]]:
+    """The distinct materials that triangles are made of, and the number of its material for each triangle."""
+    entries: dict[bytes, dict[bytes, bytes]] = {}
+    libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
+    if len(libraries) > MAX_LIBRARIES:
+        raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
+    for library in libraries:
+        data = resolver.find(_text(library), "material file")
+        if data is not None:
+            entries |= _entries(data)
+    names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
+    current = lines.before(b"usemtl", face_lines)
+    numbers_of: dict[_Material, int] = {}
+    by_name: dict[bytes, int] = {}
+    missing = []
+    for used in dict.fromkeys(names[i] for i in np.unique(current)):
+        material = _material(entries[used], resolver) if used in entries else _Material()
+        if used and used not in entries:
+            missing.append(shown(_text(used)))
+        by_name[used] = numbers_of.setdefault(material, len(numbers_of))
+    if missing:
+        listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")
+        many = f"material {listed} is" if len(missing) == 1 else f"{len(missing):,} materials ({listed}) are"
+        resolver.note(f"{many} missing: drawn light grey")
+    return list(numbers_of), np.array([by_name.get(used, 0) for used in names])[current]
+
+
+def _alike(
+    corners: NDArray[np.int64], materials: list[_Material], material_of: NDArray[np.intp], resolver: Resolver
+) -> list[NDArray[np.intp]]:
+    """The triangles that one surface can hold: of one texture, whose materials all have what others of it have."""
+    incomplete = np.zeros((len(materials), 3), bool)  # whether a corner lacks (position,) texture coordinate, normal
+    for column in (1, 2):
+        incomplete[material_of[(corners[:, :, column] < 0).any(axis=1)], column] = True
+    groups: dict[tuple[object, ...], int] = {}
+    group_of = []
+    for material, lacks in zip(materials, incomplete, strict=True):
+        if material.texture is not None and lacks[1]:
+            resolver.note("a texture is left out of a material that has corners without texture coordinates")
+        key = (material.texture, material.alpha_cutoff, material.texture is not None and lacks[1], lacks[2])
+        group_of.append(groups.setdefault(key, len(groups)))
+    group = np.array(group_of, np.intp)[material_of]
+    order = np.argsort(group, kind="stable")
+    ends = np.cumsum(np.bincount(group, minlength=len(groups)))
+    return [chosen for chosen in np.split(order, ends[:-1]) if len(chosen)]
 
 
 def _surface(
@@ -153,44 +215,43 @@ def _surface(
     positions: NDArray[np.float64],
     texture_coordinates: NDArray[np.float64],
     normals: NDArray[np.float64],
-    material: _Material,
+    *,
+    materials: list[_Material],
+    material_of: NDArray[np.intp],
 ) -> Surface:
-    """One vertex for each distinct triple of indices."""
+    """One vertex for each distinct triple of indices and each material: its colour is the vertex's."""
     triples = corners.reshape(-1, 3)
+    material = materials[material_of[0]]
     with_uv = material.texture is not None and bool((triples[:, 1] >= 0).all())
     with_normals = bool((triples[:, 2] >= 0).all())
-    key = triples[:, 0]
+    made_of = np.repeat(material_of, 3)
+    columns = [(made_of, len(materials))]
     if with_uv:
-        key = key * (len(texture_coordinates) + 1) + triples[:, 1]
+        columns.append((triples[:, 1], len(texture_coordinates)))
     if with_normals:
-        key = key * (len(normals) + 1) + triples[:, 2]
+        columns.append((triples[:, 2], len(normals)))
+    key, most = triples[:, 0], len(positions)
+    for column, count in columns:
+        if most * count > np.iinfo(np.int64).max:
+            key, most = np.unique(key, return_inverse=True)[1], len(key)
+        key, most = key * count + column, most * count
     _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
-    used = triples[first]
-    colors = None
-    if positions.shape[1] >= 6:
-        colors = np.ones((len(used), 4), np.float32)
-        colors[:, :3] = positions[used[:, 0], 3:6]
-    color = (1.0, 1.0, 1.0, 1.0) if colors is not None and material == _Material() else material.color
+    used, made_of = triples[first], made_of[first]
+    measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of what has no material
+    white = (1.0, 1.0, 1.0, 1.0)
+    tints = [white if measured and material == _Material() else material.color for material in materials]
+    colors = np.array(tints, np.float32)[made_of]
+    if measured:
+        colors[:, :3] *= positions[used[:, 0], 3:6]
     return Surface(
         vertices=positions[used[:, 0], :3],
         faces=vertex.reshape(-1, 3),
         normals=normals[used[:, 2]] if with_normals else None,
-        color=color,
         colors=colors,
         uv=texture_coordinates[used[:, 1]] if with_uv else None,
         texture=material.texture if with_uv else None,
         alpha_cutoff=material.alpha_cutoff if with_uv else None,
     )
-
-
-def _materials(lines: _Lines, resolver: Resolver) -> dict[bytes, _Material]:
-    """All materials of all MTL files that the OBJ names."""
-    materials: dict[bytes, _Material] = {}
-    for library in lines.words.get(b"mtllib", []):
-        data = resolver.find(_text(library.strip()), "material file")
-        if data is not None:
-            materials |= {name: _material(entry, resolver) for name, entry in _entries(data).items()}
-    return materials
 
 
 def _entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import logging
 import struct
 from contextlib import contextmanager
-from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import kinds
 from renderer.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from renderer.names import shown
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """`(height, width, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha (not premultiplied)."""
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff"})
+SUFFIXES = frozenset(suffix for suffix, kind in kinds.SUFFIXES.items() if kind in kinds.PICTURES)
 """What the name of a picture that is read or written here ends with, in lower case."""
 MAX_PIXELS = 64_000_000
 """Most pixels in a picture."""
@@ -48,20 +48,28 @@ DECODER_ERRORS = (
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
-def decode(data: bytes, *, name: str, max_pixels: int = MAX_PIXELS) -> Pixels:
+def decode(
+    data: bytes, *, name: str, max_pixels: int = MAX_PIXELS, check: Callable[[int, int], None] | None = None
+) -> Pixels:
     """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
 
     PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. The kind goes by the
-    content alone; `name` stands in the messages.
+    content alone; `name` stands in the messages. `check(height, width)` is called before decoding: it may raise too.
 
     Raises `UnsupportedType` where it isn't a PNG, JPEG or TIFF of such pixels, `TooLarge` over `max_pixels` (height x
-    width) or `MAX_SIDE`, `Unreadable` where it is truncated or corrupt.
+    width) or `MAX_SIDE` or where memory runs out, `Unreadable` where it is truncated or corrupt.
     """
+
+    def check_size(height: int, width: int) -> None:
+        _check_size(height, width, name=name, max_pixels=max_pixels)
+        if check is not None:
+            check(height, width)
+
     decoder = _decoder(data, name)
     with _unreadable(name):
-        pixels, orientation = decoder(data, name, partial(_check_size, name=name, max_pixels=max_pixels))
+        pixels, orientation = decoder(data, name, check_size)
         pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
-    return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
+        return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
 
 
 def encode(pixels: Pixels, suffix: str) -> bytes:
@@ -99,15 +107,16 @@ def _layout(pixels: Pixels) -> Pixels:
 
 def _decoder(data: bytes, name: str) -> Callable[[bytes, str, Callable[[int, int], None]], tuple[Pixels, int]]:
     """Who reads what starts with these bytes; the modules are loaded when first needed."""
-    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+    kind = kinds.by_magic(data)
+    if kind is kinds.Kind.PNG:
         from renderer import png
 
         return png.decode
-    if data.startswith(b"\xff\xd8\xff"):
+    if kind is kinds.Kind.JPEG:
         from renderer import jpeg
 
         return jpeg.decode
-    if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
+    if kind is kinds.Kind.TIFF:
         from renderer import tiff
 
         return tiff.decode
@@ -121,8 +130,8 @@ def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
         raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
     if height * width > max_pixels or max(height, width) > MAX_SIDE:
         raise TooLarge(
-            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels} in all "
-            f"and {MAX_SIDE} along a side; crop it or scale it down"
+            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
+            f"and {MAX_SIDE:,} along a side; crop it or scale it down"
         )
 
 
@@ -145,5 +154,8 @@ def _unreadable(name: str) -> Iterator[None]:
     except InputError:
         raise
     except DECODER_ERRORS as error:
-        cause = shown(str(error)) or type(error).__name__
-        raise Unreadable(f"{name}: the picture is truncated or corrupt ({cause}); send the whole file") from error
+        said = shown(str(error))
+        cause = f" ({said})" if " " in said else ""  # a KeyError says no more than its key
+        raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
+    except MemoryError as error:
+        raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error

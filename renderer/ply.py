@@ -14,8 +14,8 @@ import numpy as np
 
 from renderer.errors import TooLarge, Unreadable
 from renderer.names import shown
-from renderer.polygons import fans, normalised
-from renderer.surface import PLAIN, Surface
+from renderer.polygons import fans, normalised, numbers
+from renderer.surface import PLAIN, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class _Element:
     properties: list[_Property]
 
 
-def surfaces(data: bytes, *, name: str, resolver: Resolver) -> list[Surface]:
+def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
     """The faces of a PLY as one surface, with its normals, and its colours (display-referred) or texture.
 
     Raises `Unreadable` or `TooLarge`, or `ValueError` and its like where a number isn't one.
@@ -67,11 +67,16 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver) -> list[Surface]:
     indices = face.get("vertex_indices", face.get("vertex_index"))
     if indices is None or not {"x", "y", "z"} <= vertex.keys():
         return []
-    faces, face_of = fans(indices)
     vertices = _stacked(vertex, ("x", "y", "z"))
+    if isinstance(indices, np.ndarray) and len(indices):
+        lengths, corners = np.full(len(indices), indices.shape[1]), indices.ravel()
+    else:
+        lengths, corners = np.array([len(row) for row in indices], np.int64), np.concatenate([np.empty(0), *indices])
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), len(vertices), max_triangles)
+    triangles, face_of = fans(lengths)
     surface = Surface(
         vertices=vertices.astype(np.float64),
-        faces=faces,
+        faces=corners.astype(np.int64)[triangles],
         normals=_stacked(vertex, ("nx", "ny", "nz")).astype(np.float64)
         if {"nx", "ny", "nz"} <= vertex.keys()
         else None,
@@ -96,7 +101,12 @@ def _header(head: str, name: str) -> tuple[list[_Element], str, str | None]:
             case ["element", kind, count] if 0 <= int(count) <= _MOST_ROWS:
                 elements.append(_Element(kind, int(count), []))
             case ["element", kind, count]:
-                raise TooLarge(f"{name}: {shown(count)} elements of one kind; at most {_MOST_ROWS:,} are read")
+                if int(count) < 0:
+                    raise Unreadable(f"{name}: its PLY header counts {shown(count)} of {shown(kind)}; export it again")
+                raise TooLarge(
+                    f"{name}: {shown(f'{int(count):,}')} elements {shown(kind)}; at most {_MOST_ROWS:,} are read; "
+                    "decimate the mesh"
+                )
             case ["property", "list", length, dtype, item] if elements:
                 elements[-1].properties.append(_Property(item, _TYPES[dtype], _TYPES[length]))
             case ["property", dtype, item] if elements:
@@ -160,15 +170,15 @@ def _binary_element(body: bytes, start: int, element: _Element, order: str, name
 
 
 def _ascii(body: bytes, elements: list[_Element], name: str) -> dict[str, dict[str, Any]]:
-    numbers = np.array(body.split() or [b"0"]).astype(np.float64)
+    found = numbers(body.split())
     columns: dict[str, dict[str, Any]] = {}
     start = 0
     for element in elements:
         width = len(element.properties)
         if all(item.length is None for item in element.properties):
-            if start + width * element.count > len(numbers):
+            if start + width * element.count > len(found):
                 raise Unreadable(f"{name}: its PLY data is cut short; give it again")
-            table = numbers[start : start + width * element.count].reshape(element.count, width)
+            table = found[start : start + width * element.count].reshape(element.count, width)
             columns[element.name] = {
                 item.name: table[:, n].astype(item.dtype) for n, item in enumerate(element.properties)
             }
@@ -179,11 +189,11 @@ def _ascii(body: bytes, elements: list[_Element], name: str) -> dict[str, dict[s
             for item in element.properties:
                 count = 1
                 if item.length is not None:
-                    count = int(numbers[start])
+                    count = int(found[start])
                     start += 1
-                if count < 0 or start + count > len(numbers):
+                if count < 0 or start + count > len(found):
                     raise Unreadable(f"{name}: its PLY data is cut short; give it again")
-                values = numbers[start : start + count]
+                values = found[start : start + count]
                 start += count
                 ragged[item.name].append(values if item.length is not None else values[0])
         columns[element.name] = {item.name: _column(ragged[item.name], item) for item in element.properties}

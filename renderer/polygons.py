@@ -1,4 +1,4 @@
-"""What formats share: polygons to triangles, integers to fractions."""
+"""What formats share: polygons to triangles, text to numbers, integers to fractions."""
 
 from __future__ import annotations
 
@@ -7,28 +7,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
 
-def fans(
-    polygons: Sequence[Sequence[Any] | NDArray[Any]] | NDArray[Any],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
+    """The numbers that `tokens` spell, `(n,)`; `ValueError` where one is none.
+
+    One by one: an array of bytes would make every cell as wide as the longest token.
+    """
+    return np.fromiter(map(float, tokens), np.float64)
+
+
+def fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangles `(m, 3)`, each polygon a fan about its first corner, and the polygon `(m,)` that each comes from.
 
-    `polygons`: `(n, k)`, or n sequences of indices of differing lengths; those with fewer than three have no triangle.
+    `lengths` `(n,)`: how many corners each polygon has. A triangle's corners are places in the list of all corners of
+    all polygons, one polygon after the other. Polygons of fewer than three corners have no triangle.
     """
-    lengths = np.array([len(polygon) for polygon in polygons], np.int64)
-    triangles, sources = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
-    for length in np.unique(lengths[lengths >= 3]):
-        members = np.flatnonzero(lengths == length)
-        alike = np.array([polygons[int(i)] for i in members]) if len(members) < len(lengths) else np.array(polygons)
-        fan = np.stack([alike[:, [0, i, i + 1]] for i in range(1, int(length) - 1)], axis=1)
-        triangles.append(fan.reshape(-1, 3).astype(np.int64))
-        sources.append(np.repeat(members, int(length) - 2))
-    order = np.argsort(source := np.concatenate(sources), kind="stable")
-    return np.concatenate(triangles)[order], source[order]
+    counts = np.maximum(lengths - 2, 0)
+    source = np.repeat(np.arange(len(lengths)), counts)
+    first = (np.cumsum(lengths) - lengths)[source]
+    step = np.arange(len(source)) - (np.cumsum(counts) - counts)[source]
+    return np.stack([first, first + step + 1, first + step + 2], axis=1), source
 
 
 def normalised(values: NDArray[Any]) -> NDArray[Any]:

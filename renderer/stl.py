@@ -11,6 +11,7 @@ import re
 import numpy as np
 
 from renderer.errors import Unreadable
+from renderer.polygons import numbers
 from renderer.surface import PLAIN, Surface
 
 _HEADER = 84
@@ -37,7 +38,7 @@ def surfaces(data: bytes, *, name: str) -> list[Surface]:
 
 
 def _ascii(data: bytes, name: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    vertices = np.array(_VERTEX.findall(data) or np.empty((0, 3), "S1")).astype(np.float64)
+    vertices = numbers(token for match in _VERTEX.finditer(data) for token in match.groups()).reshape(-1, 3)
     facets = data.lower().count(b"endfacet")
     if len(vertices) != 3 * facets or b"endsolid" not in data.lower():
         raise Unreadable(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -57,22 +58,33 @@ def assemble(
     `MAX_COORDINATE`; `TooLarge` over `max_triangles`; `Unreadable` where a face names a vertex that isn't there.
     """
     total = sum(len(surface.faces) for surface in surfaces)
-    if total > max_triangles:
-        raise TooLarge(f"{name}: {total:,} triangles; at most {max_triangles:,} are read; decimate the mesh")
+    check_size(name, total, sum(len(surface.vertices) for surface in surfaces), max_triangles)
     if total == 0:
         raise InvalidGeometry(f"{name}: no triangles; give a mesh with a surface, not points or lines alone")
-    notes = list(notes)
-    checked = [_checked(surface, name, notes) for surface in surfaces if len(surface.faces)]
+    unusable: Counter[str] = Counter()
+    checked = [_checked(surface, name, unusable) for surface in surfaces if len(surface.faces)]
     kept = [surface for surface in checked if len(surface.faces)]
     dropped = total - sum(len(surface.faces) for surface in kept)
     if not kept:
         raise InvalidGeometry(f"{name}: all {total:,} triangles have zero area; give a mesh with a surface")
+    notes = list(notes)
+    for what, count in unusable.items():
+        notes.append(f"{count:,} vertices have a {what} that is no usable number: taken as 0")
     if dropped:
         notes.append(f"{dropped:,} of {total:,} triangles have zero area and are left out")
     return Scene(_joined([_lit(surface) for surface in _with_normals(kept)]), tuple(notes))
 
 
-def _checked(surface: Surface, name: str, notes: list[str]) -> Surface:
+def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> None:
+    """Raises `TooLarge` over `max_triangles`, or over three times as many vertices: more than triangles can use."""
+    if triangles > max_triangles or vertices > 3 * max_triangles:
+        raise TooLarge(
+            f"{name}: {triangles:,} triangles and {vertices:,} vertices; at most {max_triangles:,} and "
+            f"{3 * max_triangles:,} are read; decimate the mesh"
+        )
+
+
+def _checked(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
     """The surface without triangles of zero area and without vertices that none uses."""
     faces, vertices = surface.faces, surface.vertices
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -97,17 +109,19 @@ def _checked(surface: Surface, name: str, notes: list[str]) -> Surface:
     used[faces] = True
     renumbered = np.cumsum(used) - 1
     taken = _taking(surface, np.flatnonzero(used), renumbered[faces])
-    return replace(taken, colors=_sane(taken.colors, "colour", notes), uv=_sane(taken.uv, "texture coordinate", notes))
+    return replace(
+        taken, colors=_sane(taken.colors, "colour", unusable), uv=_sane(taken.uv, "texture coordinate", unusable)
+    )
 
 
-def _sane(values: NDArray[Any] | None, what: str, notes: list[str]) -> NDArray[Any] | None:
-    """Values of vertices with 0 for those from which no picture can be made."""
+def _sane(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDArray[Any] | None:
+    """Values of vertices with 0 for those from which no picture can be made, which are counted."""
     if values is None:
         return None
     usable = np.abs(values) <= MAX_TEXTURE_COORDINATE  # False for NaN
     if usable.all():
         return values
-    notes.append(f"{int((~usable).any(axis=1).sum()):,} vertices have a {what} that is no usable number: taken as 0")
+    unusable[what] += int((~usable).any(axis=1).sum())
     return np.where(usable, values, 0).astype(values.dtype)
 
 

@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from renderer import pictures
-from renderer.errors import InputError
+from renderer.errors import InputError, TooLarge
 from renderer.names import inside, shown
 from renderer.scene import Texture, Wrap
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
 MAX_PIXELS = 64_000_000
-"""Most pixels in all textures of a mesh together."""
+"""Most pixels in all textures of a mesh together, those that turn out to be corrupt among them."""
+MAX_SIDE = 16_384
+"""Most pixels along one side of a texture: what OpenGL takes on every machine that this was tried on."""
+MAX_NOTES = 50
+_FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
 
 class Resolver:
@@ -28,54 +32,94 @@ class Resolver:
     """
 
     def __init__(self, files: Mapping[str, bytes], main: str) -> None:
-        self.notes: list[str] = []
+        self._notes: dict[str, None] = {}
         self._files = files
         self._folder = posixpath.dirname(main)
         self._pixels_left = MAX_PIXELS
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
 
-    def find(self, name: str, what: str) -> bytes | None:
-        """The bytes of the file called `name`; `what` it is stands in the note where there is none."""
-        name = name.replace("\\", "/").removeprefix("./")  # as Windows exporters write it
-        key = inside(name, self._folder)
+    @property
+    def notes(self) -> list[str]:
+        """What was left out or replaced, each once, in the order in which it was found."""
+        return list(self._notes)
+
+    def note(self, line: str) -> None:
+        """Add a line to `notes` unless it is there already, or `MAX_NOTES` are."""
+        self._notes.setdefault(line if len(self._notes) < MAX_NOTES else _FULL)
+
+    def get(self, name: str) -> bytes | None:
+        """The bytes of the file called `name`; None where it is not in reach."""
+        name = _portable(name)
         # Exporters keep the path of the machine that they ran on; the file itself travels beside the mesh.
-        for candidate in (key, inside(posixpath.basename(name), self._folder)):
+        for candidate in (inside(name, self._folder), inside(posixpath.basename(name), self._folder)):
             if candidate is not None and candidate in self._files:
                 return self._files[candidate]
-        if key is None:
-            self.note(f"{what} {shown(name)} is outside what was given and is left out; put it beside the mesh")
-        else:
-            self.note(f"{what} {shown(name)} is missing and is left out; give a zip or a folder that holds it")
         return None
+
+    def why_not(self, name: str) -> tuple[str, str]:
+        """Why there is no file called `name`, and what helps."""
+        if inside(_portable(name), self._folder) is None:
+            return "is outside what was given", "put it beside the mesh"
+        return "is missing", "give a zip or a folder that holds it"
+
+    def find(self, name: str, what: str) -> bytes | None:
+        """As `get`; `what` it is stands in the note where there is none."""
+        data = self.get(name)
+        if data is None:
+            why, remedy = self.why_not(name)
+            self.note(f"{what} {shown(name)} {why} and is left out; {remedy}")
+        return data
 
     def texture(self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat") -> Texture | None:
         """The picture file called `name` as a texture; `opaque` sets its alpha to 255 throughout."""
-        data = self.find(name, "texture")
-        return None if data is None else self.decoded(data, name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v)
+        return self.decoded(
+            lambda: self.find(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
+        )
 
-    def decoded(self, data: bytes, name: str, *, opaque: bool, wrap_u: Wrap, wrap_v: Wrap) -> Texture | None:
-        """A picture's bytes as a texture, made once for each `name`; None with a note where they can't be read."""
-        if (name, opaque) not in self._decoded:
-            self._decoded[name, opaque] = self._pixels(data, name, opaque=opaque)
-        pixels = self._decoded[name, opaque]
+    def decoded(
+        self, load: Callable[[], bytes | None], *, key: str, name: str, opaque: bool, wrap_u: Wrap, wrap_v: Wrap
+    ) -> Texture | None:
+        """The picture whose bytes `load` gives as a texture; None with a note where it can't be read.
+
+        `key` says where the bytes come from: they are loaded and decoded once for each. `name` stands in the notes.
+        """
+        if (key, opaque) not in self._decoded:
+            self._decoded[key, opaque] = self._pixels(load, name, opaque=opaque)
+        pixels = self._decoded[key, opaque]
         if pixels is None:
             return None
-        return self._textures.setdefault((name, opaque, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
+        return self._textures.setdefault((key, opaque, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
 
-    def note(self, line: str) -> None:
-        """Add a line to `notes` unless it is there already."""
-        if line not in self.notes:
-            self.notes.append(line)
+    def _pixels(self, load: Callable[[], bytes | None], name: str, *, opaque: bool) -> NDArray[np.uint8] | None:
+        def charge(height: int, width: int) -> None:
+            if max(height, width) > MAX_SIDE:
+                raise TooLarge(f"{height}x{width} pixels; at most {MAX_SIDE:,} along a side are drawn; scale it down")
+            if height * width > self._pixels_left:
+                raise TooLarge(
+                    f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {MAX_PIXELS:,} "
+                    "for all textures; scale them down"
+                )
+            # Before it is decoded: failing is as much work. And what is long was copied and searched, however small.
+            self._pixels_left -= max(height * width, len(data or b"") // 64)
 
-    def _pixels(self, data: bytes, name: str, *, opaque: bool) -> NDArray[np.uint8] | None:
+        if self._pixels_left <= 0:
+            self.note(f"textures over {MAX_PIXELS:,} pixels in all are left out; scale them down")
+            return None
+        data = load()
+        if data is None:
+            return None
         try:
-            pixels = pictures.decode(data, name=shown(name), max_pixels=self._pixels_left)
+            return rgba8(pictures.decode(data, name=shown(name), check=charge), opaque=opaque)
         except InputError as error:
+            self._pixels_left -= len(data) // 64
             self.note(f"texture {shown(name)} is left out: {error}")
             return None
-        self._pixels_left -= pixels.shape[0] * pixels.shape[1]
-        return rgba8(pixels, opaque=opaque)
+
+
+def _portable(name: str) -> str:
+    """The name with `/`, where a Windows exporter wrote it."""
+    return name.replace("\\", "/").removeprefix("./")
 
 
 def rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:

@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from renderer import pictures
+from renderer.bundle import is_kind
 from renderer.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from renderer.kinds import PICTURES
 from renderer.light_field import LightField
-from renderer.names import shown
+from renderer.names import is_hidden, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from renderer.pictures import Pixels
 
-MAX_SET_PIXELS = 400_000_000
-"""Most pixels in all views of a set: 17 x 17 of 1024 x 1024 (Knights in full) come to 303 million."""
+MAX_SET_BYTES = 1_000_000_000
+"""Most bytes of all views of a set, decoded: 17 x 17 of 1024 x 1024 x 3 (Knights in full) come to 909 million."""
 
 # What lies beside the views in the sets that people pass around: notes, calibration, depth, our own report.
 SIDE_FILES = frozenset({
@@ -43,7 +45,7 @@ def read(
     *,
     name: str,
     grid: tuple[int, int] | None,
-    max_pixels: int = MAX_SET_PIXELS,
+    max_bytes: int = MAX_SET_BYTES,
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 
@@ -53,19 +55,20 @@ def read(
     side files (`SIDE_FILES`) are left out. One picture alone is a 1x1 light field.
 
     Views keep the order that their names tell. Stanford's gantry turns as `LensArray` does (with u growing, far points
-    move left past near ones); HCI's cameras step the other way in v and in u, so there d grows towards the viewer.
+    move left past near ones). Sets named as HCI's run opposite to that geometry in v and in u, so that there d grows
+    towards the viewer: their order is kept too, and nothing is turned round.
 
     Raises `InvalidOption` where there is no full grid of views or `grid` doesn't fit the names, `UnsupportedType` where
     a file is no picture that is read, `Unreadable` where pictures are missing, corrupt or differ in size, channels or
-    depth, `TooLarge` over `max_pixels` in all.
+    depth, `TooLarge` over `max_bytes` in all.
     """
     names = _picture_names(files, name)
     order, (pixels_v, pixels_u) = _arrange(names, name, grid)
     first = pictures.decode(files[order[0]], name=shown(order[0]))
-    if len(order) * first.shape[0] * first.shape[1] > max_pixels:
+    if len(order) * first.nbytes > max_bytes:
         raise TooLarge(
-            f"{name}: {len(order)} views of {first.shape[0]}x{first.shape[1]} pixels are over the limit of "
-            f"{max_pixels} pixels in all; give fewer views or smaller ones"
+            f"{name}: {len(order)} views of {_describe(first)} come to {len(order) * first.nbytes:,} bytes; "
+            f"at most {max_bytes:,} are read; give fewer views or smaller ones"
         )
     views = np.empty((len(order), *first.shape), first.dtype)
     views[0] = first
@@ -79,7 +82,7 @@ def read(
             )
         views[index] = picture
 
-    with ThreadPoolExecutor(max(2, os.cpu_count() or 2)) as pool:
+    with ThreadPoolExecutor(max(2, _cores())) as pool:
         try:
             for _ in pool.map(fill, range(1, len(order))):
                 pass
@@ -88,14 +91,18 @@ def read(
     return LightField(views.reshape(pixels_v, pixels_u, *first.shape))
 
 
+def _cores() -> int:
+    """The cores that this process may use: in a container fewer than there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
     """The files that are pictures, in natural order."""
     names = []
     for file in files:
-        path = PurePosixPath(file)
-        if any(part.startswith((".", "__MACOSX")) for part in path.parts) or path.suffix.lower() in SIDE_FILES:
+        if is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES:
             continue
-        if path.suffix.lower() not in pictures.SUFFIXES:
+        if not is_kind(file, PICTURES):
             raise UnsupportedType(
                 f"{name}: {shown(file)} is no picture that is read (.png, .jpg, .tif); convert it or take it out"
             )
@@ -123,7 +130,7 @@ def _arrange(names: Sequence[str], name: str, grid: tuple[int, int] | None) -> t
     if grid is None and side * side != len(names):
         raise InvalidOption(
             f"{name}: {len(names)} pictures whose names don't tell their place, and no square of them; "
-            "give --pixels ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
+            "give pixels ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
         )
     grid = grid or (side, side)
     if grid[0] * grid[1] != len(names):

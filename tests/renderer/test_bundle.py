@@ -69,7 +69,7 @@ def test_a_folder_with_too_many_files(tmp_path: Path) -> None:
     for number in range(4):
         (tmp_path / f"{number}.png").write_bytes(b"x")
     bundle = Bundle.from_path(tmp_path, Limits(files=3))
-    with pytest.raises(TooLarge, match="more than 3 files"):
+    with pytest.raises(TooLarge, match="more than 3 files; give a folder that holds fewer"):
         list(bundle.files)
 
 
@@ -82,9 +82,9 @@ def test_no_such_file(tmp_path: Path) -> None:
 
 def test_a_file_over_the_limit_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_bytes(OBJ)
-    with pytest.raises(TooLarge, match=r"32 bytes; at most 10"):
+    with pytest.raises(TooLarge, match=r"32 bytes; at most 10 are read; decimate"):
         Bundle.from_path(tmp_path / "a.obj", Limits(bytes=10))
-    with pytest.raises(TooLarge, match=r"32 bytes; at most 10"):
+    with pytest.raises(TooLarge, match=r"32 bytes; at most 10 are read; decimate"):
         Bundle.from_upload("a.obj", OBJ, Limits(bytes=10))
 
 
@@ -122,9 +122,9 @@ def test_a_zip_that_swells() -> None:
 
 def test_a_zip_over_a_limit() -> None:
     data = zipped({"a.obj": OBJ * 100, "b.obj": OBJ * 100})
-    with pytest.raises(TooLarge, match="unpacks to 6,400 bytes; at most 6,000"):
+    with pytest.raises(TooLarge, match="unpacks to 6,400 bytes; at most 6,000 are read; pack fewer or smaller"):
         Bundle.from_upload("a.zip", data, Limits(bytes=6000))
-    with pytest.raises(TooLarge, match="2 files; at most 1"):
+    with pytest.raises(TooLarge, match="2 files; at most 1 are read; pack fewer"):
         Bundle.from_upload("a.zip", data, Limits(files=1))
 
 

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer import meshes, pictures
+from renderer import gltf, gltf_arrays, meshes, pictures
 from renderer.bundle import Bundle
 from renderer.errors import InputError, InvalidGeometry, TooLarge, Unreadable, UnsupportedType
 from renderer.gltf_scene import local_matrix
 from renderer.kinds import Kind
 from renderer.scene import Scene
 from renderer.shading import encode, shade
+from renderer.texture_files import Resolver
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
@@ -398,7 +399,7 @@ def broken(change: Callable[[Model], object]) -> bytes:
         (lambda m: m.json["accessors"][1].update(byteOffset=-12), "ends beyond its buffer view"),
         (lambda m: m.json["accessors"][1].update(count=10**15), "elements; at most"),
         (lambda m: m.json["accessors"][1].update(count=10**300), r"^.{1,200}$"),
-        (lambda m: m.json["accessors"][1].update(count=-1), "elements; at most"),
+        (lambda m: m.json["accessors"][1].update(count=-1), "counts -1 elements; export it again"),
         (lambda m: m.json["accessors"][1].update(componentType=1), "not a GLB that can be read"),
         (lambda m: m.json["bufferViews"][1].update(byteLength=10**9), "ends beyond its buffer"),
         (lambda m: m.json["bufferViews"][1].update(byteStride=-4), "ends beyond its buffer view"),
@@ -425,7 +426,7 @@ def test_a_mesh_that_is_repeated_without_end() -> None:
     model.json["nodes"] = [{"mesh": 0}] * 50
     model.json["scenes"] = [{"nodes": list(range(50))}]
     data = model.glb()
-    with pytest.raises(TooLarge, match="over 60 triangles"):
+    with pytest.raises(TooLarge, match="62 triangles and 124 vertices; at most 60 and"):
         meshes.read(Bundle("a", "a.glb", {"a.glb": data}), Kind.GLB, max_triangles=60)
 
 
@@ -433,7 +434,7 @@ def test_vertices_that_are_repeated_without_end() -> None:
     model = Model(POSITION=np.zeros((100, 3), np.float32))
     model.json["meshes"][0]["primitives"] *= 50
     data = model.glb()
-    with pytest.raises(TooLarge, match=r"or 3,000 vertices"):
+    with pytest.raises(TooLarge, match=r"3,100 vertices; at most 1,000 and 3,000"):
         meshes.read(Bundle("a", "a.glb", {"a.glb": data}), Kind.GLB, max_triangles=1000)
 
 
@@ -469,3 +470,58 @@ def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
     counts = {key: len(mesh.faces) for key, mesh in theirs.geometry.items()}
     placed = sum(counts[theirs.graph[node][1]] for node in theirs.graph.nodes_geometry)
     assert abs(ours.triangles - placed) <= 0.001 * placed
+
+
+def empty(count: int) -> dict[str, object]:
+    return {"componentType": 5126, "type": "VEC3", "count": count}
+
+
+def test_positions_and_indices_without_data() -> None:
+    for change in ({"indices": 2}, {"attributes": {"POSITION": 2}}):
+        model = Model()
+        model.json["accessors"].append(empty(3))
+        model.primitive.update(change)
+        with pytest.raises(Unreadable, match=r"accessor 2, of (positions|indices), has no data; export it again"):
+            model.read()
+
+
+def test_only_the_attributes_that_are_drawn_are_read() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["accessors"].append(empty(10**9))
+    model.primitive["attributes"] |= dict.fromkeys(("TEXCOORD_1", "TANGENT", "JOINTS_0"), 3)
+    assert model.read().parts[0].texture is not None
+    model.primitive["attributes"]["NORMAL"] = 3  # of another length than the positions: not filled with zeros first
+    with pytest.raises(Unreadable, match="differ in length"):
+        model.read()
+
+
+def test_all_accessors_together_have_a_limit() -> None:
+    data = Model().glb()
+    document = gltf.parse(data, name="a", resolver=Resolver({}, "a"))
+    document.elements_left = 15
+    assert len(gltf_arrays.accessor(document, 0)) == 6
+    assert len(gltf_arrays.accessor(document, 0)) == 6
+    with pytest.raises(TooLarge, match=r"accessor 0 has 6 elements; at most 60,000,000 are read of all .*; decimate"):
+        gltf_arrays.accessor(document, 0)
+
+
+def test_a_picture_is_decoded_once_however_often_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    decode = pictures.decode
+    monkeypatch.setattr(pictures, "decode", lambda *args, **more: calls.append(1) or decode(*args, **more))
+    model = Model(TEXCOORD_0=UV).texture()
+    view = model.view(b"\x89PNG\r\n\x1a\n")
+    model.json["images"] = [{"bufferView": view}] * 5
+    model.json["textures"] = [{"source": i} for i in range(5)]
+    model.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(5)]
+    model.json["meshes"][0]["primitives"] = [{**model.primitive, "material": i} for i in range(5)]
+    assert len(model.read().notes) == 1
+    assert len(calls) == 1
+
+
+def test_a_buffer_that_is_not_there_is_not_said_to_be_left_out() -> None:
+    with pytest.raises(
+        Unreadable, match=r"buffer mesh\.bin is missing; give a zip .* or export one \.glb file"
+    ) as caught:
+        read(Model().gltf("mesh.bin"))
+    assert "left out" not in str(caught.value)

@@ -10,6 +10,7 @@ import pytest
 from renderer import inputs, pictures
 from renderer.bundle import Bundle
 from renderer.errors import InvalidOption, Unreadable, UnsupportedType
+from renderer.kinds import Kind
 from renderer.light_field import LightField
 from renderer.scene import Scene
 
@@ -46,7 +47,7 @@ def test_an_optical_pickup_turns_each_elemental_image() -> None:
 
 
 def test_a_picture_alone_does_not_say_how_many_lenses() -> None:
-    with pytest.raises(InvalidOption, match="--lenses"):
+    with pytest.raises(InvalidOption, match=r"as in lenses 50x50 .* pixels 15x15"):
         read({"a.png": PNG}, "a.png")
 
 
@@ -133,3 +134,16 @@ def test_the_captured_elemental_image_array() -> None:
     field = inputs.read(bundle, lenses=(200, 200), pixels=None)
     assert isinstance(field, LightField)
     assert field.views.shape[:4] == (15, 15, 200, 200)
+
+
+@pytest.mark.parametrize(
+    ("files", "main", "expected"),
+    [
+        ({"a.obj": OBJ}, "a.obj", (Kind.OBJ, "a.obj")),
+        ({"a.png": PNG}, "a.png", (Kind.PNG, "a.png")),
+        ({"a_cloud.ply": b"ply\n", "cube.obj": OBJ, "x.png": PNG, "y.png": PNG}, None, (Kind.OBJ, "cube.obj")),
+        ({"a_cloud.ply": b"ply\n", "x.png": PNG, "y.png": PNG}, None, None),
+    ],
+)
+def test_what_is_chosen(files: dict[str, bytes], main: str | None, expected: tuple[Kind, str] | None) -> None:
+    assert inputs.chosen(Bundle(main or "set", main, files)) == expected

@@ -215,3 +215,14 @@ def test_a_real_file_cut_short_is_refused() -> None:
         data = (MESHES / name).read_bytes()
         with pytest.raises(Unreadable):
             read(data[: len(data) // 2], kind, {})
+
+
+def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*args: object, **more: object) -> None:
+        raise MemoryError
+
+    for name in ("_surfaces", "assemble"):
+        with monkeypatch.context() as patch:
+            patch.setattr(meshes, name, full)
+            with pytest.raises(TooLarge, match="more memory than there is; decimate"):
+                read(SAMPLES[Kind.OFF][0], Kind.OFF, {})

@@ -1,6 +1,6 @@
 import pytest
 
-from renderer.names import inside, shown
+from renderer.names import inside, is_hidden, shown
 
 
 @pytest.mark.parametrize(
@@ -39,3 +39,8 @@ def test_names_that_lead_out_are_refused(name: str) -> None:
 def test_a_name_shown_is_one_short_line() -> None:
     assert shown("a\nb\x1b[31m.obj") == "a?b?[31m.obj"
     assert len(shown("x" * 1000)) == 80
+
+
+def test_hidden_files() -> None:
+    assert all(is_hidden(key) for key in (".a", "m/.DS_Store", ".git/a", "__MACOSX/m/a.png"))
+    assert not any(is_hidden(key) for key in ("a.b", "m/a", "a/__MAC"))

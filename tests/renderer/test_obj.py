@@ -1,16 +1,17 @@
 import io
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from renderer import meshes, pictures
+from renderer import meshes, obj, pictures
 from renderer.bundle import Bundle
-from renderer.errors import InputError, InvalidGeometry, Unreadable
+from renderer.errors import InputError, InvalidGeometry, TooLarge, Unreadable
 from renderer.kinds import Kind
 from renderer.scene import Scene
 from renderer.shading import shade
-from renderer.surface import PLAIN
+from renderer.surface import PLAIN, Surface
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -160,10 +161,10 @@ def test_points_alone() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (SQUARE + b"f 1 2 9\n", "vertex that isn't there"),
-        (SQUARE + b"f 0 1 2\n", "vertex that isn't there"),
-        (SQUARE + b"f -9 1 2\n", "vertex that isn't there"),
-        (SQUARE + b"f 1/9 2/9 3/9\n", "vt that isn't there"),
+        (SQUARE + b"f 1 2 9\n", "line 5: a face names v 9 but there are 4"),
+        (SQUARE + b"f 0 1 2\n", "line 5: a face names v 0 but there are 4"),
+        (SQUARE + b"f -9 1 2\n", "line 5: a face names v -9 but there are 4"),
+        (SQUARE + b"f 1/9 2/9 3/9\n", "line 5: a face names vt 9 but there are 0"),
         (SQUARE + b"f 1/1/1 2 3\n", "line 5: a face whose corners are written in different ways"),
         (SQUARE + b"v 1 x 3\nf 1 2 3\n", "can be read"),
         (SQUARE + b"v 1 2\nf 1 2 3\n", "line 5: v needs 3 numbers and has 2"),
@@ -197,3 +198,56 @@ def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
     (part,) = ours.parts
     if theirs.visual.kind == "texture" and part.uv is not None:
         assert part.uv[part.faces].reshape(-1, 2) == pytest.approx(theirs.visual.uv[theirs.faces].reshape(-1, 2))
+
+
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read(SQUARE * 250 + b"v 0 0 " + b"9" * 50_000 + b"\nf 1 2 1001\n")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_lines_are_counted_before_they_are_parsed() -> None:
+    for text in (SQUARE + b"f x\n" * 2, b"v x\n" * 4, b"vn x\n" * 4, b"usemtl x\n" * 4):
+        with pytest.raises(TooLarge, match=r"over \d lines of .* the 1 triangles"):
+            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}), Kind.OBJ, max_triangles=1)
+
+
+def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
+    data = SQUARE + b"f" + b" 1 2 3 4" * 2 + b"\n"
+    with pytest.raises(TooLarge, match="6 triangles and 4 vertices; at most 5 and 15"):
+        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}), Kind.OBJ, max_triangles=5)
+
+
+def test_a_fan_of_many_corners_is_one_array() -> None:
+    angles = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)
+    text = b"".join(
+        b"v %r %r 0\n" % pair for pair in zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)
+    )
+    (part,) = read(text + b"f " + b" ".join(b"%d" % i for i in range(1, 20_001)) + b"\n").parts
+    corners = part.vertices[part.faces]
+    assert len(corners) == 19_998
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(np.pi, rel=1e-6)
+
+
+def test_many_materials_make_one_surface_and_one_note(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr(obj, "Surface", lambda **fields: made.append(1) or Surface(**fields))
+    uses = b"".join(b"usemtl m%d\nf 1 2 3\n" % i for i in range(500))
+    scene = read(SQUARE + uses)
+    assert scene.triangles == 500
+    assert scene.notes == ("500 materials (m0, m1, m2, ...) are missing: drawn light grey",)
+    library = b"".join(b"newmtl m%d\nKd 0 0 0.%03d\n" % (i, i) for i in range(500))
+    scene = read_with(b"mtllib a.mtl\n" + SQUARE + uses, {"m/a.mtl": library})
+    (part,) = scene.parts
+    assert np.unique(np.rint(part.colors[part.faces][:, 0, 2] / FRONT * 1000)).tolist() == list(range(500))
+    assert len(made) == 2
+
+
+def test_material_files_have_a_limit() -> None:
+    libraries = b"".join(b"mtllib %d.mtl\n" % i for i in range(obj.MAX_LIBRARIES + 1))
+    with pytest.raises(TooLarge, match="101 material files; at most 100 are read; join them"):
+        read(libraries + SQUARE + b"f 1 2 3\n")

@@ -1,10 +1,12 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 import trimesh
 
 from renderer import meshes
 from renderer.bundle import Bundle
-from renderer.errors import InputError
+from renderer.errors import InputError, TooLarge
 from renderer.kinds import Kind
 from renderer.scene import Scene
 from renderer.shading import shade
@@ -64,3 +66,18 @@ def test_malformed_files(data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(data)
     assert "\n" not in str(caught.value)
+
+
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read(b"OFF\n1001 1 0\n" + SQUARE * 250 + b"0 0 " + b"9" * 50_000 + b"\n3 0 1 1000\n")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_counts_are_checked_before_lines_are_parsed() -> None:
+    for data in (b"OFF\n4 0 0\n" + b"x\n" * 4, b"OFF\n0 2 0\n" + b"x\n" * 2, b"OFF\n1 1 0\n0 0 0\n4 0 0 0 0\n"):
+        with pytest.raises(TooLarge, match="at most 1 and 3 are read"):
+            meshes.read(Bundle("a.off", "a.off", {"a.off": data}), Kind.OFF, max_triangles=1)

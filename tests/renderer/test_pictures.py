@@ -289,7 +289,7 @@ def test_huge_tiff_tiles_are_refused() -> None:
 def test_the_limit_is_the_callers() -> None:
     assert pictures.decode(WHOLE["png"], name="x", max_pixels=1200).shape == (40, 30, 3)
     for data in WHOLE.values():
-        with pytest.raises(TooLarge, match=r"40x30 .* limit of 1199 "):
+        with pytest.raises(TooLarge, match=r"40x30 .* limit of 1,199 "):
             pictures.decode(data, name="x", max_pixels=1199)
 
 
@@ -325,3 +325,35 @@ def test_importing_loads_no_decoder() -> None:
     code = "import renderer.view_set, sys; print({'PIL', 'tifffile', 'imagecodecs'} & set(sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603
     assert ran.stdout.strip() == "set()"
+
+
+def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    from renderer import png
+
+    def full(*args: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(png, "decode", full)
+    with pytest.raises(TooLarge, match="x: decoding it takes more memory than there is; crop it"):
+        pictures.decode(WHOLE["png"], name="x")
+
+
+def test_a_cause_that_says_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    from renderer import png
+
+    def broken(*args: object) -> None:
+        raise KeyError(0)
+
+    monkeypatch.setattr(png, "decode", broken)
+    with pytest.raises(Unreadable, match="corrupt; send the whole file"):
+        pictures.decode(WHOLE["png"], name="x")
+
+
+def test_scans_without_end_are_refused() -> None:
+    from renderer import jpeg
+
+    data = WHOLE["jpg"]
+    scan = data[data.rindex(b"\xff\xda") : -2]
+    more = data[:-2] + scan * jpeg.MAX_SCANS + data[-2:]
+    with pytest.raises(TooLarge, match="a JPEG of 101 scans; at most 100 are read; save it without progression"):
+        pictures.decode(more, name="x")

@@ -1,5 +1,6 @@
 import io
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ import trimesh
 
 from renderer import meshes, pictures
 from renderer.bundle import Bundle
-from renderer.errors import InputError
+from renderer.errors import InputError, TooLarge, Unreadable
 from renderer.kinds import Kind
 from renderer.scene import Scene
 from renderer.shading import shade
@@ -142,3 +143,25 @@ def test_malformed_files(data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(data)
     assert "\n" not in str(caught.value)
+
+
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read(ascii_square(XYZ, ["0 0 " + "9" * 50_000, *PLAIN_ROWS[1:]]) + b" 0" * 5000)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
+    data = header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 5 0 1 2 3 0"
+    with pytest.raises(TooLarge, match="3 triangles and 4 vertices; at most 2 and 6"):
+        meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data}), Kind.PLY, max_triangles=2)
+
+
+def test_counts_that_are_none() -> None:
+    with pytest.raises(Unreadable, match="its PLY header counts -5 of face; export it again"):
+        read(header("ascii", XYZ, -5))
+    with pytest.raises(TooLarge, match="4,000,000,000 elements face; at most 100,000,000 are read; decimate"):
+        read(header("ascii", XYZ, 4_000_000_000))

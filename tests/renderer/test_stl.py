@@ -1,4 +1,5 @@
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -78,3 +79,12 @@ def test_malformed_files(data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(data)
     assert "\n" not in str(caught.value)
+
+
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read(b"solid\n" + FACET.encode() * 500 + b"facet" + b" vertex 0 0 " + b"9" * 50_000 + b" endfacet\nendsolid")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000

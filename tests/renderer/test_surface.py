@@ -120,7 +120,7 @@ def test_a_face_that_names_no_vertex(index: int) -> None:
 
 
 def test_too_many_triangles() -> None:
-    with pytest.raises(TooLarge, match="a: 2 triangles; at most 1 are read; decimate"):
+    with pytest.raises(TooLarge, match="a: 2 triangles and 4 vertices; at most 1 and 3 are read; decimate"):
         assemble([Surface(SQUARE, FACES)], name="a", max_triangles=1)
 
 
@@ -139,3 +139,8 @@ def test_colours_and_texture_coordinates_that_are_no_numbers_are_zero_with_a_not
         "1 vertices have a colour that is no usable number: taken as 0",
         "1 vertices have a texture coordinate that is no usable number: taken as 0",
     )
+
+
+def test_many_surfaces_with_the_same_fault_make_one_note() -> None:
+    bad = Surface(SQUARE, FACES, colors=np.full((4, 4), np.nan, np.float32))
+    assert assemble([bad] * 3, name="a").notes == ("12 vertices have a colour that is no usable number: taken as 0",)

@@ -46,3 +46,46 @@ def test_names_are_relative_to_the_mesh_and_stay_within() -> None:
     assert resolver.find("z.mtl", "file") is None
     resolver.find("z.mtl", "file")
     assert len(resolver.notes) == 3
+
+
+def corrupt(height: int, width: int) -> bytes:
+    data = pictures.encode_png(np.zeros((height, width, 3), np.uint8))
+    at = data.index(b"IDAT") + 6
+    return data[:at] + bytes(4) + data[at + 4 :]
+
+
+def test_a_corrupt_texture_is_charged_before_it_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(texture_files, "MAX_PIXELS", 1000)
+    files = {f"{i}.png": corrupt(20, 30) for i in range(3)}
+    resolver = Resolver(files, "a.obj")
+    assert all(resolver.texture(name, opaque=True) is None for name in files)
+    assert "0.png: the picture is truncated or corrupt" in resolver.notes[0]
+    assert "20x30 pixels; 399 are left of the 1,000 for all textures; scale them down" in resolver.notes[1]
+
+
+def test_a_texture_that_takes_all_that_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(texture_files, "MAX_PIXELS", 600)
+    data = pictures.encode_png(np.zeros((20, 30, 3), np.uint8))
+    resolver = Resolver({"x.png": data, "y.png": data}, "a.obj")
+    assert resolver.texture("x.png", opaque=True) is not None
+    assert resolver.texture("y.png", opaque=True) is None
+    assert resolver.notes == ["textures over 600 pixels in all are left out; scale them down"]
+
+
+def test_a_texture_too_wide_to_draw_is_left_out_with_a_note() -> None:
+    data = pictures.encode_png(np.zeros((1, texture_files.MAX_SIDE + 1, 1), np.uint8))
+    fits = pictures.encode_png(np.zeros((texture_files.MAX_SIDE, 1, 1), np.uint8))
+    resolver = Resolver({"x.png": data, "y.png": fits}, "a.obj")
+    assert resolver.texture("x.png", opaque=True) is None
+    assert resolver.texture("y.png", opaque=True) is not None
+    assert resolver.notes == [
+        "texture x.png is left out: 1x16385 pixels; at most 16,384 along a side are drawn; scale it down"
+    ]
+
+
+def test_notes_have_a_limit() -> None:
+    resolver = Resolver({}, "a.obj")
+    for i in range(2 * texture_files.MAX_NOTES):
+        resolver.note(f"{i}")
+    assert len(resolver.notes) == texture_files.MAX_NOTES + 1
+    assert "the rest are not listed" in resolver.notes[-1]

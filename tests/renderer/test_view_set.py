@@ -75,7 +75,7 @@ def test_without_places_or_grid_a_square_is_taken() -> None:
     assert_in_order(read(files), 3, 3)
     del files["IMG11.png"]
     assert "8 pictures" in message(files, InvalidOption)
-    assert "--pixels" in message(files, InvalidOption)
+    assert "give pixels" in message(files, InvalidOption)
 
 
 @pytest.mark.parametrize("name", ["a.png", "view_07_07.png"])
@@ -171,11 +171,13 @@ def test_hostile_names_stay_on_one_line() -> None:
     assert len(message({"9" * 5000 + "_0.png": plain, "0_1.png": plain}, InvalidOption)) < 400
 
 
-def test_too_many_pixels_in_all() -> None:
+def test_too_many_bytes_in_all() -> None:
     files = {f"{v}_{u}.png": picture(v, u) for v in range(3) for u in range(3)}
-    assert view_set.read(files, name="set", grid=None, max_pixels=54).views.size == 3 * 54
-    with pytest.raises(TooLarge, match=r"9 views of 2x3 pixels are over the limit of 53 pixels in all"):
-        view_set.read(files, name="set", grid=None, max_pixels=53)
+    assert view_set.read(files, name="set", grid=None, max_bytes=162).views.size == 3 * 54
+    with pytest.raises(
+        TooLarge, match=r"9 views of 2x3 pixels of 3 x 8 bit come to 162 bytes; at most 161 are read; give fewer"
+    ):
+        view_set.read(files, name="set", grid=None, max_bytes=161)
 
 
 @pytest.fixture(scope="module")
