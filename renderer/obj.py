@@ -1,4 +1,4 @@
-"""Wavefront OBJ and its MTL to surfaces, one for each material.
+"""Wavefront OBJ to surfaces, one for each texture; its materials are read by `renderer.mtl`.
 
 Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file and not
 back from where they stand, so that real files come out as other shapes without a word; says nothing of a missing MTL,
@@ -8,38 +8,25 @@ material or texture; and opens textures of any kind and size that Pillow knows.
 from __future__ import annotations
 
 import io
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from renderer import mtl
 from renderer.errors import TooLarge, Unreadable
 from renderer.names import shown
 from renderer.polygons import fans, numbers
-from renderer.surface import PLAIN, Surface, check_size
+from renderer.surface import Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from renderer.scene import Texture, Wrap
     from renderer.texture_files import Resolver
 
-_CONTINUED = re.compile(rb"\\\r?\n")
-_OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
-            b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
-_CUTOFF = 0.5
 MAX_LIBRARIES = 100
 """Most MTL files that an OBJ may name."""
-Color = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class _Material:
-    color: Color = PLAIN
-    texture: Texture | None = None
-    alpha_cutoff: float | None = None
 
 
 @dataclass
@@ -106,7 +93,7 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) 
 def _sorted(data: bytes, name: str, max_triangles: int) -> _Lines:
     lines = _Lines()
     most = dict.fromkeys((b"v", b"vt", b"vn", b"usemtl", b"mtllib"), 3 * max_triangles) | {b"f": max_triangles}
-    text = _CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
+    text = mtl.CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
     for number, line in enumerate(io.BytesIO(text)):
         word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
         if word in _LEFT_OUT:
@@ -163,25 +150,25 @@ def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np
 
 def _materials(
     lines: _Lines, face_lines: NDArray[np.int64], name: str, resolver: Resolver
-) -> tuple[list[_Material], NDArray[np.intp]]:
+) -> tuple[list[mtl.Material], NDArray[np.intp]]:
     """The distinct materials that triangles are made of, and the number of its material for each triangle."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
     libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
     if len(libraries) > MAX_LIBRARIES:
         raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
     for library in libraries:
-        data = resolver.find(_text(library), "material file")
+        data = resolver.find(mtl.text(library), "material file")
         if data is not None:
-            entries |= _entries(data)
+            entries |= mtl.entries(data)
     names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
     current = lines.before(b"usemtl", face_lines)
-    numbers_of: dict[_Material, int] = {}
+    numbers_of: dict[mtl.Material, int] = {}
     by_name: dict[bytes, int] = {}
     missing = []
     for used in dict.fromkeys(names[i] for i in np.unique(current)):
-        material = _material(entries[used], resolver) if used in entries else _Material()
+        material = mtl.material(entries[used], resolver) if used in entries else mtl.Material()
         if used and used not in entries:
-            missing.append(shown(_text(used)))
+            missing.append(shown(mtl.text(used)))
         by_name[used] = numbers_of.setdefault(material, len(numbers_of))
     if missing:
         listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")
@@ -191,7 +178,7 @@ def _materials(
 
 
 def _alike(
-    corners: NDArray[np.int64], materials: list[_Material], material_of: NDArray[np.intp], resolver: Resolver
+    corners: NDArray[np.int64], materials: list[mtl.Material], material_of: NDArray[np.intp], resolver: Resolver
 ) -> list[NDArray[np.intp]]:
     """The triangles that one surface can hold: of one texture, whose materials all have what others of it have."""
     incomplete = np.zeros((len(materials), 3), bool)  # whether a corner lacks (position,) texture coordinate, normal
@@ -216,7 +203,7 @@ def _surface(
     texture_coordinates: NDArray[np.float64],
     normals: NDArray[np.float64],
     *,
-    materials: list[_Material],
+    materials: list[mtl.Material],
     material_of: NDArray[np.intp],
 ) -> Surface:
     """One vertex for each distinct triple of indices and each material: its colour is the vertex's."""
@@ -239,7 +226,7 @@ def _surface(
     used, made_of = triples[first], made_of[first]
     measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of what has no material
     white = (1.0, 1.0, 1.0, 1.0)
-    tints = [white if measured and material == _Material() else material.color for material in materials]
+    tints = [white if measured and material == mtl.Material() else material.color for material in materials]
     colors = np.array(tints, np.float32)[made_of]
     if measured:
         colors[:, :3] *= positions[used[:, 0], 3:6]
@@ -252,63 +239,3 @@ def _surface(
         texture=material.texture if with_uv else None,
         alpha_cutoff=material.alpha_cutoff if with_uv else None,
     )
-
-
-def _entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
-    """An MTL file's materials: for each the rest of the line after each word, words in lower case."""
-    entries: dict[bytes, dict[bytes, bytes]] = {}
-    entry: dict[bytes, bytes] = {}
-    for line in _CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf")).splitlines():
-        word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
-        if word.lower() == b"newmtl":
-            entry = entries.setdefault(rest.strip(), {})
-        elif word and not word.startswith(b"#"):
-            entry[word.lower()] = rest.strip()
-    return entries
-
-
-def _material(entry: dict[bytes, bytes], resolver: Resolver) -> _Material:
-    texture, cutoff = None, None
-    if b"map_kd" in entry:
-        file_name, wrap = _map(entry[b"map_kd"])
-        masked = b"map_d" in entry and _map(entry[b"map_d"])[0] == file_name
-        texture = resolver.texture(file_name, opaque=not masked, wrap_u=wrap, wrap_v=wrap)
-        cutoff = _CUTOFF if masked and texture is not None else None
-    if b"map_d" in entry and cutoff is None:
-        resolver.note("a map of opacity is left out: the material is drawn solid")
-    if b"kd" in entry:
-        words = entry[b"kd"].split()
-        red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
-        color = (red, green, blue, 1.0)
-    else:
-        color = (1.0, 1.0, 1.0, 1.0) if texture else PLAIN
-    if texture is not None and not any(color[:3]):
-        resolver.note("a textured material has a black Kd, as some exporters write it: taken as white")
-        color = (1.0, 1.0, 1.0, 1.0)
-    return _Material(color, texture, cutoff)
-
-
-def _map(line: bytes) -> tuple[str, Wrap]:
-    """The file name, spaces and all, after a map's options; and how it goes on beyond its edges."""
-    wrap: Wrap = "repeat"
-    words = line.split(b" ")
-    while words and words[0].lower() in _OPTIONS:
-        option, values = words[0].lower(), _OPTIONS[words[0].lower()]
-        if option == b"-clamp" and words[1:2] == [b"on"]:
-            wrap = "clamp"
-        taken = 1
-        while taken <= values and taken < len(words) - 1 and (values == 1 or _is_number(words[taken])):
-            taken += 1
-        words = words[taken:]
-    return _text(b" ".join(words).strip()), wrap
-
-
-def _is_number(word: bytes) -> bool:
-    return re.fullmatch(rb"[-+]?[\d.]+(?:[eE][-+]?\d+)?", word) is not None
-
-
-def _text(name: bytes) -> str:
-    try:
-        return name.decode("utf-8")
-    except UnicodeDecodeError:
-        return name.decode("latin-1")
