@@ -27,9 +27,12 @@ def picture_files(folder: Path) -> list[Path]:
 
 
 def read_picture(path: Path) -> Tensor:
-    """8-bit RGB, `(H, W, 3)` uint8."""
-    with Image.open(path, formats=("PNG", "JPEG", "TIFF", "BMP")) as image:
-        return torch.from_numpy(np.array(image.convert("RGB")))
+    """8-bit RGB, `(H, W, 3)` uint8. Raises `ValueError` where the picture can't be read."""
+    try:
+        with Image.open(path, formats=("PNG", "JPEG", "TIFF", "BMP")) as image:
+            return torch.from_numpy(np.array(image.convert("RGB")))
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: not a picture that can be read; mend it or take it out of the folder") from error
 
 
 Pair = tuple[Tensor, Tensor]

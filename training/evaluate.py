@@ -70,9 +70,12 @@ def low_files(folder: Path) -> list[Path]:
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
-    """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB."""
-    with Image.open(path, formats=("PNG",)) as image:
-        pixels = np.asarray(image if image.mode == "L" else image.convert("RGB"))
+    """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB. Raises `ValueError` where the PNG can't be read."""
+    try:
+        with Image.open(path, formats=("PNG",)) as image:
+            pixels = np.asarray(image if image.mode == "L" else image.convert("RGB"))
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: not a PNG that can be read; give it again") from error
     return pixels[..., np.newaxis] if pixels.ndim == 2 else pixels
 
 

@@ -16,8 +16,8 @@ from torch import nn
 
 from models import card as cards
 from models.session import Network, available_cores, open_session
-from training import evaluate, to_onnx
-from training.networks import NETWORKS
+from training import checkpoints, evaluate, to_onnx
+from training.networks import make
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +39,7 @@ def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> 
 
     Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
     """
-    state = torch.load(checkpoint, weights_only=True)
+    state = checkpoints.read(checkpoint)
     recipe = state["recipe"]
     name, scale = str(recipe["name"]), int(recipe["scale"])
     network = from_checkpoint(state)
@@ -79,7 +79,7 @@ def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> 
 def from_checkpoint(state: dict[str, Any]) -> nn.Module:
     """The network of a checkpoint in evaluation mode, weights under `SMALLEST` set to zero."""
     recipe = state["recipe"]
-    network = NETWORKS[recipe["network"]](**recipe["options"])
+    network = make(recipe["network"], recipe["options"])
     network.load_state_dict(state["network"])
     with torch.no_grad():
         for weight in network.parameters():

@@ -14,9 +14,10 @@ import torch
 from tqdm import tqdm
 
 from models.metrics import luma, psnr
+from training import checkpoints
 from training.data import Crops, read_picture
 from training.degrade import to_tensor
-from training.networks import NETWORKS
+from training.networks import make
 
 if TYPE_CHECKING:
     from torch import nn
@@ -68,13 +69,6 @@ def validate(network: nn.Module, folder: Path, scale: int) -> float:
     return sum(scores) / len(scores)
 
 
-def save(path: Path, state: dict[str, object]) -> None:
-    """Writes a checkpoint whole or not at all."""
-    partial = path.with_suffix(".partial")
-    torch.save(state, partial)
-    partial.replace(path)
-
-
 def train(recipe: Recipe, out: Path) -> Path:
     """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
 
@@ -87,11 +81,11 @@ def train(recipe: Recipe, out: Path) -> Path:
     torch.manual_seed(recipe.seed)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint, log = out / "checkpoint.pt", out / "log.csv"
-    network = NETWORKS[recipe.network](**recipe.options).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network = make(recipe.network, recipe.options).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
     start, source, seconds = 0, commit(), 0.0
     if checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True)
+        state = checkpoints.read(checkpoint)
         if state["recipe"] != asdict(recipe):
             raise ValueError(f"{checkpoint}: made by another recipe; name another folder or remove it")
         network.load_state_dict(state["network"])
@@ -99,7 +93,7 @@ def train(recipe: Recipe, out: Path) -> Path:
         start, source, seconds = state["step"], state["commit"], state["seconds"]
     else:
         if recipe.initial:
-            network.load_state_dict(torch.load(recipe.initial, weights_only=True)["network"])
+            network.load_state_dict(checkpoints.read(Path(recipe.initial))["network"])
         log.write_text("step,loss,learning_rate,psnr,seconds\n")
     crops = Crops(
         Path(recipe.train),
@@ -144,5 +138,5 @@ def train(recipe: Recipe, out: Path) -> Path:
                 "seconds": seconds,
                 "psnr": score,
             }
-            save(checkpoint, state)
+            checkpoints.save(checkpoint, state)
     return checkpoint

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -57,6 +57,16 @@ def read(path: Path) -> Recipe:
     unknown = sorted(set(table) - known)
     if unknown:
         raise ValueError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(sorted(known))}")
+    for name, kind in get_type_hints(Recipe).items():
+        wanted = get_origin(kind) or kind
+        value = table.get(name, wanted())
+        # TOML's true is no number of steps, though Python's is; and 1 is a fine float.
+        if not isinstance(value, (float, int) if wanted is float else wanted) or (
+            isinstance(value, bool) and wanted is not bool
+        ):
+            raise ValueError(
+                f"{path}: {name} is {value!r}; give {'a table' if wanted is dict else 'a ' + wanted.__name__}"
+            )
     try:
         return Recipe(**table)
     except TypeError as error:

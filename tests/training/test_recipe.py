@@ -26,6 +26,10 @@ def test_defaults(tmp_path):
         (SMALLEST + "stepz = 3\n", "unknown key 'stepz'; known are"),
         (SMALLEST.replace("steps = 5\n", ""), "'steps'"),
         ("steps = ", "a.toml"),
+        (SMALLEST.replace("steps = 5", 'steps = "x"'), "steps is 'x'; give a int"),
+        (SMALLEST.replace("steps = 5", "steps = true"), "steps is True"),
+        (SMALLEST + "learning_rate = []\n", "learning_rate is"),
+        (SMALLEST + "options = 3\n", "options is 3; give a table"),
     ],
 )
 def test_a_bad_recipe_is_refused_in_one_line(tmp_path, text, message):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from training.networks.lite import LiteGenerator
 
@@ -12,6 +12,17 @@ if TYPE_CHECKING:
     from torch import nn
 
 NETWORKS: dict[str, Callable[..., nn.Module]] = {"lite": LiteGenerator}
-"""Recipe name -> constructor; the recipe's other `[network]` keys are its keyword arguments."""
+"""A recipe's `network` -> constructor; its `options` are the keyword arguments."""
 
-__all__ = ["NETWORKS", "LiteGenerator"]
+
+def make(name: str, options: dict[str, Any]) -> nn.Module:
+    """The network that a recipe asks for, with random weights. Raises `ValueError` for an unknown name or option."""
+    if name not in NETWORKS:
+        raise ValueError(f"network: {name!r} is not known; give one of {', '.join(NETWORKS)}")
+    try:
+        return NETWORKS[name](**options)
+    except TypeError as error:
+        raise ValueError(f"options: {name} doesn't take {options} ({error})") from error
+
+
+__all__ = ["NETWORKS", "LiteGenerator", "make"]
