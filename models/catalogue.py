@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
-DEFAULT = "lite"
+DEFAULT = "lite-mixed"
 """The model that is used where none is named."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Name -> constructor from a scale."""
@@ -76,7 +76,7 @@ def _make(name: str, scale: int, threads: int | None) -> Upscaler:
         raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
     if scale not in known[name].scales:
         scales = ", ".join(map(str, known[name].scales))
-        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or --model bicubic")
+        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
     from models.session import Network  # not before a network is asked for: `ciir models` needs none
 
     return Network(SHIPPED / f"{name}.json", threads=threads)

@@ -36,7 +36,7 @@ try:
     from pyrender.shader_program import ShaderProgramCache
 except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError where libEGL is not there
     raise BackendUnavailable(
-        f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take --backend raytrace"
+        f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take backend raytrace"
     ) from error
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class Context:
         except (AssertionError, IndexError, ValueError, GL.error.Error) as error:
             raise BackendUnavailable(
                 f"raster: no OpenGL context can be made ({type(error).__name__}: {str(error)[:80]}); install libegl1 "
-                "and libgl1-mesa-dri, or take --backend raytrace"
+                "and libgl1-mesa-dri, or take backend raytrace"
             ) from error
         self._platform = platform  # the context lives as long as this
         self.largest = min(MAX_SIDE, int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE)))

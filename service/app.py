@@ -21,7 +21,7 @@ from starlette.staticfiles import StaticFiles
 
 from models import catalogue
 from renderer.bundle import Bundle
-from service import listing, pipeline, problems, upload
+from service import listing, multipart, pipeline, problems, upload
 from service.body_limit import BodyLimit
 from service.errors import NotReady
 from service.outputs import FileSink
@@ -130,10 +130,12 @@ def _add_reconstructions(app: FastAPI) -> None:
     async def create_reconstruction(request: Request) -> Response:
         _require_ready(app)
         upload.check_content_type(request.headers.get("content-type"))
-        form = request.form(max_files=1, max_fields=upload.MAX_FIELDS, max_part_size=upload.MAX_FIELD_BYTES)
-        async with form as parts:
+        parts = await multipart.read(request)
+        try:
             given = upload.parse(parts.multi_items())
             result = await to_thread.run_sync(_reconstruct, given, app.state.settings, limiter=app.state.limiter)
+        finally:
+            await parts.close()
         return _answer(result)
 
 
@@ -192,10 +194,12 @@ def _add_service(app: FastAPI) -> None:
     def list_models() -> list[dict[str, Any]]:
         return listing.models()
 
+    @app.head("/healthz", include_in_schema=False)  # what many load balancers ask with
     @app.get("/healthz", summary="Alive: the process answers")
     async def healthz() -> dict[str, str]:
         return {"status": "alive"}
 
+    @app.head("/readyz", include_in_schema=False)
     @app.get("/readyz", summary="Ready: the models are loaded", responses=starting)
     async def readyz() -> dict[str, str]:
         _require_ready(app)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import uuid
 from contextlib import contextmanager
@@ -10,25 +11,41 @@ from typing import IO, TYPE_CHECKING
 from renderer.errors import InvalidOption
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
 
-def partial(path: Path) -> Path:
-    """A name for `path` while it isn't finished: hidden, unique, and on the same file system. Makes its folder."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise InvalidOption(f"{path.parent}: not a folder; name another place for the output") from error
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.partial")
+def place_for_file(path: Path) -> Path:
+    """`path`, absolute and without links. Raises `InvalidOption` where a file can't be put there; makes nothing."""
+    if path.is_dir():
+        raise InvalidOption(f"{path}: a folder is there; name a file for the output")
+    if path.exists() and not path.is_file():  # a device or a pipe, which a finished file would replace
+        raise InvalidOption(f"{path}: no plain file; name another place for the output")
+    path = path.resolve()
+    _check_folder(path)
+    return path
+
+
+def _check_folder(path: Path) -> None:
+    """Whether something new can be made at `path`, in the folders that are there or that will be made for it."""
+    folder = next(parent for parent in path.parents if parent.exists())
+    if not folder.is_dir():
+        raise InvalidOption(f"{folder}: not a folder; name another place for the output")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidOption(f"{folder}: nothing may be written there; name another place for the output")
+
+
+def _partial(folder: Path, name: str) -> Path:
+    """What `name` is called while it isn't finished: hidden, unique, in `folder`, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f".{name}.{uuid.uuid4().hex[:12]}.partial"
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file that takes `path`'s place when the block ends, and is gone when the block raises."""
-    if path.is_dir():
-        raise InvalidOption(f"{path}: a folder is there; name a file for the output")
-    temporary = partial(path)
+    path = place_for_file(path)
+    temporary = _partial(path.parent, path.name)
     try:
         with temporary.open("xb") as file:
             yield file
@@ -43,16 +60,20 @@ class Staged:
     def __init__(self, path: Path) -> None:
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
-        self.path = path
-        self.temporary = partial(path)
+        self.path = path.resolve()
+        if self.path.is_dir():  # it may be the root of a file system: what is beside it can't be moved into it
+            self.temporary = _partial(self.path, self.path.name)
+        else:
+            _check_folder(self.path)
+            self.temporary = _partial(self.path.parent, self.path.name)
         self.temporary.mkdir()
 
     def write(self, name: str, data: bytes) -> None:
         """Writes a file of the folder."""
         (self.temporary / name).write_bytes(data)
 
-    def commit(self) -> None:
-        """Moves everything into place."""
+    def commit(self, remove: Collection[str] = ()) -> None:
+        """Moves everything into place, and takes away the files called `remove` that were not written anew."""
         if not self.path.exists():
             self.temporary.rename(self.path)
             return
@@ -62,6 +83,8 @@ class Staged:
                 raise InvalidOption(f"{self.path / name}: a folder is there; remove it, or name another output")
         for name in names:
             (self.temporary / name).replace(self.path / name)
+        for name in set(remove) - set(names):
+            (self.path / name).unlink(missing_ok=True)
 
     def discard(self) -> None:
         """Removes what was not committed; does nothing after `commit`."""

@@ -21,6 +21,9 @@ broken connection in place of the answer."""
 class BodyLimit:
     """ASGI middleware: 413 before anything is read where the declared length is over the limit; in a chunked body
     `TooLarge` from `receive` at the first byte over it, which the application answers as it answers any fault.
+
+    An answer to a body that is over the limit, or that is chunked and not at its end, closes the connection: the server
+    would read on, to find the next request behind it.
     """
 
     def __init__(self, app: ASGIApp, limit: int) -> None:
@@ -34,23 +37,30 @@ class BodyLimit:
             return
         headers = Headers(scope=scope)
         declared = headers.get("content-length", "")
-        if declared.isdecimal() and int(declared) > self._limit:
-            if "expect" not in headers:  # such a client waits for a word before it sends the body
-                await _drain(receive)
-            await problems.of(self._fault(), scope["path"])(scope, receive, send)
-            return
+        is_over = declared.isdecimal() and int(declared) > self._limit
+        is_read = not is_over and "transfer-encoding" not in headers
         read = 0
 
-        async def limited() -> Message:
-            nonlocal read
+        async def counted() -> Message:
+            nonlocal read, is_read
             message = await receive()
             read += len(message.get("body", b""))
+            is_read = is_read or not message.get("more_body", False)
             if read > self._limit:
-                await _drain(receive)
                 raise self._fault()
             return message
 
-        await self._app(scope, limited, send)
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start" and not is_read:
+                if "expect" not in headers or read:  # or the client waits for a word before it sends the body
+                    await _drain(receive)
+                message["headers"] = [*message["headers"], (b"connection", b"close")]
+            await send(message)
+
+        if is_over:
+            await problems.of(self._fault(), scope["path"])(scope, receive, answer)
+        else:
+            await self._app(scope, counted, answer)
 
     def _fault(self) -> TooLarge:
         return TooLarge(f"the request's body is over the limit of {self._limit:,} bytes; send a smaller file")

@@ -1,15 +1,19 @@
 """The command line, `ciir`: what can be asked for, and what a fault looks like.
 
 Exit status: 0 done; 2 the input or an option is at fault, with one line on standard error; 1 anything else;
-130 after Ctrl-C; 141 where whoever read our output went away.
+130 after Ctrl-C, 143 after SIGTERM; 141 where whoever read our output went away.
 """
 
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
+import re
+import signal
 import sys
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
 from renderer.errors import InvalidOption
@@ -17,11 +21,24 @@ from service.errors import FAULTS, meaning, one_line
 from service.request import HELP, NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+    from types import FrameType
+
+    from _typeshed import SupportsWrite
 
 INTERRUPTED = 130
+TERMINATED = 143
 PIPE_CLOSED = 141
+NO_ROOM, NO_PLACE = 1, 2
+PLACE = dict.fromkeys(
+    (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO), (NO_ROOM, "make room there, or name another place")
+) | dict.fromkeys(
+    (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG),
+    (NO_PLACE, "name a place that can be read or written"),
+)
+"""System errors that are about where is read or written -> exit status and remedy."""
 
+_OPTIONS = frozenset(f"--{name}" for name in NAMES)
 ELEMENTAL = ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta")
 
 
@@ -31,6 +48,11 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raises `InvalidOption` in place of printing the usage."""
         raise InvalidOption(f"{message}; see {self.prog} --help")
+
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """Raises `OSError` where argparse keeps quiet of it."""
+        (file or sys.stdout).write(self.format_help())
+        sys.stdout.flush()
 
 
 def _add_options(parser: argparse.ArgumentParser, names: Sequence[str]) -> None:
@@ -42,6 +64,7 @@ def _add_options(parser: argparse.ArgumentParser, names: Sequence[str]) -> None:
 def parser() -> argparse.ArgumentParser:
     """The whole command line. Each command's `run` names the module of `service.commands` that does it."""
     top = Parser(prog="ciir", description="Views of a light field: from a mesh or an elemental image array, upscaled.")
+    top.add_argument("--version", action="store_true", help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
     def command(name: str, text: str, module: str | None = None) -> argparse.ArgumentParser:
@@ -101,22 +124,76 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs `argv` (the process's own where None) and returns the exit status. Faults are one line on stderr."""
     try:
-        args = parser().parse_args(argv)
-        if args.command is None:
-            raise InvalidOption("no command given; see ciir --help")
-        importlib.import_module(f"service.commands.{args.module}").run(args)
-        sys.stdout.flush()
+        _run(sys.argv[1:] if argv is None else argv)
     except FAULTS as fault:
         return _tell(fault, meaning(fault).exit)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as fault:
-        return _tell(f"{fault.filename}: {fault.strerror}; name a place that can be read or written", 2)
     except BrokenPipeError:
-        # Python flushes stdout once more on its way out: let that go nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return PIPE_CLOSED
+    except OSError as fault:
+        if fault.errno not in PLACE:
+            raise
+        status, remedy = PLACE[fault.errno]
+        if status == NO_ROOM:
+            _forget_output()
+        return _tell(f"{fault.filename or 'the output'}: {fault.strerror}; {remedy}", status)
     except KeyboardInterrupt:
         return _tell("interrupted", INTERRUPTED)
+    except _Terminated:
+        return _tell("terminated", TERMINATED)
     return 0
+
+
+def _run(argv: Sequence[str]) -> None:
+    args = parser().parse_args(_joined(argv))
+    if args.version:
+        from importlib.metadata import version
+
+        print(f"ciir {version('ciir')}")
+    elif args.command is None:
+        raise InvalidOption("no command given; see ciir --help")
+    else:
+        with _terminable(args.command):
+            importlib.import_module(f"service.commands.{args.module}").run(args)
+    sys.stdout.flush()
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """`--lenses -5x5` as `--lenses=-5x5`: argparse takes the second word for an option, and would not name it."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1] in _OPTIONS and re.match("-[^-oh]", word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+@contextmanager
+def _terminable(command: str) -> Iterator[None]:
+    """SIGTERM ends the block as an exception, so that nothing half-written stays. A server has its own way to end."""
+    if command == "serve":
+        yield
+        return
+
+    def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: what cleans up is not to be broken off
+        raise _Terminated
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _forget_output() -> None:
+    """Python flushes stdout once more on its way out: let that go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _tell(fault: Exception | str, status: int) -> int:

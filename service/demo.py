@@ -12,6 +12,7 @@ from renderer import scenes
 from renderer.backends import open_backend
 from renderer.bundle import Bundle
 from renderer.pictures import encode_png
+from renderer.sampling import LENSLET_SAMPLES
 from service import contact_sheet, pipeline
 from service.report import STAGES
 from service.request import Options
@@ -70,7 +71,7 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
     """
     upscaler = catalogue.load(catalogue.DEFAULT)
     upscaler(np.zeros((1, 3, *LENSES), np.float32))
-    open_backend(backend)
+    open_backend(backend, rays=LENSES[0] * LENSES[1] * LENSLET_SAMPLES**2)
     mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
     rows = []
     for scene in SCENES:

@@ -28,25 +28,37 @@ class MeshViews:
     """Renders a mesh, RGB, framed in front of the lens array that the options ask for."""
 
     def __init__(self, scene: Scene, options: Options, plan: Plan, clock: Clock) -> None:
-        """Places the scene and opens the backend; raises `TooLarge`, `InvalidOption` or `BackendUnavailable`."""
+        """Raises `TooLarge` or `InvalidOption`; nothing is rendered or opened yet."""
         self.array = mesh_array(options)
         self._rendered = self.array.refined(plan.enlarge) if plan.strategy == "direct" else self.array
         check_samples(self._rendered, plan.samples)
-        self._plan, self._clock, self._background = plan, clock, options.background
-        with clock.stage("render"):
+        self._given, self._plan, self._clock = scene, plan, clock
+        self._wanted, self._background = options.backend, options.background
+        self._is_seen = False
+        self.lenses = (self.array.rows, self.array.cols)
+        self.pixels = (self.array.pixels_v, self.array.pixels_u)
+
+    def start(self) -> None:
+        """Opens the backend and places the scene; before `make` and `elemental`. Raises `BackendUnavailable`."""
+        with self._clock.stage("render"):
             from renderer.backends import open_backend
             from renderer.framing import frame
 
-            rays = self._rendered.rows * self._rendered.cols * plan.samples**2
-            self._backend, reason = open_backend(options.backend, triangles=scene.triangles, rays=rays)
-            matrix = frame(scene, self.array)
-            self._scene = scene.transformed(matrix)
+            rays = self._rendered.rows * self._rendered.cols * self._plan.samples**2
+            self._backend, reason = open_backend(self._wanted, triangles=self._given.triangles, rays=rays)
+            matrix = frame(self._given, self.array)
+            self._scene = self._given.transformed(matrix)
         self.backend: str | None = self._backend.name
-        self.reasons = [reason]
+        self.reasons: Sequence[str] = [reason]
         self.transform: list[list[float]] | None = matrix.tolist()
-        self.packages = ("embreex" if self.backend == "raytrace" else "pyrender",)
-        self.lenses = (self.array.rows, self.array.cols)
-        self.pixels = (self.array.pixels_v, self.array.pixels_u)
+        self.packages: tuple[str, ...] = ("embreex" if self.backend == "raytrace" else "pyrender",)
+
+    def notes(self) -> list[str]:
+        """What a caller should hear of, once everything was made."""
+        if self._is_seen:
+            return [*self._given.notes]
+        unseen = "nothing that was asked for shows the object, only background; ask for other views or another delta"
+        return [*self._given.notes, unseen]
 
     def lens_array(self) -> Report:
         """The report's `lens_array`."""
@@ -57,7 +69,7 @@ class MeshViews:
         pictures = self._backend.views(
             self._scene, self._rendered, views, samples=self._plan.samples, background=self._background
         )
-        return (picture[..., :3] for picture in pictures)
+        return map(self._opaque, pictures)
 
     def batch(self, pictures: Iterator[NDArray[Any]], count: int) -> Pixels:
         """The next `count` of `make`, `(count, H, W, 3)`."""
@@ -70,7 +82,12 @@ class MeshViews:
             eia = self._backend.elemental(
                 self._scene, self.array, samples=self._plan.samples, background=self._background
             )
-            return np.ascontiguousarray(eia[..., :3])
+            return np.ascontiguousarray(self._opaque(eia))
+
+    def _opaque(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """RGBA without A, the share that the object covers."""
+        self._is_seen = self._is_seen or bool(picture[..., 3].any())
+        return picture[..., :3]
 
 
 class PictureViews:
@@ -78,7 +95,7 @@ class PictureViews:
 
     backend: str | None = None
     transform: list[list[float]] | None = None
-    reasons: tuple[str, ...] = ()
+    reasons: Sequence[str] = ()
     packages: tuple[str, ...] = ()
 
     def __init__(self, field: LightField, options: Options, clock: Clock) -> None:
@@ -86,6 +103,13 @@ class PictureViews:
         self._pitch, self._delta = options.pitch, options.delta
         pixels_v, pixels_u, rows, cols, _ = field.views.shape
         self.lenses, self.pixels = (rows, cols), (pixels_v, pixels_u)
+
+    def start(self) -> None:
+        """Everything is there already."""
+
+    def notes(self) -> list[str]:
+        """Nothing to hear of."""
+        return []
 
     def lens_array(self) -> Report:
         """The report's `lens_array`; pitch and delta are null where nobody said them."""

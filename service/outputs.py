@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+import re
 import zipfile
 from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, get_args
 
@@ -53,12 +55,18 @@ def _png(pixels: Pixels) -> bytes:
 
 
 class FolderSink:
-    """A folder of PNGs with `report.json`. As a context manager it leaves nothing behind where the work fails."""
+    """A folder of PNGs with `report.json`. As a context manager it leaves nothing behind where the work fails.
 
-    def __init__(self, path: Path) -> None:
+    The views that an earlier report there lists are removed, as they would pass for this run's; but not `given`, the
+    file or the folder that is the input.
+    """
+
+    def __init__(self, path: Path, given: Path | None = None) -> None:
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
         self._path = path
+        self._given = given.resolve() if given is not None else None
+        self._names: set[str] = set()
         self._staged: Staged | None = None
 
     def begin(self, count: int) -> None:
@@ -71,13 +79,20 @@ class FolderSink:
         assert self._staged is not None  # noqa: S101 - begin was called: Sink's contract
         name = file_name(view)
         self._staged.write(name, _png(pixels))
+        self._names.add(name)
         return name
 
     def finish(self, report: Report) -> None:
-        """Writes the report and moves everything into place."""
+        """Writes the report, with a note of the earlier views that are removed, and moves everything into place."""
         assert self._staged is not None  # noqa: S101
+        stale = _earlier(self._path) - self._names
+        if self._given is not None:
+            stale = {name for name in stale if not (self._path / name).resolve().is_relative_to(self._given)}
+        if stale:
+            names = min(stale) if len(stale) == 1 else f"{min(stale)} to {max(stale)}"
+            report["notes"].append(f"views of an earlier run removed from the output folder: {len(stale)} ({names})")
         self._staged.write(REPORT, to_json(report))
-        self._staged.commit()
+        self._staged.commit(remove=stale)
 
     def __enter__(self) -> FolderSink:
         return self
@@ -87,6 +102,18 @@ class FolderSink:
     ) -> None:
         if self._staged is not None:
             self._staged.discard()
+
+
+def _earlier(folder: Path) -> set[str]:
+    """The names of views that the report in `folder` lists and that are there; none where there is no such report."""
+    path = folder / REPORT
+    if not path.is_file():
+        return set()
+    try:
+        names = [str(view["file"]) for view in json.loads(path.read_bytes())["views"]]
+    except (LookupError, TypeError, ValueError):  # somebody else's report.json: nothing here is known to be ours
+        return set()
+    return {name for name in names if re.fullmatch(r"view_\d+_\d+\.png", name) and (folder / name).is_file()}
 
 
 class PngSink:

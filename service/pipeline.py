@@ -60,6 +60,7 @@ def reconstruct(
     plans.check_size(rows, cols, plan.enlarge, len(views), max_pixels)
     upscaler = _load(plan, clock)
     sink.begin(len(views))
+    maker.start()
 
     written: list[dict[str, Any]] = []
     together = max(1, BATCH_PIXELS // (rows * cols * plan.enlarge**2))
@@ -95,7 +96,7 @@ def reconstruct(
         },
         "model": describe_model(plan.model, plan.enlarge) if upscaler is not None else None,
         "options": options.as_dict(),
-        "notes": list(content.notes) if isinstance(content, Scene) else [],
+        "notes": maker.notes(),
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if upscaler is not None else ())),
     }
@@ -116,6 +117,7 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
         scene = given.read_mesh(options)
     plan = Plan("upscale", NO_MODEL, 1, plans.samples(options), ())
     maker = MeshViews(scene, options, plan, clock)
+    maker.start()
     pixels: Pixels = maker.elemental()
     if options.pickup == "optical":
         with clock.stage("map"):
@@ -134,7 +136,7 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
             "pickup": options.pickup,
             "reasons": maker.reasons,
         },
-        "notes": list(scene.notes),
+        "notes": maker.notes(),
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages),
     }

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from models import catalogue
+from models.errors import UnknownModel
 from renderer.errors import InvalidOption, TooLarge
 from renderer.lens_array import LensArray
+from renderer.pictures import MAX_SIDE
 from renderer.sampling import LENSLET_SAMPLES
 
 if TYPE_CHECKING:
@@ -45,7 +48,10 @@ def samples(options: Options) -> int:
 
 
 def make(options: Options, *, name: str, is_mesh: bool) -> Plan:
-    """The plan for an input called `name`. Raises `InvalidOption` where an option doesn't fit the kind of input."""
+    """The plan for an input called `name`.
+
+    Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel` where the model isn't there.
+    """
     reasons = []
     if is_mesh and options.pickup != "virtual":
         raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
@@ -55,9 +61,14 @@ def make(options: Options, *, name: str, is_mesh: bool) -> Plan:
                 raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
         if options.strategy == "direct":
             raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")
+    if options.model not in (NO_MODEL, *catalogue.names()):
+        known = ", ".join((*catalogue.names(), NO_MODEL))
+        raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {known}")
     strategy: Literal["upscale", "direct"] = "upscale" if options.strategy == "auto" else options.strategy
     if options.strategy == "auto":
-        if is_mesh:
+        if options.model == NO_MODEL:
+            reasons.append("auto: no model is wanted, so nothing is enlarged")
+        elif is_mesh:
             strategy = "direct"
             reasons.append("auto: the input is a mesh, so views are rendered at the larger size; no model is needed")
         else:
@@ -95,10 +106,10 @@ def check_views(spec: str, pixels: tuple[int, int]) -> None:
 def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None, *, what: str = "a view") -> None:
     """Raises `TooLarge` where a view, or all `count` of them together with a `limit`, would have too many pixels."""
     pixels = rows * cols * enlarge**2
-    if pixels > MAX_VIEW_PIXELS:
+    if pixels > MAX_VIEW_PIXELS or max(rows, cols) * enlarge > MAX_SIDE:
         raise TooLarge(
-            f"{what}: {rows * enlarge}x{cols * enlarge} pixels are over the limit of {MAX_VIEW_PIXELS:,}; "
-            "give a smaller scale or a smaller input"
+            f"{what}: {rows * enlarge}x{cols * enlarge} pixels are over the limit of {MAX_VIEW_PIXELS:,}, or of "
+            f"{MAX_SIDE:,} a side; give a smaller scale or a smaller input"
         )
     if limit is not None and count * pixels > limit:
         raise TooLarge(
@@ -121,8 +132,8 @@ def check_eia(options: Options) -> None:
     """Raises `TooLarge` where a mesh's elemental image array would have more pixels than a picture may have."""
     array = mesh_array(options)
     height, width = array.rows * array.pixels_v, array.cols * array.pixels_u
-    if height * width > MAX_VIEW_PIXELS:
+    if height * width > MAX_VIEW_PIXELS or max(height, width) > MAX_SIDE:
         raise TooLarge(
-            f"an elemental image array of {height}x{width} pixels is over the limit of {MAX_VIEW_PIXELS:,}; "
-            "give fewer lenses or fewer pixels"
+            f"an elemental image array of {height}x{width} pixels is over the limit of {MAX_VIEW_PIXELS:,}, or of "
+            f"{MAX_SIDE:,} a side; give fewer lenses or fewer pixels"
         )

@@ -7,6 +7,7 @@ import re
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from models.catalogue import DEFAULT
 from renderer.errors import InvalidOption
 from renderer.light_field import Pickup
 
@@ -39,7 +40,7 @@ class Options:
     """Pixels under each lens, rows (v) and columns (u). A mesh: 15x15 by default."""
     views: str = "center"
     """`center`, `cross`, `all`, or pairs `v,u;v,u`."""
-    model: str = "lite"
+    model: str = DEFAULT
     """A name of the catalogue, or `none` for views as they were mapped or rendered."""
     scale: int = 2
     """Output pixels for each view pixel, along each side."""

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 FILE, FORMAT = "file", "format"
-MAX_FIELD_BYTES = 64 * 2**10
-"""Most bytes of a field that isn't the file: thousands of views by name."""
-MAX_FIELDS = 32
 
 SCHEMA: dict[str, Any] = {
     "type": "object",

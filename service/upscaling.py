@@ -15,6 +15,7 @@ from service.plan import NO_MODEL, check_size
 from service.report import Clock, Report, versions
 
 if TYPE_CHECKING:
+    from renderer.pictures import Pixels
     from service.pipeline import Progress
 
 Write = Callable[[str, bytes], None]
@@ -63,11 +64,12 @@ def upscale_pictures(
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name)
+        _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
         with clock.stage("upscale"):
             large = enlarge(upscaler, pixels[np.newaxis])[0]
         with clock.stage("encode"):
-            write(output, pictures.encode(large, output[output.rindex(".") :].lower()))
+            write(output, _encode(large, output))
         height, width, channels = large.shape
         done.append(
             {
@@ -83,7 +85,15 @@ def upscale_pictures(
             progress(1)
     return {
         "pictures": done,
+        "notes": [],
         "model": describe_model(model, scale),
         "timings_ms": clock.timings_ms(),
         "versions": versions("onnxruntime"),
     }
+
+
+def _encode(pixels: Pixels, output: str) -> bytes:
+    try:
+        return pictures.encode(pixels, output[output.rindex(".") :])
+    except InvalidOption as error:
+        raise InvalidOption(f"{output}: {str(error).removeprefix('picture: ')}") from error

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer.bundle import Bundle
-from service.atomic import replacing
+from renderer.errors import InvalidOption
+from service.atomic import place_for_file, replacing
+from service.errors import one_line
 from service.report import Report, to_json
 from service.request import Options
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from service.source import Source
 
@@ -37,22 +40,31 @@ def bundle(text: str) -> Bundle:
     return Bundle.from_path(Path(text))
 
 
-def write_report(report: Report, path: str | None) -> None:
-    """Writes the report to `path`, if one was given."""
+def check_report(path: str | None, out: Path) -> None:
+    """Before any work: raises `InvalidOption` where the report can't be written to `path`, beside the output `out`."""
+    if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
+        raise InvalidOption(f"--report: {path!r} is no place of its own; name a file for the report")
+
+
+def finish(report: Report, path: str | None) -> None:
+    """Writes the report to `path`, if one was given, and tells its notes."""
     if path is not None:
         with replacing(Path(path)) as file:
             file.write(to_json(report))
+    for note in report["notes"]:
+        print(f"ciir: note: {one_line(note)}", file=sys.stderr)
 
 
-def bar(unit: str, total: int | None = None) -> tuple[Callable[[int], object], Callable[[], None]]:
-    """A progress bar, on a terminal only: what counts it up, and what ends it. `total` is None where nobody knows yet.
+@contextmanager
+def bar(unit: str, total: int | None = None) -> Iterator[Callable[[int], object]]:
+    """A progress bar, on a terminal only, and what counts it up. `total` is None where nobody knows yet.
 
     It appears after half a second: short work shows nothing.
     """
     from tqdm import tqdm
 
-    shown = tqdm(total=total, unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr)
-    return shown.update, shown.close
+    with tqdm(total=total, unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr) as shown:
+        yield shown.update
 
 
 def say(text: str) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from service import demo
 from service.atomic import Staged
-from service.commands import common
+from service.commands import common, out
 
 if TYPE_CHECKING:
     import argparse
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 def run(args: argparse.Namespace) -> None:
     """Writes the pictures, and prints where the time went."""
     options = common.options(args)
-    staged = Staged(Path(args.out))
+    staged = Staged(out.folder(args.out, what="the demo's pictures"))
     names: list[str] = []
 
     def write(name: str, data: bytes) -> None:
@@ -32,4 +31,5 @@ def run(args: argparse.Namespace) -> None:
         staged.commit()
     finally:
         staged.discard()
-    common.say(f"{args.out}: {', '.join(names)}")
+    *of_one, sheet = names
+    common.say(f"{args.out}: {', '.join(of_one)} of the {demo.SCENES[-1]}; {sheet} of all scenes")

@@ -21,8 +21,10 @@ def run(args: argparse.Namespace) -> None:
     """Writes the elemental image array, and the report where one is asked for."""
     out = Path(args.out)
     suffix = out.suffix.lower()
-    if suffix not in pictures.SUFFIXES:
-        raise InvalidOption(f"{out}: no picture's name; end it with one of {', '.join(sorted(pictures.SUFFIXES))}")
+    if suffix not in pictures.SUFFIXES or args.out.endswith("/"):
+        listed = ", ".join(sorted(pictures.SUFFIXES))
+        raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
+    common.check_report(args.report, out)
     options, source = common.options(args), common.source(args.input)
     with replacing(out) as file:
 
@@ -30,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
             file.write(pictures.encode(pixels, suffix))
 
         report = pipeline.elemental(source, options, keep)
-    common.write_report(report, args.report)
+    common.finish(report, args.report)
     array = report["lens_array"]
     width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]
     common.say(f"{args.out}: {width}x{height} pixels ({common.timings(report)})")

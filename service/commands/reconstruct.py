@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from service import pipeline
 from service.atomic import replacing
-from service.commands import common
+from service.commands import common, out
 from service.outputs import FORMATS, FileSink, FolderSink
 
 if TYPE_CHECKING:
@@ -20,22 +20,23 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and says what was written."""
+    is_file = out.is_file(args.out, [f".{name}" for name in FORMATS], what="views")
+    path = Path(args.out)
+    common.check_report(args.report, path)
     options, source = common.options(args), common.source(args.input)
-    report = _reconstruct(source, options, Path(args.out))
-    common.write_report(report, args.report)
+    report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
+    common.finish(report, args.report)
     views = report["views"]
     size = f"{views[0]['width']}x{views[0]['height']}"
     common.say(f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.timings(report)})")
 
 
-def _reconstruct(source: Source, options: Options, out: Path) -> Report:
-    count, close = common.bar("view")
-    try:
-        suffix = out.suffix.lower().removeprefix(".")
-        if suffix in FORMATS and not out.is_dir():
-            with replacing(out) as file:
-                return pipeline.reconstruct(source, options, FileSink(file, suffix), progress=count)
-        with FolderSink(out) as sink:
-            return pipeline.reconstruct(source, options, sink, progress=count)
-    finally:
-        close()
+def _to_file(source: Source, options: Options, path: Path) -> Report:
+    with replacing(path) as file, common.bar("view") as count:
+        sink = FileSink(file, path.suffix.lower().removeprefix("."))
+        return pipeline.reconstruct(source, options, sink, progress=count)
+
+
+def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
+    with FolderSink(path, given) as sink, common.bar("view") as count:
+        return pipeline.reconstruct(source, options, sink, progress=count)

@@ -19,21 +19,15 @@ def run(args: argparse.Namespace) -> None:
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
     import uvicorn
-    from pydantic import ValidationError
 
+    from service import settings
     from service.app import create_app
-    from service.settings import Settings
 
-    try:
-        settings = Settings()
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = "CIIR_" + "_".join(map(str, first["loc"])).upper()
-        raise InvalidOption(f"{name}: {first['msg']} ({first['input']!r} was given); set it anew") from error
+    limits = settings.read()
     with _listening(args.host, int(args.port)) as listener:
         host, port = listener.getsockname()[:2]
         common.say(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
-        config = uvicorn.Config(create_app(settings), timeout_keep_alive=KEEP_ALIVE_SECONDS, server_header=False)
+        config = uvicorn.Config(create_app(limits), timeout_keep_alive=KEEP_ALIVE_SECONDS, server_header=False)
         server = uvicorn.Server(config)
         try:
             server.run([listener])

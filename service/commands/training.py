@@ -11,7 +11,7 @@ from service.commands import common
 if TYPE_CHECKING:
     import argparse
 
-EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "skimage")
+EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir")
 """What the extra `training` brings."""
 
 
@@ -24,19 +24,17 @@ def run(args: argparse.Namespace) -> None:
         if error.name is None or error.name.partition(".")[0] not in EXTRA:
             raise
         raise InvalidOption(
-            f'{args.command}: the package {error.name} is not installed; pip install "ciir[training]"'
+            f"{args.command}: the package {error.name} is not installed; run `make setup-training`"
         ) from error
 
 
 def _evaluate(args: argparse.Namespace) -> None:
     options = common.options(args)
-    from models import catalogue
-    from training.evaluate import evaluate
+    from training.evaluate import evaluate_folder
 
-    upscaler = catalogue.load(args.model, scale=options.scale)
     for folder in _folders(args.folders):
         try:
-            score = evaluate(upscaler, folder)
+            score = evaluate_folder(args.model, folder, scale=options.scale)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
         common.say(f"{score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} pictures")
@@ -44,27 +42,32 @@ def _evaluate(args: argparse.Namespace) -> None:
 
 def _train(args: argparse.Namespace) -> None:
     from training import recipe
-    from training.loop import train
 
     try:
         read = recipe.read(Path(args.recipe))
     except ValueError as error:
         raise InvalidOption(str(error)) from error
+    from training.loop import train
+
     common.say(f"training {read.name}: {read.steps} steps; stop and start again at any time")
     try:
         checkpoint = train(read, Path(args.out))
-    except ValueError as error:  # the recipe's folders and the output folder, which only the loop looks into
+    except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
         raise InvalidOption(str(error)) from error
     common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
 
 
 def _export(args: argparse.Namespace) -> None:
-    from training.export import export
-
     checkpoint = Path(args.checkpoint)
     if not checkpoint.is_file():
         raise InvalidOption(f"{checkpoint}: no such file; give the checkpoint.pt that `ciir train` wrote")
-    card = export(checkpoint, Path(args.out), accuracy_on=_folders(args.on))
+    from training.export import export
+
+    folders = _folders(args.on)
+    try:
+        card = export(checkpoint, Path(args.out), accuracy_on=folders)
+    except ValueError as error:
+        raise InvalidOption(str(error)) from error
     common.say(f"{card.with_suffix('.onnx')} and {card}: written")
 
 

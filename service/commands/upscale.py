@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer import pictures
-from renderer.errors import InvalidOption
+from renderer.errors import InvalidOption, UnsupportedType
+from renderer.kinds import SUFFIXES
 from service.atomic import Staged, replacing
-from service.commands import common
+from service.commands import common, out
 from service.upscaling import output_names, upscale_pictures
 
 if TYPE_CHECKING:
@@ -19,49 +20,59 @@ if TYPE_CHECKING:
     from service.report import Report
     from service.request import Options
 
+_TAKEN = ", ".join([*sorted(pictures.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
+
 
 def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
-    options, bundle = common.options(args), common.bundle(args.input)
-    out = Path(args.out)
+    path = Path(args.out)
+    common.check_report(args.report, path)
+    options, bundle = common.options(args), _bundle(args.input)
     if bundle.main is None:
+        out.folder(args.out, what="several pictures")
         names = [name for name in bundle.files if _is_picture(name) and "/" not in name]
         left_out = [name for name in bundle.files if name not in names]
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
-        report = _folder(bundle, output_names(names), out, options)
+        report = _folder(bundle, output_names(names), path, options)
         report["notes"] = [f"left out, not a picture of this folder: {name}" for name in left_out]
-    elif _is_picture(out.name) and not out.is_dir():
-        report = _single(bundle, bundle.main, out, options)
+    elif out.is_file(args.out, sorted(pictures.SUFFIXES), what="a picture"):
+        report = _single(bundle, bundle.main, path, options)
     else:
-        report = _folder(bundle, output_names([bundle.main]), out, options)
-    common.write_report(report, args.report)
+        report = _folder(bundle, output_names([bundle.main]), path, options)
+    common.finish(report, args.report)
     done = report["pictures"]
     common.say(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.timings(report)})")
+
+
+def _bundle(text: str) -> Bundle:
+    try:
+        return common.bundle(text)
+    except UnsupportedType as error:  # whose advice lists meshes too
+        raise UnsupportedType(str(error).replace(", ".join(SUFFIXES), _TAKEN)) from error
 
 
 def _is_picture(name: str) -> bool:
     return Path(name).suffix.lower() in pictures.SUFFIXES
 
 
-def _single(bundle: Bundle, name: str, out: Path, options: Options) -> Report:
-    with replacing(out) as file:
+def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:
+    with replacing(path) as file:
 
         def write(_: str, data: bytes) -> None:
             file.write(data)
 
-        return upscale_pictures(bundle.files, {name: out.name}, write, model=options.model, scale=options.scale)
+        return upscale_pictures(bundle.files, {name: path.name}, write, model=options.model, scale=options.scale)
 
 
-def _folder(bundle: Bundle, outputs: Mapping[str, str], out: Path, options: Options) -> Report:
-    count, close = common.bar("picture", total=len(outputs))
-    staged = Staged(out)
+def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Options) -> Report:
+    staged = Staged(path)
     try:
-        report = upscale_pictures(
-            bundle.files, outputs, staged.write, model=options.model, scale=options.scale, progress=count
-        )
+        with common.bar("picture", total=len(outputs)) as count:
+            report = upscale_pictures(
+                bundle.files, outputs, staged.write, model=options.model, scale=options.scale, progress=count
+            )
         staged.commit()
     finally:
         staged.discard()
-        close()
     return report

@@ -10,9 +10,10 @@ from fastapi.testclient import TestClient
 
 from models import catalogue
 from models.errors import BadCard
+from renderer.errors import InvalidOption
 from renderer.pictures import decode
 from service import app as app_module
-from service import upload
+from service import multipart, settings
 from service.app import create_app
 from service.outputs import FORMATS
 from service.request import NAMES
@@ -150,14 +151,14 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
-    problem(client.post(POST, files=[("file", ("a.png", eia)), ("file", ("b.png", eia))]), 400, "1")
+    problem(client.post(POST, files=[("file", ("a.png", eia)), ("file", ("b.png", eia))]), 400, "1", "; send one")
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
     problem(client.post(POST, content=eia), 415, "nothing")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
     problem(client.post(POST, content=b"x", headers={"content-type": "multipart/form-data"}), 400, "boundary")
     broken = {"content-type": "multipart/form-data; boundary=b"}
-    problem(client.post(POST, content=b"--b\r\nnonsense", headers=broken), 422)
-    long_field = {"file": ("a.png", eia), "views": (None, "0,0;" * upload.MAX_FIELD_BYTES)}
+    problem(client.post(POST, content=b"--b\r\nnonsense", headers=broken), 400, "closing boundary; send")
+    long_field = {"file": ("a.png", eia), "views": (None, "0,0;" * multipart.MAX_FIELD_BYTES)}
     problem(client.post(POST, files=long_field), 400, "Part")
 
 
@@ -203,6 +204,9 @@ def test_models(client):
 def test_health(client):
     assert client.get("/healthz").json() == {"status": "alive"}
     assert client.get("/readyz").json() == {"status": "ready"}
+    for path in ("/healthz", "/readyz"):
+        head = client.head(path)
+        assert (head.status_code, head.headers["content-type"]) == (200, "application/json")
 
 
 def test_not_ready_while_models_are_loaded(eia, monkeypatch):
@@ -216,8 +220,10 @@ def test_not_ready_while_models_are_loaded(eia, monkeypatch):
         problem(response, 503, "again")
         assert response.headers["retry-after"] == "1"
         assert client.get("/healthz").status_code == 200
+        head = client.head("/readyz")
         loaded.set()
         wait_until_ready(client)
+    assert head.status_code == 503
 
 
 def test_never_ready_where_models_are_broken(monkeypatch, caplog):
@@ -252,5 +258,20 @@ def test_openapi_tells_every_field(client):
 def test_settings_come_from_the_environment(monkeypatch):
     monkeypatch.setenv("CIIR_WORKERS", "3")
     monkeypatch.setenv("CIIR_MAX_BODY_BYTES", "2048")
-    settings = Settings()
-    assert (settings.workers, settings.max_body_bytes) == (3, 2048)
+    found = settings.read()
+    assert (found.workers, found.max_body_bytes) == (3, 2048)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("CIIR_WORKERS", "0", ["'0'", "1 to 64", "default of 2"]),
+        ("CIIR_MAX_BODY_BYTES", "many", ["'many'", "1024 to", "default of 67108864"]),
+        ("CIIR_MAX_OUTPUT_PIXELS", "1.5", ["'1.5'", "whole number"]),
+    ],
+)
+def test_settings_out_of_range_are_told_in_plain_words(monkeypatch, name, value, words):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(InvalidOption) as caught:
+        settings.read()
+    assert all(word in str(caught.value) for word in [name, *words]), caught.value

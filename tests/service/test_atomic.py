@@ -1,7 +1,9 @@
+import os
+
 import pytest
 
 from renderer.errors import InvalidOption
-from service.atomic import Staged, replacing
+from service.atomic import Staged, place_for_file, replacing
 
 
 def test_a_file_appears_whole(tmp_path):
@@ -33,6 +35,49 @@ def test_a_file_where_a_folder_must_be(tmp_path):
         pass
     with pytest.raises(InvalidOption, match="a file is there"):
         Staged(tmp_path / "a")
+
+
+def test_a_device_or_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InvalidOption, match="pipe: no plain file"), replacing(tmp_path / "pipe"):
+        pass
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_where_nothing_may_be_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("service.atomic.os.access", lambda path, mode: path != tmp_path)
+    for make in (place_for_file, Staged):
+        with pytest.raises(InvalidOption, match="nothing may be written there"):
+            make(tmp_path / "new" / "a")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_goes_where_a_link_leads(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "a").write_bytes(b"old")
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "a")
+    with replacing(tmp_path / "link") as file:
+        file.write(b"new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "far" / "a").read_bytes() == b"new"
+
+
+def test_a_folder_that_is_there_is_filled_from_within(tmp_path):
+    """It may be the root of a file system, into which nothing can be moved from beside it."""
+    staged = Staged(tmp_path)
+    assert staged.temporary.parent == tmp_path
+    staged.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_to_go_goes_unless_it_is_new(tmp_path):
+    for name in ("a", "b", "c"):
+        (tmp_path / name).write_bytes(b"old")
+    staged = Staged(tmp_path)
+    staged.write("a", b"new")
+    staged.commit(remove=["a", "b", "gone"])
+    staged.discard()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"new", "c": b"old"}
 
 
 def test_a_folder_appears_whole(tmp_path):

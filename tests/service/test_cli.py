@@ -88,7 +88,7 @@ def test_upscale_a_picture(samples, tmp_path):
     assert np.array_equal(read(tmp_path / "folder" / "a.png"), expected)
 
 
-def test_upscale_a_folder(samples, tmp_path):
+def test_upscale_a_folder(samples, tmp_path, capsys):
     source, out = tmp_path / "in", tmp_path / "out"
     source.mkdir()
     (source / "a.png").write_bytes(encode(samples.picture(5, 6), ".png"))
@@ -97,7 +97,9 @@ def test_upscale_a_folder(samples, tmp_path):
     argv = ["upscale", str(source), "-o", str(out), "--model", "nearest", "--report", str(tmp_path / "r.json")]
     assert main(argv) == 0
     assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
-    assert "notes.txt" in json.loads((tmp_path / "r.json").read_text())["notes"][0]
+    (note,) = json.loads((tmp_path / "r.json").read_text())["notes"]
+    assert "notes.txt" in note
+    assert capsys.readouterr().err == f"ciir: note: {note}\n"
 
 
 def test_upscale_leaves_nothing_where_one_picture_is_bad(samples, tmp_path, capsys):
@@ -120,7 +122,6 @@ def test_models(capsys):
 
 
 def test_evaluate(samples, tmp_path, capsys):
-    pytest.importorskip("skimage", reason="SSIM needs the extra `training`")
     high = np.repeat(np.repeat(samples.picture(20, 20), 2, 0), 2, 1)
     (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
     (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
@@ -135,10 +136,10 @@ def test_training_without_torch_names_the_remedy(tmp_path, capsys, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "training"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    (tmp_path / "r.toml").write_text("")
+    recipe = Path(__file__).resolve().parents[2] / "training" / "recipes" / "lite.toml"
     (tmp_path / "c.pt").write_bytes(b"")
-    assert 'pip install "ciir[training]"' in fails(capsys, "train", tmp_path / "r.toml", "-o", tmp_path / "run")
-    assert 'pip install "ciir[training]"' in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
+    assert "make setup-training" in fails(capsys, "train", recipe, "-o", tmp_path / "run")
+    assert "make setup-training" in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
 
 
 def test_bad_input_is_one_line_and_leaves_nothing(samples, bad_input, tmp_path, capsys):
@@ -169,6 +170,11 @@ def empty_folder(tmp_path, monkeypatch):
         (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
         (["elemental", "scene:vase", "-o", "eia.jpg", "--model", "lite"], ["--model"]),
         (["serve", "--port", "many"], ["port", "65535"]),
+        (["reconstruct", "scene:vase", "-o", "out", "--lenses", "-5x5"], ["lenses: '-5x5'", "100x100"]),
+        (["reconstruct", "scene:vase", "-o", "out", "--views", "-1,0"], ["views: '-1,0'", "center"]),
+        (["reconstruct", "scene:vase", "-o", "out", "--delta", "-1e-3"], ["delta: -0.001", "positive"]),
+        (["reconstruct", "scene:vase", "--views", "-o", "out"], ["--views", "expected one argument"]),
+        (["reconstruct", "scene:vase", "-o", "o" * 300], ["too long", "name a place"]),
         (["train", "gone.toml", "-o", "run"], ["gone.toml"]),
         (["export", "gone.pt", "-o", "card"], ["gone.pt"]),
     ],
@@ -220,6 +226,39 @@ def test_a_closed_pipe_is_quiet(samples):
     with os.fdopen(write_end, "wb") as output:
         done = samples.python(*CIIR, "models", "--json", stdout=output)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("argv", [["models"], ["--version"], ["--help"]])
+def test_no_room_for_the_output_is_one_line(samples, argv):
+    with Path("/dev/full").open("w") as output:
+        done = samples.python(*CIIR, *argv, stdout=output)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "No space left" in done.stderr
+
+
+def test_version(capsys):
+    from importlib.metadata import version
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"ciir {version('ciir')}\n"
+
+
+def test_notes_are_told(tmp_path, capsys):
+    (tmp_path / "a.obj").write_bytes(b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n")
+    for command in ("reconstruct", "elemental"):
+        small = SMALL + ["--model", "none"] * (command == "reconstruct")
+        assert main([command, str(tmp_path / "a.obj"), "-o", str(tmp_path / "a.png"), *small]) == 0
+        told = capsys.readouterr().err.splitlines()
+        assert [line for line in told if line.startswith("ciir: note: ") and "gone.mtl" in line]
+
+
+def test_upscale_says_what_it_takes(samples, tmp_path, capsys):
+    for name, data in (("a.gif", b"GIF89a"), ("a.png", b"hello"), ("b.jpg", encode(samples.EIA, ".png"))):
+        (tmp_path / name).write_bytes(data)
+        line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
+        assert samples.holds(line, [name, ".png", ".tif", "folder"])
+        assert ".glb" not in line
 
 
 def test_interrupting_is_quiet(monkeypatch, capsys, tmp_path):

@@ -26,7 +26,9 @@ def test_demo(small, tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 2 * 3 + 1
     assert lines[0].split()[1:] == ["decode", "render", "map", "upscale", "encode", "total"]
-    assert "contact_sheet.png" in lines[-1]
+    assert lines[-1].endswith(
+        "eia.png, view_before.png, view_after.png of the hamburger; contact_sheet.png of all scenes"
+    )
 
 
 def test_contact_sheet_shows_the_pictures_themselves(samples):

@@ -16,7 +16,7 @@ def fill(sink, samples, dtype=np.uint8):
     pictures = [samples.picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
     sink.begin(len(VIEWS))
     names = [sink.add(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
-    sink.finish({"answer": 42})
+    sink.finish({"answer": 42, "notes": []})
     assert names == [file_name(view) for view in VIEWS]
     return names, pictures
 
@@ -30,7 +30,7 @@ def test_folder(tmp_path, samples):
         names, pictures = fill(sink, samples)
     for name, picture in zip(names, pictures, strict=True):
         assert np.array_equal(decode((tmp_path / "out" / name).read_bytes(), name=name), picture)
-    assert json.loads((tmp_path / "out" / "report.json").read_text()) == {"answer": 42}
+    assert json.loads((tmp_path / "out" / "report.json").read_text()) == {"answer": 42, "notes": []}
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
@@ -49,7 +49,7 @@ def test_zip(samples):
         assert archive.namelist() == [*names, "report.json"]
         for name, picture in zip(names, pictures, strict=True):
             assert np.array_equal(decode(archive.read(name), name=name), picture)
-        assert json.loads(archive.read("report.json")) == {"answer": 42}
+        assert json.loads(archive.read("report.json")) == {"answer": 42, "notes": []}
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -61,7 +61,7 @@ def test_npz(samples, dtype):
         assert arrays["views"].dtype == dtype
         assert np.array_equal(arrays["views"], np.stack(pictures))
         assert arrays["positions"].tolist() == [list(view) for view in VIEWS]
-        assert json.loads(str(arrays["report"])) == {"answer": 42}
+        assert json.loads(str(arrays["report"])) == {"answer": 42, "notes": []}
 
 
 def test_png_holds_one_view(samples):

@@ -1,3 +1,4 @@
+import io
 import json
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from renderer.inputs import read
 from renderer.light_field import LightField
 from renderer.pictures import encode_png
 from service import pipeline, plan
+from service.outputs import PngSink
 from service.pipeline import elemental, reconstruct
 from service.request import Options
 
@@ -102,8 +104,8 @@ def test_upscaled_views_are_what_the_model_makes_of_them(samples):
 
 def test_the_network_is_told_by_its_hash(samples):
     _, report = run(eia_bundle(samples.EIA), lenses=(6, 9))
-    card = next(entry.card for entry in models.entries() if entry.name == "lite")
-    assert report["model"] == {"name": "lite", "scale": 2, "sha256": card.sha256}
+    card = next(entry.card for entry in models.entries() if entry.name == models.DEFAULT)
+    assert report["model"] == {"name": models.DEFAULT, "scale": 2, "sha256": card.sha256}
     assert "onnxruntime" in report["versions"]
 
 
@@ -250,6 +252,33 @@ def test_notes_of_the_reader_are_passed_on():
     obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
     _, report = run(Bundle.from_upload("a.obj", obj), model="none", **SMALL)
     assert any("gone.mtl" in note for note in report["notes"])
+
+
+@pytest.mark.parametrize("options", [{"delta": 1e9}, {"views": "0,0;2,4", "delta": 1e9, "sampling": "lenslet"}])
+def test_a_mesh_that_no_view_shows_is_told(cube, options):
+    views, report = run(cube, model="none", **(SMALL | options))
+    assert not any(pixels.any() for pixels in views.values())
+    assert [note for note in report["notes"] if "shows the object" in note]
+
+
+def test_a_black_mesh_is_seen(samples):
+    """By what it covers, not by its colour; and one view of several is enough."""
+    black = samples.CUBE.replace(b"4 4 5 6 7", b"4 4 5 6 7 0 0 0")
+    for views in ("all", "1,2"):
+        _, report = run(Bundle.from_upload("cube.off", black), model="none", views=views, **SMALL)
+        assert report["notes"] == []
+
+
+def test_an_elemental_image_array_without_the_object_is_told(cube):
+    assert elemental(cube, Options(**SMALL), lambda _: None)["notes"] == []
+    wide = Options(**(SMALL | {"pixels": (2, 2)}), delta=1e9)
+    assert "shows the object" in elemental(cube, wide, lambda _: None)["notes"][0]
+
+
+def test_the_sink_refuses_before_a_backend_is_opened(cube, monkeypatch):
+    monkeypatch.setattr("renderer.backends.open_backend", pytest.fail)
+    with pytest.raises(InvalidOption, match="png holds one view and 5"):
+        reconstruct(cube, Options(views="cross", **SMALL), PngSink(io.BytesIO()))
 
 
 def test_limit_on_all_pixels_together(samples):

@@ -1,5 +1,7 @@
 import pytest
 
+from models.catalogue import DEFAULT
+from models.errors import UnknownModel
 from renderer.errors import InvalidOption, TooLarge
 from service import plan
 from service.request import Options
@@ -15,7 +17,7 @@ def pictures(**options):
 
 def test_upscaling_is_the_default():
     for made in (mesh(), pictures()):
-        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", "lite", 2, 1)
+        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", DEFAULT, 2, 1)
 
 
 def test_direct_averages_over_cells_and_needs_no_model():
@@ -34,6 +36,24 @@ def test_without_a_model_nothing_is_enlarged():
     made = pictures(model="none", scale=4)
     assert (made.model, made.enlarge) == ("none", 1)
     assert any("scale" in reason for reason in made.reasons)
+
+
+def test_without_a_model_auto_leaves_views_as_they_are():
+    made = mesh(model="none", strategy="auto", scale=4)
+    assert (made.strategy, made.model, made.enlarge) == ("upscale", "none", 1)
+
+
+@pytest.mark.parametrize("strategy", ["upscale", "direct", "auto"])
+def test_a_model_that_is_not_there_is_never_passed_over(strategy):
+    with pytest.raises(UnknownModel, match=r"'gpt'.*none"):
+        mesh(model="gpt", strategy=strategy)
+
+
+def test_what_could_not_be_read_back_is_not_written():
+    with pytest.raises(TooLarge, match="a side"):
+        plan.check_eia(Options(lenses=(70_000, 9), pixels=(2, 2)))
+    with pytest.raises(TooLarge, match="a side"):
+        plan.check_size(70_000, 9, 2, 1, None)
 
 
 def test_a_lenslet_averages_over_its_pitch():

@@ -129,6 +129,41 @@ def test_a_chunked_body_over_the_limit(small_server, size):
     check_too_large(httpx2.post(small_server + POST, content=chunks(), headers=headers, timeout=60))
 
 
+FORM = "Content-Type: multipart/form-data; boundary=b"
+
+
+@pytest.mark.parametrize(
+    "start", [b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n', b"broken"]
+)
+def test_an_endless_body_is_not_read_on(small_server, start):
+    def send_for_ever(connection):
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n{FORM}\r\n\r\n".encode())
+        connection.sendall(b"%x\r\n%b\r\n" % (len(start), start))
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline:
+            connection.sendall(b"10000\r\n" + bytes(0x10000) + b"\r\n")
+
+    host, port = small_server.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as connection, pytest.raises(ConnectionError):
+        send_for_ever(connection)
+
+
+@pytest.mark.parametrize("framing", ["Content-Length: 100001", "Transfer-Encoding: chunked"])
+def test_the_connection_of_a_refused_body_is_closed(small_server, framing):
+    host, port = small_server.removeprefix("http://").split(":")
+    headers = f"{framing}\r\n{FORM}"
+    body = bytes(100_001)
+    if "chunked" in framing:
+        part = b"--b\r\nContent-Disposition: form-data; name=file; filename=a\r\n\r\n" + body
+        body = b"%x\r\n%b\r\n" % (len(part), part)  # without an end
+    with socket.create_connection((host, int(port)), timeout=30) as connection:
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: {host}\r\n{headers}\r\n\r\n".encode() + body)
+        answer = b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
+    head = answer.partition(b"\r\n\r\n")[0].lower()
+    assert head.startswith(b"http/1.1 413")
+    assert b"\r\nconnection: close" in head
+
+
 def test_both_shapes_below_the_limit(small_server, samples):
     data = samples.encode_png(samples.EIA)
     declared = send(small_server, "a.png", data, lenses="6x9", model="none")

@@ -44,6 +44,14 @@ def test_a_jpeg_becomes_a_png(samples):
     assert written["a.png"].startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
+def test_what_the_output_can_not_hold_is_refused_before_the_work(samples, monkeypatch, channels, dtype):
+    monkeypatch.setattr("service.upscaling.enlarge", pytest.fail)
+    data = encode(samples.picture(5, 7, channels, dtype), ".png")
+    with pytest.raises(InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB, not.*\.png or \.tif"):
+        upscale_pictures({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
+
+
 def test_faults_name_the_file(samples):
     good = encode(samples.EIA, ".png")
     with pytest.raises(InputError, match=r"b\.png"):

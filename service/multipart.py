@@ -1,0 +1,62 @@
+"""A multipart/form-data body to its parts (RFC 7578), and every way in which it can be broken in one line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from starlette.exceptions import HTTPException
+from starlette.formparsers import MultiPartException, MultiPartParser
+
+if TYPE_CHECKING:
+    from starlette.datastructures import FormData
+    from starlette.requests import Request
+
+MAX_FIELD_BYTES = 64 * 2**10
+"""Most bytes of a field that isn't the file: thousands of views by name."""
+MAX_FIELDS = 32
+_TRUNCATED = "The multipart body ends before its closing boundary."
+_REMEDIES = {  # how a fault's text begins -> what to do
+    _TRUNCATED: "send the whole of it",
+    "Invalid multipart data": "send a form as HTTP clients make it, such as curl -F file=@NAME",
+    "Missing boundary": "let the HTTP client write the Content-Type, with its boundary",
+    "The Content-Disposition": "send a form as HTTP clients make it, such as curl -F file=@NAME",
+    "Too many files": "send one, a zip where there are several",
+    "Too many fields": "send each option once",
+    "Part exceeded": "send what is large as the file, with a file name, and fewer views by name",
+}
+
+
+async def read(request: Request) -> FormData:
+    """The body's parts, of which one may be a file; to be closed. Raises `HTTPException` 400 where it is broken."""
+    parser = _WholeParser(
+        request.headers, request.stream(), max_files=1, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES
+    )
+    try:
+        return await parser.parse()
+    except MultiPartException as error:
+        raise HTTPException(400, explained(error.message)) from error
+
+
+def explained(fault: str) -> str:
+    """Starlette's text of a fault with the remedy."""
+    remedy = next((remedy for start, remedy in _REMEDIES.items() if fault.startswith(start)), None)
+    return fault if remedy is None else f"{fault.rstrip('.')}; {remedy}"
+
+
+class _WholeParser(MultiPartParser):
+    """Starlette's parser, which takes a body that was cut off for one without its last part, made to refuse it."""
+
+    _is_whole = False
+
+    def on_end(self) -> None:
+        """Called at the closing boundary."""
+        self._is_whole = True
+
+    async def parse(self) -> FormData:
+        """Raises `MultiPartException`."""
+        form = await super().parse()
+        if not self._is_whole:
+            for file in self._files_to_close_on_error:
+                file.close()
+            raise MultiPartException(_TRUNCATED)
+        return form

@@ -1,0 +1,63 @@
+import asyncio
+
+import pytest
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+
+from service import multipart
+
+FILE = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\nabc\r\n'
+FIELD = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n%s\r\n'
+END = b"--b--\r\n"
+
+
+def read(body, content_type="multipart/form-data; boundary=b"):
+    async def receive():
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    async def parts():
+        scope = {"type": "http", "method": "POST", "headers": [(b"content-type", content_type.encode())]}
+        form = await multipart.read(Request(scope, receive))
+        names = list(form)
+        await form.close()
+        return names
+
+    return asyncio.run(parts())
+
+
+def test_whole_bodies():
+    assert read(FILE + FIELD % b"all" + END) == ["file", "views"]
+    assert read(END) == []
+    assert read(FILE + b"--b--") == ["file"]
+    assert read(FILE + END + b"an epilogue") == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("body", "fault", "remedy"),
+    [
+        (FILE[:-3], "before its closing boundary", "the whole"),
+        (FILE, "before its closing boundary", "the whole"),
+        (FILE + FIELD[:20], "before its closing boundary", "the whole"),
+        (b"", "before its closing boundary", "the whole"),
+        (b"nonsense", "Invalid multipart data", "curl -F"),
+        (FILE.replace(b"name=", b"nome=", 1).replace(b"; filename", b"; file") + END, "name", "curl -F"),
+        (FILE + FILE + END, "Too many files.*1", "a zip"),
+        (FIELD % b"x" * 33 + END, "Too many fields.*32", "once"),
+        (FIELD % bytes(multipart.MAX_FIELD_BYTES + 1) + END, "maximum size of 64KB", "fewer views"),
+    ],
+)
+def test_every_fault_has_a_remedy(body, fault, remedy):
+    with pytest.raises(HTTPException) as caught:
+        read(body)
+    assert caught.value.status_code == 400
+    assert caught.match(fault)
+    assert remedy in caught.value.detail.partition("; ")[2]
+
+
+def test_no_boundary():
+    with pytest.raises(HTTPException, match=r"boundary.*; let the HTTP client"):
+        read(FILE + END, "multipart/form-data")
+
+
+def test_what_is_not_known_is_passed_on():
+    assert multipart.explained("Something new.") == "Something new."

@@ -1,0 +1,182 @@
+"""What `-o` and `--report` may name, and what of earlier runs and of failed ones stays there."""
+
+import json
+import os
+
+import pytest
+
+from renderer.errors import InvalidOption
+from renderer.pictures import encode_png
+from service.cli import main
+from service.commands import out
+
+SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace", "--model", "none"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, samples):
+    """The working folder, `here`, with a mesh, a picture and a folder of pictures beside it."""
+    (tmp_path / "cube.off").write_bytes(samples.CUBE)
+    (tmp_path / "p.png").write_bytes(encode_png(samples.picture(5, 6)))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "p.png").write_bytes(encode_png(samples.picture(5, 6)))
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+COMMANDS = {
+    "reconstruct": ["reconstruct", "../cube.off", *SMALL],
+    "upscale a picture": ["upscale", "../p.png", "--model", "nearest"],
+    "upscale a folder": ["upscale", "../in", "--model", "nearest"],
+}
+
+
+def refused(capsys, argv, *words):
+    assert main(argv) == 2
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err.count("\n")) == ("", 1)
+    for word in words:
+        assert word in captured.err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("name", [".", "./"])
+def test_the_working_folder(folder, command, name):
+    assert main([*COMMANDS[command], "-o", name]) == 0
+    names = {path.name for path in folder.iterdir()}
+    assert names == ({"report.json", "view_01_02.png"} if command == "reconstruct" else {"p.png"})
+    assert {path.name for path in folder.parent.iterdir()} == {"cube.off", "here", "in", "p.png", "pipe"}
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "demo", "elemental"])
+def test_no_name_is_refused(folder, capsys, command):
+    argv = COMMANDS.get(command, {"elemental": ["elemental", "../cube.off"]}.get(command, [command]))
+    refused(capsys, [*argv, "-o", ""], "-o")
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        *(("reconstruct", f"zz.{suffix}") for suffix in ("jpg", "tif", "gif", "bmp", "JPG", "tar.gz")),
+        ("upscale a picture", "zz.gif"),
+        ("upscale a folder", "zz.png"),
+        ("upscale a folder", "zz.zip"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_before_any_work(folder, capsys, monkeypatch, command, name):
+    for work in ("service.pipeline.reconstruct", "service.commands.upscale.upscale_pictures"):
+        monkeypatch.setattr(work, pytest.fail)
+    refused(capsys, [*COMMANDS[command], "-o", name], name, "/ for a folder")
+    assert list(folder.iterdir()) == []
+
+
+def test_the_demo_takes_a_folder(folder, capsys, monkeypatch):
+    monkeypatch.setattr("service.demo.run", pytest.fail)
+    refused(capsys, ["demo", "-o", "zz.png"], "zz.png", "/ for a folder")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_slash_means_a_folder(folder, command):
+    assert main([*COMMANDS[command], "-o", "foo.png/"]) == 0
+    assert (folder / "foo.png").is_dir()
+
+
+def test_elemental_makes_no_folder(folder, capsys):
+    refused(capsys, ["elemental", "../cube.off", "-o", "eia.png/"], "eia.png/")
+
+
+def test_names_of_folders(tmp_path):
+    assert not out.is_file("run.v2", [".png"], what="views")
+    assert not out.is_file(str(tmp_path), [".png"], what="views")
+    (tmp_path / "there.jpg").mkdir()
+    assert not out.is_file(str(tmp_path / "there.jpg"), [".png"], what="views")
+    assert out.is_file("a.PNG", [".png"], what="views")
+    with pytest.raises(InvalidOption, match="-o"):
+        out.folder("", what="views")
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "elemental"])
+@pytest.mark.parametrize("report", ["../in", "../p.png/r.json", "../pipe", "o.png", ""])
+def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, monkeypatch, command, report):
+    for work in ("service.pipeline.reconstruct", "service.pipeline.elemental"):
+        monkeypatch.setattr(work, pytest.fail)
+    monkeypatch.setattr("service.commands.upscale.upscale_pictures", pytest.fail)
+    argv = COMMANDS.get(command, ["elemental", "../cube.off"])
+    name = "o.png/" if command == "upscale a folder" else "o.png"
+    refused(capsys, [*argv, "-o", name, "--report", report])
+    assert list(folder.iterdir()) == []
+
+
+def test_a_report_where_nothing_may_be_written(folder, capsys, monkeypatch):
+    monkeypatch.setattr("service.atomic.os.access", lambda path, mode: path != folder)
+    refused(capsys, [*COMMANDS["reconstruct"], "-o", "../out", "--report", "r.json"], str(folder))
+    assert not (folder.parent / "out").exists()
+
+
+def views(folder):
+    return sorted(path.name for path in folder.glob("*.png"))
+
+
+def test_views_of_an_earlier_run_go(folder, capsys):
+    run = [*COMMANDS["reconstruct"], "-o", "out", "--views"]
+    assert main([*run, "all"]) == 0
+    for name in ("view_77_77.png", "other.png"):  # nobody's report lists these
+        (folder / "out" / name).write_bytes(b"mine")
+    assert capsys.readouterr().err == ""
+    assert main([*run, "1,2;0,0"]) == 0
+    assert views(folder / "out") == ["other.png", "view_00_00.png", "view_01_02.png", "view_77_77.png"]
+    note = capsys.readouterr().err
+    assert note.startswith("ciir: note: ")
+    assert "13 (view_00_01.png to view_02_04.png)" in note
+    assert json.loads((folder / "out" / "report.json").read_text())["notes"] == [note[12:-1]]
+    assert main([*run, "0,0"]) == 0
+    assert "1 (view_01_02.png)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        b"{",
+        b"[]",
+        b"\xff",
+        b'{"views": 3}',
+        b'{"views": [{"file": "mine.png"}, {"file": "../p.png"}, {"file": "sub/view_00_00.png"}]}',
+    ],
+)
+def test_what_another_report_lists_stays(folder, report):
+    (folder / "sub").mkdir()
+    mine = [folder / "mine.png", folder / "sub" / "view_00_00.png", folder.parent / "p.png"]
+    for path in mine:
+        path.write_bytes(b"mine")
+    (folder / "report.json").write_bytes(report)
+    assert main([*COMMANDS["reconstruct"], "-o", "."]) == 0
+    assert [path.read_bytes() for path in mine] == [b"mine"] * 3
+
+
+def test_what_is_read_stays(folder):
+    assert main([*COMMANDS["reconstruct"], "-o", ".", "--views", "all"]) == 0
+    assert (
+        main(["reconstruct", "view_00_00.png", "--lenses", "6x5", "--views", "1,1", "--model", "none", "-o", "."]) == 0
+    )
+    assert views(folder) == ["view_00_00.png", "view_01_01.png"]
+    assert main([*COMMANDS["reconstruct"], "-o", ".", "--views", "all"]) == 0
+    assert main(["reconstruct", ".", "-o", ".", "--views", "0,0", "--model", "none"]) == 0
+    assert len(views(folder)) == 15
+
+
+TERMINATED = """
+import os, signal, sys
+import service.outputs
+from service.cli import main
+service.outputs._png = lambda pixels: os.kill(os.getpid(), signal.SIGTERM)
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_sigterm_leaves_nothing(samples, folder):
+    done = samples.python("-c", TERMINATED, *COMMANDS["reconstruct"], "-o", "out")
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "ciir: terminated\n")
+    assert list(folder.iterdir()) == []
