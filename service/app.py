@@ -156,12 +156,12 @@ def _reconstruct(given: Upload, settings: Settings) -> Result:
 
 
 def content_id(given: Upload, data: bytes, report: Report) -> str:
-    """What the result depends on, hashed: the input's bytes and kind, the options, the network, and this version.
-
-    32 hexadecimal digits. The same request has the same id on every server of one version.
+    """What the result depends on, hashed: the input's bytes and kind, the options, the network, the backend and this
+    version. 32 hexadecimal digits.
     """
     network = report["model"]["sha256"] if report["plan"]["model"] != NO_MODEL else None
-    key = json.dumps([version("ciir"), given.name, given.options.as_dict(), network], sort_keys=True)
+    backend = report["plan"]["backend"]  # `auto` may take another one elsewhere
+    key = json.dumps([version("ciir"), given.name, given.options.as_dict(), network, backend], sort_keys=True)
     return hashlib.sha256(key.encode() + b"\0" + data).hexdigest()[:32]
 
 

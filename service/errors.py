@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.errors import BadCard, ModelError
+from models.errors import BadCard, BrokenNetwork, ModelError
 from renderer.errors import (
     BackendUnavailable,
     InputError,
@@ -41,10 +41,11 @@ _TABLE: tuple[tuple[type[Exception], Meaning], ...] = (  # the first row that fi
     (InputError, Meaning(422, 2, "Invalid input")),
     (BackendUnavailable, Meaning(422, 2, "Backend not available")),
     (BadCard, Meaning(500, 1, "Model broken")),
+    (BrokenNetwork, Meaning(500, 1, "Model broken")),
     (ModelError, Meaning(422, 2, "Invalid model or scale")),
     (NotReady, Meaning(503, 1, "Starting")),
 )
-FAULTS = (InputError, BackendUnavailable, ModelError, NotReady)
+FAULTS = (InputError, BackendUnavailable, BrokenNetwork, ModelError, NotReady)
 """The classes that cover the table: what to catch."""
 
 

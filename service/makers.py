@@ -31,7 +31,7 @@ class MeshViews:
         """Raises `TooLarge` or `InvalidOption`; nothing is rendered or opened yet."""
         self.array = mesh_array(options)
         self._rendered = self.array.refined(plan.enlarge) if plan.strategy == "direct" else self.array
-        check_samples(self._rendered, plan.samples)
+        self.samples = check_samples(self._rendered, plan.samples)
         self._given, self._plan, self._clock = scene, plan, clock
         self._wanted, self._background = options.backend, options.background
         self._is_seen = False
@@ -44,8 +44,7 @@ class MeshViews:
             from renderer.backends import open_backend
             from renderer.framing import frame
 
-            rays = self._rendered.rows * self._rendered.cols * self._plan.samples**2
-            self._backend, reason = open_backend(self._wanted, triangles=self._given.triangles, rays=rays)
+            self._backend, reason = open_backend(self._wanted, triangles=self._given.triangles, rays=self.samples)
             matrix = frame(self._given, self.array)
             self._scene = self._given.transformed(matrix)
         self.backend: str | None = self._backend.name
@@ -97,6 +96,7 @@ class PictureViews:
     transform: list[list[float]] | None = None
     reasons: Sequence[str] = ()
     packages: tuple[str, ...] = ()
+    samples = 0  # nothing is rendered
 
     def __init__(self, field: LightField, options: Options, clock: Clock) -> None:
         self._field, self._clock = field, clock

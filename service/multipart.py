@@ -35,6 +35,8 @@ async def read(request: Request) -> FormData:
         return await parser.parse()
     except MultiPartException as error:
         raise HTTPException(400, explained(error.message)) from error
+    except (UnicodeError, LookupError) as error:  # the form's charset names no encoding, or not the one it is in
+        raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
 
 
 def explained(fault: str) -> str:

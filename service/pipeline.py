@@ -43,7 +43,8 @@ def reconstruct(
 ) -> Report:
     """Puts the views that `options` ask for into `sink`, and returns the report that `sink` got too.
 
-    `max_pixels`: most output pixels of all views together. A mesh's views are RGB; pictures keep channels and depth.
+    `max_pixels`: most output pixels, and samples of a mesh, of all views together. A mesh's views are RGB; pictures
+    keep channels and depth.
 
     Raises the input faults of `renderer.errors` and `models.errors`, and `BackendUnavailable`; what the input's
     header and the options show is raised before `sink.begin`, so before anything is written.
@@ -58,6 +59,7 @@ def reconstruct(
     views = parse_views(options.views, *maker.pixels)
     rows, cols = maker.lenses
     plans.check_size(rows, cols, plan.enlarge, len(views), max_pixels)
+    plans.check_work(maker.samples, len(views), max_pixels)
     upscaler = _load(plan, clock)
     sink.begin(len(views))
     maker.start()

@@ -118,13 +118,23 @@ def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None
         )
 
 
-def check_samples(array: LensArray, samples: int) -> None:
-    """Raises `TooLarge` where a view of `array` with `samples x samples` points a pixel has too many of them."""
+def check_samples(array: LensArray, samples: int) -> int:
+    """Points of a mesh in a view of `array` with `samples x samples` a pixel; raises `TooLarge` for too many."""
     points = array.rows * array.cols * samples**2
     if points > MAX_VIEW_SAMPLES:
         raise TooLarge(
             f"a view of {array.rows}x{array.cols} pixels with {samples}x{samples} samples each is {points:,} samples, "
             f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses, a smaller scale, or pinhole sampling"
+        )
+    return points
+
+
+def check_work(samples: int, count: int, limit: int | None) -> None:
+    """Raises `TooLarge` where `count` views of `samples` points of a mesh each are over `limit`, where there is one."""
+    if limit is not None and count * samples > limit:
+        raise TooLarge(
+            f"{count} views of {samples:,} samples each are {count * samples:,}, over the limit of {limit:,}; "
+            "ask for fewer views, fewer lenses or pinhole sampling"
         )
 
 

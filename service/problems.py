@@ -6,6 +6,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 
 from service.errors import FAULTS, meaning, one_line
@@ -75,6 +76,11 @@ async def _http(request: Request, error: Exception) -> JSONResponse:
     return problem(request.url.path, error.status_code, detail, headers=error.headers)
 
 
+async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
+    """Nobody is left to read it, and nothing went wrong here: no traceback in the log."""
+    return problem(request.url.path, 400, "the client left before its request was whole; send it again")
+
+
 async def _unexpected(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001 - the server logs it
     return problem(request.url.path, 500, _DETAILS[500])
 
@@ -84,4 +90,5 @@ def install(app: FastAPI) -> None:
     for fault in FAULTS:
         app.add_exception_handler(fault, _fault)
     app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(ClientDisconnect, _gone)
     app.add_exception_handler(Exception, _unexpected)

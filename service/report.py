@@ -14,7 +14,7 @@ STAGES = ("decode", "render", "map", "upscale", "encode")
 """In the order of the work; `total` follows."""
 
 Report = dict[str, Any]
-"""Ready for JSON; the keys are those of `docs` and of design.md."""
+"""Ready for JSON; `service.pipeline` puts its keys together."""
 
 
 class Clock:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from renderer.bundle import Bundle, is_kind
 from renderer.errors import InvalidOption
-from renderer.kinds import MESHES, PICTURES, identify
+from renderer.kinds import PICTURES
 from renderer.scene import Scene
 from service.report import CountedFiles, Report
 
@@ -69,7 +69,7 @@ class Input:
 
     def described(self, content: Scene | LightField) -> Report:
         """The report's `input`: `kind` is a file type, `views` for a set of pictures, or `scene`."""
-        described: Report = {"name": self.name, "kind": self._kind(content)}
+        described: Report = {"name": self.name, "kind": self._kind()}
         if self._bundle is not None:
             described |= {"bytes": self._files.bytes_read, "files": self._files.files_read}
         if isinstance(content, Scene):
@@ -82,10 +82,10 @@ class Input:
             "bits": content.views.dtype.itemsize * 8,
         }
 
-    def _kind(self, content: Scene | LightField) -> str:
+    def _kind(self) -> str:
         if self._bundle is None:
             return "scene"
-        key = self._bundle.main
-        if key is None and isinstance(content, Scene):
-            key = next(name for name in self._files if is_kind(name, MESHES))
-        return "views" if key is None else identify(key, self._files[key]).value
+        from renderer.inputs import chosen
+
+        read = chosen(self._bundle)
+        return "views" if read is None else read[0].value

@@ -40,3 +40,9 @@ def folder(text: str, *, what: str) -> Path:
     """The folder that `text` names; raises as `is_file`."""
     is_file(text, (), what=what)
     return Path(text)
+
+
+def check_not_input(text: str, given: str) -> None:
+    """Raises `InvalidOption` where output would go over the input `given`: the same file, or the same folder."""
+    if Path(text).resolve() == Path(given).resolve():
+        raise InvalidOption(f"{text}: the input is there; give another place for the output, so that it isn't lost")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer.errors import InvalidOption
-from service.commands import common
+from service.commands import common, out
 
 if TYPE_CHECKING:
     import argparse
@@ -47,11 +47,12 @@ def _train(args: argparse.Namespace) -> None:
         read = recipe.read(Path(args.recipe))
     except ValueError as error:
         raise InvalidOption(str(error)) from error
+    to = out.folder(args.out, what="a run")
     from training.loop import train
 
     common.say(f"training {read.name}: {read.steps} steps; stop and start again at any time")
     try:
-        checkpoint = train(read, Path(args.out))
+        checkpoint = train(read, to)
     except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
         raise InvalidOption(str(error)) from error
     common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
@@ -61,11 +62,12 @@ def _export(args: argparse.Namespace) -> None:
     checkpoint = Path(args.checkpoint)
     if not checkpoint.is_file():
         raise InvalidOption(f"{checkpoint}: no such file; give the checkpoint.pt that `ciir train` wrote")
+    to = out.folder(args.out, what="a network and its card")
     from training.export import export
 
     folders = _folders(args.on)
     try:
-        card = export(checkpoint, Path(args.out), accuracy_on=folders)
+        card = export(checkpoint, to, accuracy_on=folders)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     common.say(f"{card.with_suffix('.onnx')} and {card}: written")

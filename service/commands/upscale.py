@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer import pictures
+from renderer.bundle import is_kind
 from renderer.errors import InvalidOption, UnsupportedType
-from renderer.kinds import SUFFIXES
+from renderer.kinds import PICTURES, SUFFIXES
 from service.atomic import Staged, replacing
 from service.commands import common, out
 from service.upscaling import output_names, upscale_pictures
@@ -27,10 +28,11 @@ def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
     common.check_report(args.report, path)
+    out.check_not_input(args.out, args.input)
     options, bundle = common.options(args), _bundle(args.input)
     if bundle.main is None:
         out.folder(args.out, what="several pictures")
-        names = [name for name in bundle.files if _is_picture(name) and "/" not in name]
+        names = [name for name in bundle.files if is_kind(name, PICTURES) and "/" not in name]
         left_out = [name for name in bundle.files if name not in names]
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
@@ -50,10 +52,6 @@ def _bundle(text: str) -> Bundle:
         return common.bundle(text)
     except UnsupportedType as error:  # whose advice lists meshes too
         raise UnsupportedType(str(error).replace(", ".join(SUFFIXES), _TAKEN)) from error
-
-
-def _is_picture(name: str) -> bool:
-    return Path(name).suffix.lower() in pictures.SUFFIXES
 
 
 def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 import zipfile
 
 import numpy as np
@@ -10,7 +11,7 @@ from fastapi.testclient import TestClient
 
 from models import catalogue
 from models.errors import BadCard
-from renderer.errors import InvalidOption
+from renderer.errors import InvalidOption, TooLarge
 from renderer.pictures import decode
 from service import app as app_module
 from service import multipart, settings
@@ -31,9 +32,16 @@ POST = "/v1/reconstructions"
 
 
 def wait_until_ready(client):
-    while client.get("/readyz").status_code == 503:
-        pass
+    until(lambda: client.get("/readyz").status_code == 200)
     return client
+
+
+def until(holds, seconds=30):
+    """Asks again and again, but not for ever."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, f"still not so after {seconds} s"
+        time.sleep(0.01)
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +217,22 @@ def test_health(client):
         assert (head.status_code, head.headers["content-type"]) == (200, "application/json")
 
 
+def test_a_charset_that_is_none_is_the_clients_fault(client):
+    body = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n\xff\r\n--b--\r\n'
+    for charset in ("undefined", "UNDEFINED"):
+        headers = {"Content-Type": f"multipart/form-data; boundary=b; charset={charset}"}
+        problem(client.post("/v1/reconstructions", content=body, headers=headers), 400, "UTF-8")
+
+
+def test_all_views_together_have_a_limit_of_samples(client):
+    from service.pipeline import reconstruct
+    from service.request import Options
+
+    options = Options(lenses=(100, 100), views="all", model="none", sampling="lenslet")
+    with pytest.raises(TooLarge, match="225 views of 160,000 samples"):
+        reconstruct("vase", options, None, max_pixels=30_000_000)
+
+
 def test_not_ready_while_models_are_loaded(eia, monkeypatch):
     import threading
 
@@ -232,8 +256,7 @@ def test_never_ready_where_models_are_broken(monkeypatch, caplog):
 
     monkeypatch.setattr(app_module, "_warm_up", fail)
     with TestClient(create_app(Settings())) as client:
-        while "can't" not in problem(client.get("/readyz"), 503):
-            pass
+        until(lambda: "can't" in problem(client.get("/readyz"), 503))
         assert client.get("/healthz").status_code == 200
 
 

@@ -269,3 +269,17 @@ def test_interrupting_is_quiet(monkeypatch, capsys, tmp_path):
     assert main(["reconstruct", "scene:vase", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == "ciir: interrupted\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_output_over_the_input_is_refused(samples, tmp_path, capsys):
+    (tmp_path / "pics").mkdir()
+    picture = tmp_path / "pics" / "a.png"
+    picture.write_bytes(encode(samples.picture(4, 4), ".png"))
+    before = picture.read_bytes()
+    for argv in (
+        ["upscale", str(tmp_path / "pics"), "-o", str(tmp_path / "pics") + "/"],
+        ["upscale", str(picture), "-o", str(picture)],
+        ["reconstruct", str(tmp_path / "pics"), "-o", str(tmp_path / "pics")],
+    ):
+        assert "the input is there" in fails(capsys, *argv)
+    assert picture.read_bytes() == before

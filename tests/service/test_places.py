@@ -163,7 +163,7 @@ def test_what_is_read_stays(folder):
     )
     assert views(folder) == ["view_00_00.png", "view_01_01.png"]
     assert main([*COMMANDS["reconstruct"], "-o", ".", "--views", "all"]) == 0
-    assert main(["reconstruct", ".", "-o", ".", "--views", "0,0", "--model", "none"]) == 0
+    assert main(["reconstruct", ".", "-o", ".", "--views", "0,0", "--model", "none"]) == 2
     assert len(views(folder)) == 15
 
 
