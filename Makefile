@@ -26,18 +26,18 @@ $(VENV)/.venv:
 
 $(VENV)/.run: $(VENV)/.venv requirements/run.txt pyproject.toml
 	@echo "== installing what running needs (requirements/run.txt)"
-	@$(PIP) -r requirements/run.txt
+	@$(PIP) --no-deps -r requirements/run.txt
 	@$(PIP) --no-deps --editable .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements/dev.txt
 	@echo "== installing what tests need (requirements/dev.txt)"
-	@$(PIP) -r requirements/dev.txt
+	@$(PIP) --no-deps -r requirements/dev.txt
 	@touch $@
 
 $(VENV)/.training: $(VENV)/.dev requirements/training.txt
 	@echo "== installing what training needs (requirements/training.txt; torch is large)"
-	@$(PIP) -r requirements/training.txt
+	@$(PIP) --no-warn-conflicts -r requirements/training.txt
 	@touch $@
 
 demo: setup
@@ -62,15 +62,17 @@ format: setup-dev
 serve: setup
 	@$(BIN)/ciir serve
 
-# Exact versions of everything, for the oldest Python that is supported. torch is pinned without its build tag, so that
-# pip takes the build that suits the machine.
+# Exact versions of everything, for the oldest Python that is supported. pyrender asks for PyOpenGL 3.1.0, which fails on
+# Python 3.12 and newer, and works with 3.1.10: so the locks say that, and are installed without looking at what packages
+# ask for. Not so training's, where torch asks for what the machine needs: pip takes the build that suits it.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
 	--no-emit-trusted-host --allow-unsafe
 lock: setup-dev
 	@$(COMPILE) -o requirements/run.txt pyproject.toml
 	@$(COMPILE) --extra dev -c requirements/run.txt -o requirements/dev.txt pyproject.toml
 	@$(COMPILE) --extra training -c requirements/dev.txt -o requirements/training.txt pyproject.toml
-	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/' requirements/training.txt
+	@sed -i 's/^pyopengl==3.1.0$$/pyopengl==3.1.10/' requirements/run.txt requirements/dev.txt
+	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/; /^pyrender==/d; /^pyopengl==/d' requirements/training.txt
 
 clean:
 	@rm -rf $(VENV) demo-out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -30,6 +30,7 @@ if "pyrender.viewer" not in sys.modules:
     sys.modules["pyrender.viewer"].Viewer = None  # type: ignore[attr-defined]
 
 try:
+    import OpenGL
     import pyrender
     from OpenGL import GL
     from pyrender.platforms.egl import EGLPlatform, get_device_by_index
@@ -38,6 +39,12 @@ except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError
     raise BackendUnavailable(
         f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take backend raytrace"
     ) from error
+
+if sys.version_info >= (3, 12) and OpenGL.__version__ == "3.1.0":
+    raise BackendUnavailable(
+        "raster: PyOpenGL 3.1.0, which pyrender asks for, fails on Python 3.12 and newer; run pip install --no-deps "
+        "PyOpenGL==3.1.10, or take backend raytrace"
+    )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
