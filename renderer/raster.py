@@ -72,6 +72,9 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         super().__init__(1, 1)
         self._program_cache = ShaderProgramCache(shader_dir=str(Path(__file__).parent / "shaders"))
 
+    def __del__(self) -> None:
+        """Nothing: it lives as long as the process, at whose end pyrender would call OpenGL from any thread."""
+
     def _configure_main_framebuffer(self) -> None:
         """A framebuffer of the viewport's size: pyrender's own averages four samples a pixel, which is no point."""
         size = (self.viewport_width, self.viewport_height)

@@ -1,5 +1,7 @@
 """raster against raytrace at the same sampling, parallax against the formula, and what an error says."""
 
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -168,6 +170,19 @@ def test_a_scene_that_fails_to_load_leaves_the_last_one(monkeypatch):
             list(raster.views(globe, ARRAY, [(7, 7)]))
     (again,) = raster.views(vase, ARRAY, [(7, 7)])
     np.testing.assert_array_equal(again, expected)
+
+
+def test_a_process_that_drew_ends_without_a_word():
+    backend("raster")
+    code = (
+        "from renderer.backends import open_backend\nfrom renderer.framing import frame\n"
+        "from renderer.lens_array import LensArray\nfrom renderer.scenes import scene\n"
+        "array, globe = LensArray(9, 9, 1, 1), scene('globe')\n"
+        "list(open_backend('raster')[0].views(globe.transformed(frame(globe, array)), array, [(0, 0)]))"
+    )
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)  # noqa: S603
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 def test_a_refusal_keeps_no_caller_alive(monkeypatch):
