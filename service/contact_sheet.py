@@ -43,7 +43,7 @@ def draw(rows: Sequence[Row], *, network: str) -> Pixels:
     sheet = Image.new("RGB", (4 * cell_w + MARGIN, HEAD + len(rows) * cell_h), PAPER)
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(TEXT)
     heads = (
-        f"mapped, {width // 2}x{height // 2} pixels",
+        f"mapped (lenslet), {width // 2}x{height // 2}",
         f"bicubic, {width}x{height}",
         f"network '{network}', {width}x{height}",
         f"rendered directly, {width}x{height}",

@@ -85,6 +85,9 @@ class FolderSink:
     def finish(self, report: Report) -> None:
         """Writes the report, with a note of the earlier views that are removed, and moves everything into place."""
         assert self._staged is not None  # noqa: S101
+        for name in (*self._names, REPORT):
+            if self._given is not None and (self._path / name).resolve() == self._given:
+                raise InvalidOption(f"{self._path / name}: the input is there; give another folder for the output")
         stale = _earlier(self._path) - self._names
         if self._given is not None:
             stale = {name for name in stale if not (self._path / name).resolve().is_relative_to(self._given)}

@@ -90,7 +90,7 @@ HELP: dict[str, tuple[str, str]] = {
     "lenses": ("RxC", "lens rows x columns (default for a mesh: 100x100; an EIA picture needs them, or pixels)"),
     "pixels": ("KvxKu", "pixels under each lens, rows x columns (default for a mesh: 15x15)"),
     "views": ("SPEC", "center, cross, all, or v,u pairs like '0,0;7,7' (default center)"),
-    "model": ("NAME", "a listed model, or none for views as they are (default lite)"),
+    "model": ("NAME", f"a listed model, or none for views as they are (default {DEFAULT})"),
     "scale": ("S", "output pixels for each view pixel, along a side, 1 to 8 (default 2)"),
     "strategy": ("NAME", "upscale, direct (a mesh, rendered at the larger size) or auto (default upscale)"),
     "backend": ("NAME", "what renders a mesh: auto, raster or raytrace (default auto)"),

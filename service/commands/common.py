@@ -37,6 +37,8 @@ def source(text: str) -> Source:
 
 def bundle(text: str) -> Bundle:
     """The file, the folder or the zip at a path."""
+    if not text:
+        raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
     return Bundle.from_path(Path(text))
 
 
@@ -44,6 +46,11 @@ def check_report(path: str | None, out: Path) -> None:
     """Before any work: raises `InvalidOption` where the report can't be written to `path`, beside the output `out`."""
     if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
         raise InvalidOption(f"--report: {path!r} is no place of its own; name a file for the report")
+
+
+def report_path(path: str | None) -> list[Path]:
+    """Where the report goes, if one is asked for."""
+    return [] if path is None else [Path(path)]
 
 
 def finish(report: Report, path: str | None) -> None:

@@ -9,7 +9,7 @@ from renderer import pictures
 from renderer.errors import InvalidOption
 from service import pipeline
 from service.atomic import replacing
-from service.commands import common
+from service.commands import common, out
 
 if TYPE_CHECKING:
     import argparse
@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes the elemental image array, and the report where one is asked for."""
-    out = Path(args.out)
-    suffix = out.suffix.lower()
+    path = Path(args.out)
+    suffix = path.suffix.lower()
     if suffix not in pictures.SUFFIXES or args.out.endswith("/"):
         listed = ", ".join(sorted(pictures.SUFFIXES))
         raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
-    common.check_report(args.report, out)
+    out.check_not_input([path, *common.report_path(args.report)], args.input)
+    common.check_report(args.report, path)
     options, source = common.options(args), common.source(args.input)
-    with replacing(out) as file:
+    with replacing(path) as file:
 
         def keep(pixels: Pixels) -> None:
             file.write(pictures.encode(pixels, suffix))

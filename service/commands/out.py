@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from renderer.errors import InvalidOption
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
 _FILES = re.compile(
     r"\.(7z|avif|bmp|bz2|exr|gif|glb|gltf|gz|heic|heif|ico|jp2|jpe|jpeg|jpg|json|jxl|mat|npy|npz|obj|off|pdf|pgm|ply|"
@@ -42,7 +42,9 @@ def folder(text: str, *, what: str) -> Path:
     return Path(text)
 
 
-def check_not_input(text: str, given: str) -> None:
-    """Raises `InvalidOption` where output would go over the input `given`: the same file, or the same folder."""
-    if Path(text).resolve() == Path(given).resolve():
-        raise InvalidOption(f"{text}: the input is there; give another place for the output, so that it isn't lost")
+def check_not_input(outputs: Iterable[Path], given: str) -> None:
+    """Raises `InvalidOption` where one of `outputs` is the input `given`, through a link too, or lies in it."""
+    source = Path(given).resolve()
+    for path in outputs:
+        if path.resolve() == source or (source.is_dir() and path.resolve().is_relative_to(source)):
+            raise InvalidOption(f"{path}: the input is there; give another place for the output, so that it isn't lost")

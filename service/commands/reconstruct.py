@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and says what was written."""
     is_file = out.is_file(args.out, [f".{name}" for name in FORMATS], what="views")
     path = Path(args.out)
-    out.check_not_input(args.out, args.input)
+    out.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
     options, source = common.options(args), common.source(args.input)
     report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
     common.check_report(args.report, path)
-    out.check_not_input(args.out, args.input)
+    out.check_not_input([path, *common.report_path(args.report)], args.input)
     options, bundle = common.options(args), _bundle(args.input)
     if bundle.main is None:
         out.folder(args.out, what="several pictures")
@@ -41,7 +41,9 @@ def run(args: argparse.Namespace) -> None:
     elif out.is_file(args.out, sorted(pictures.SUFFIXES), what="a picture"):
         report = _single(bundle, bundle.main, path, options)
     else:
-        report = _folder(bundle, output_names([bundle.main]), path, options)
+        outputs = output_names([bundle.main])
+        out.check_not_input([path / name for name in outputs.values()], args.input)
+        report = _folder(bundle, outputs, path, options)
     common.finish(report, args.report)
     done = report["pictures"]
     common.say(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.timings(report)})")

@@ -84,8 +84,9 @@ def test_raster_draws_what_rays_meet(name, samples):
     textured = any(part.texture is not None for part in placed.parts)
     if samples == 1:
         assert disagreement(*views, textured=textured) == []
-    # Averages hide nothing: over the whole picture both say the same to a fraction of a grey level.
-    assert np.abs(views[0].astype(float).mean((0, 1, 2)) - views[1].mean((0, 1, 2))).max() < 0.1
+    # Where samples are averaged a shifted picture differs along every edge: by 2 to 10 grey levels over the object.
+    covered = views[1][..., 3] > 0
+    assert np.abs(views[0].astype(float) - views[1])[covered].mean() < 0.5
 
 
 @pytest.mark.parametrize("name", ["hamburger", "duck.glb"])

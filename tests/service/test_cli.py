@@ -280,6 +280,19 @@ def test_output_over_the_input_is_refused(samples, tmp_path, capsys):
         ["upscale", str(tmp_path / "pics"), "-o", str(tmp_path / "pics") + "/"],
         ["upscale", str(picture), "-o", str(picture)],
         ["reconstruct", str(tmp_path / "pics"), "-o", str(tmp_path / "pics")],
+        ["reconstruct", str(tmp_path / "pics"), "-o", str(tmp_path / "pics" / "sub")],
+        ["upscale", str(picture), "-o", str(tmp_path / "pics"), "--model", "nearest"],
+        ["upscale", str(picture), "-o", str(tmp_path / "b.png"), "--report", str(picture)],
+        ["upscale", str(tmp_path / "pics"), "-o", str(tmp_path / "out"), "--report", str(picture)],
+        ["elemental", str(picture), "-o", str(picture)],
     ):
         assert "the input is there" in fails(capsys, *argv)
     assert picture.read_bytes() == before
+    view, link = tmp_path / "view_00_00.png", tmp_path / "link.png"
+    picture.rename(view)
+    link.symlink_to(view)
+    common = ["--pixels", "2x2", "--model", "none"]
+    assert "the input is there" in fails(capsys, "reconstruct", view, *common, "--views", "all", "-o", tmp_path)
+    assert "the input is there" in fails(capsys, "reconstruct", view, *common, "-o", link)
+    assert view.read_bytes() == before
+    assert "'' is no name" in fails(capsys, "reconstruct", "", "-o", tmp_path / "out")
