@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging
 import tempfile
+import threading
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -17,6 +18,7 @@ from anyio import to_thread
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse, StreamingResponse
+from starlette.requests import ClientDisconnect
 from starlette.staticfiles import StaticFiles
 
 from models import catalogue
@@ -38,6 +40,8 @@ MEDIA_TYPES = {"png": "image/png", "zip": "application/zip", "npz": "application
 CHUNK = 2**18
 MEMORY_BYTES = 8 * 2**20
 """An answer up to this size stays in memory; a larger one goes through a temporary file."""
+WATCH_SECONDS = 0.5
+"""How often it is asked whether a client is still there: nobody waits for a reconstruction that nobody will get."""
 _log = logging.getLogger("uvicorn.error")
 
 
@@ -131,22 +135,40 @@ def _add_reconstructions(app: FastAPI) -> None:
         _require_ready(app)
         upload.check_content_type(request.headers.get("content-type"))
         parts = await multipart.read(request)
+        gone = threading.Event()
+        watch = asyncio.create_task(_watch(request, gone))
         try:
             given = upload.parse(parts.multi_items())
-            result = await to_thread.run_sync(_reconstruct, given, app.state.settings, limiter=app.state.limiter)
+            result = await to_thread.run_sync(_reconstruct, given, app.state.settings, gone, limiter=app.state.limiter)
         finally:
+            watch.cancel()
             await parts.close()
         return _answer(result)
 
 
-def _reconstruct(given: Upload, settings: Settings) -> Result:
-    """Runs in a worker thread."""
+async def _watch(request: Request, gone: threading.Event) -> None:
+    """Sets `gone` when the client has left."""
+    while not await request.is_disconnected():
+        await asyncio.sleep(WATCH_SECONDS)
+    gone.set()
+
+
+def _reconstruct(given: Upload, settings: Settings, gone: threading.Event) -> Result:
+    """Runs in a worker thread; raises `ClientDisconnect` at the next batch of views once `gone` is set."""
+
+    def go_on(_: int) -> None:
+        if gone.is_set():
+            raise ClientDisconnect
+
+    go_on(0)
     data = given.file.read()
     bundle = Bundle.from_upload(given.name, data)
     file = tempfile.SpooledTemporaryFile(MEMORY_BYTES)  # noqa: SIM115 - the answer reads and closes it
     try:
-        sink = FileSink(file, given.format)
-        report = pipeline.reconstruct(bundle, given.options, sink, max_pixels=settings.max_output_pixels)
+        with FileSink(file, given.format) as sink:
+            report = pipeline.reconstruct(
+                bundle, given.options, sink, max_pixels=settings.max_output_pixels, progress=go_on
+            )
         size = file.tell()
         file.seek(0)
     except BaseException:

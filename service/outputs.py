@@ -159,6 +159,10 @@ class ZipSink:
         self._zip.writestr(zipfile.ZipInfo(REPORT, _EPOCH), to_json(report), zipfile.ZIP_DEFLATED)
         self._zip.close()
 
+    def discard(self) -> None:
+        """Lets go of the file, which holds nothing of use."""
+        self._zip.close()
+
 
 class NpzSink:
     """NumPy's npz: `views` (n, H, W, C), `positions` (n, 2) as (v, u), `report` (JSON text). Written view by view."""
@@ -195,6 +199,12 @@ class NpzSink:
         self._array("report", np.array(to_json(report).decode()))
         self._zip.close()
 
+    def discard(self) -> None:
+        """Lets go of the file, which holds nothing of use."""
+        if self._member is not None:
+            self._member.close()
+        self._zip.close()
+
     def _array(self, name: str, array: NDArray[Any]) -> None:
         buffer = io.BytesIO()
         np.lib.format.write_array(buffer, array, allow_pickle=False)
@@ -212,19 +222,32 @@ class FileSink:
             raise InvalidOption(f"format: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
         self._file = file
         self._wanted = wanted
+        self._sink: Sink | None = None
         self.format = "zip"
         """Known from `begin` on."""
 
     def begin(self, count: int) -> None:
         """Chooses the format."""
         self.format = self._wanted or ("png" if count == 1 else "zip")
-        self._sink: Sink = SINKS[self.format](self._file)
+        self._sink = SINKS[self.format](self._file)
         self._sink.begin(count)
 
     def add(self, view: tuple[int, int], pixels: Pixels) -> str:
         """Passes the view on."""
+        assert self._sink is not None  # noqa: S101 - begin was called: Sink's contract
         return self._sink.add(view, pixels)
 
     def finish(self, report: Report) -> None:
         """Completes the file."""
+        assert self._sink is not None  # noqa: S101
         self._sink.finish(report)
+
+    def __enter__(self) -> FileSink:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        # A zip that is left open writes its directory when it is collected, into a file that is closed by then.
+        if kind is not None and isinstance(self._sink, ZipSink | NpzSink):
+            self._sink.discard()

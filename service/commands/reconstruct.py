@@ -33,8 +33,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _to_file(source: Source, options: Options, path: Path) -> Report:
-    with replacing(path) as file, common.bar("view") as count:
-        sink = FileSink(file, path.suffix.lower().removeprefix("."))
+    wanted = path.suffix.lower().removeprefix(".")
+    with replacing(path) as file, FileSink(file, wanted) as sink, common.bar("view") as count:
         return pipeline.reconstruct(source, options, sink, progress=count)
 
 

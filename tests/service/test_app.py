@@ -8,6 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
+from starlette.requests import ClientDisconnect
 
 from models import catalogue
 from models.errors import BadCard
@@ -16,9 +17,10 @@ from renderer.pictures import decode
 from service import app as app_module
 from service import multipart, settings
 from service.app import create_app
-from service.outputs import FORMATS
-from service.request import NAMES
+from service.outputs import FORMATS, FileSink
+from service.request import NAMES, Options
 from service.settings import Settings
+from service.upload import Upload
 
 ROUTES = [
     ("POST", "/v1/reconstructions"),
@@ -222,6 +224,29 @@ def test_a_charset_that_is_none_is_the_clients_fault(client):
     for charset in ("undefined", "UNDEFINED"):
         headers = {"Content-Type": f"multipart/form-data; boundary=b; charset={charset}"}
         problem(client.post("/v1/reconstructions", content=body, headers=headers), 400, "UTF-8")
+
+
+def test_work_ends_when_the_client_has_gone(eia, monkeypatch):
+    import threading
+
+    gone, made = threading.Event(), []
+    monkeypatch.setattr(app_module.pipeline, "BATCH_PIXELS", 1)  # a view at a time
+
+    class SeesItLeave(FileSink):
+        def add(self, view, pixels):
+            made.append(view)
+            gone.set()
+            return super().add(view, pixels)
+
+    monkeypatch.setattr(app_module, "FileSink", SeesItLeave)
+    options = Options(lenses=(6, 9), views="all", model="none")
+    given = Upload("a.png", io.BytesIO(eia), options, "zip")
+    with pytest.raises(ClientDisconnect):
+        app_module._reconstruct(given, Settings(), gone)
+    assert len(made) == 1
+    with pytest.raises(ClientDisconnect):  # and one that was waiting does not begin
+        app_module._reconstruct(given, Settings(), gone)
+    assert len(made) == 1
 
 
 def test_all_views_together_have_a_limit_of_samples(client):
