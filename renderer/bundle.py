@@ -20,7 +20,6 @@ _ZIP_FAULTS = (
     zlib.error,
     EOFError,
     IndexError,
-    NotImplementedError,
     OSError,
     OverflowError,
     RuntimeError,

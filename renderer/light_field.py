@@ -5,14 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from renderer.errors import InvalidOption
+from renderer.views import parse_views
 
 if TYPE_CHECKING:
-    import numpy as np
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
 
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as a virtual camera does, or turned by 180 degrees, as a lens does."""
+
+
+def interleaved(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
+    """The elemental image array of all views, `(rows, cols, 4)` each, given row by row: `(rows*Kv, cols*Ku, 4)`.
+
+    Written view by view, so that no second copy of them all is held. Raises `ValueError` where they are not `Kv*Ku`.
+    """
+    pixels_v, pixels_u = array.pixels_v, array.pixels_u
+    eia = np.empty((array.rows * pixels_v, array.cols * pixels_u, 4), np.uint8)
+    for (v, u), view in zip(parse_views("all", pixels_v, pixels_u), views, strict=True):
+        eia[v::pixels_v, u::pixels_u] = view
+    return eia
 
 
 @dataclass(frozen=True, eq=False)

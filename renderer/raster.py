@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from renderer.errors import BackendUnavailable, InvalidOption
+from renderer.light_field import interleaved
 from renderer.projections import oblique, perspective
 from renderer.sampling import average_cells, check_samples, rounded_mean
+from renderer.views import parse_views
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 # pyrender's package imports its window, and with it X libraries that a server has not; nothing here opens a window.
@@ -270,14 +272,9 @@ class RasterBackend:
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> NDArray[np.uint8]:
         """See `renderer.backends.Backend.elemental`: one render a view or one a lens, whichever is fewer."""
-        rows, cols, pixels_v, pixels_u = array.rows, array.cols, array.pixels_v, array.pixels_u
-        if pixels_v * pixels_u <= rows * cols * samples**2:
-            eia = np.empty((rows * pixels_v, cols * pixels_u, 4), np.uint8)
-            every = [(v, u) for v in range(pixels_v) for u in range(pixels_u)]
-            rendered = self.views(scene, array, every, samples=samples, background=background)
-            for (v, u), view in zip(every, rendered, strict=True):
-                eia[v::pixels_v, u::pixels_u] = view
-            return eia
+        if array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2:
+            every = parse_views("all", array.pixels_v, array.pixels_u)
+            return interleaved(self.views(scene, array, every, samples=samples, background=background), array)
         return self._by_lens(scene, array, samples, background)
 
     def _by_lens(

@@ -8,8 +8,10 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from renderer.light_field import interleaved
 from renderer.sampling import average_cells, check_samples
 from renderer.textures import sample
+from renderer.views import parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -135,10 +137,5 @@ class RaytraceBackend:
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> NDArray[np.uint8]:
         """See `renderer.backends.Backend.elemental`: by lens or by view, the rays are the same."""
-        eia = np.empty((array.rows * array.pixels_v, array.cols * array.pixels_u, 4), np.uint8)
-        every = [(v, u) for v in range(array.pixels_v) for u in range(array.pixels_u)]
-        for (v, u), view in zip(
-            every, self.views(scene, array, every, samples=samples, background=background), strict=True
-        ):
-            eia[v :: array.pixels_v, u :: array.pixels_u] = view
-        return eia
+        every = parse_views("all", array.pixels_v, array.pixels_u)
+        return interleaved(self.views(scene, array, every, samples=samples, background=background), array)
