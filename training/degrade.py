@@ -24,12 +24,42 @@ def bicubic(image: Tensor, scale: int) -> Tensor:
     Raises `ValueError` where the size is not a multiple of `scale`.
     """
     height, width = image.shape[-2:]
-    if height % scale or width % scale:
-        raise ValueError(f"a picture of {height}x{width} is not a multiple of the scale {scale}: crop it first")
+    _check(height, width, scale)
     small = functional.interpolate(
         image, size=(height // scale, width // scale), mode="bicubic", align_corners=False, antialias=True
     )
-    return small.clamp(0.0, 1.0).mul(255.0).round().div(255.0)
+    return _to_8_bit(small)
+
+
+def box(image: Tensor, scale: int) -> Tensor:
+    """The mean over each `scale x scale` cell: what a lenslet sees. Shapes, range and errors as `bicubic`'s."""
+    return _to_8_bit(_cells(image, scale).mean((3, 5)))
+
+
+def point(image: Tensor, scale: int) -> Tensor:
+    """The middle of each `scale x scale` cell: what a pinhole sees. Shapes, range and errors as `bicubic`'s.
+
+    Where `scale` is even the middle is a corner, and the mean of the four samples around it stands for it.
+    """
+    cells = _cells(image, scale)
+    middle = slice((scale - 1) // 2, scale // 2 + 1)
+    return _to_8_bit(cells[:, :, :, middle, :, middle].mean((3, 5)))
+
+
+def _cells(image: Tensor, scale: int) -> Tensor:
+    """`(N, C, H, scale, W, scale)`."""
+    count, channels, height, width = image.shape
+    _check(height, width, scale)
+    return image.reshape(count, channels, height // scale, scale, width // scale, scale)
+
+
+def _check(height: int, width: int, scale: int) -> None:
+    if height % scale or width % scale:
+        raise ValueError(f"a picture of {height}x{width} is not a multiple of the scale {scale}: crop it first")
+
+
+def _to_8_bit(image: Tensor) -> Tensor:
+    return image.clamp(0.0, 1.0).mul(255.0).round().div(255.0)
 
 
 def crop_to_multiple(image: Tensor, scale: int) -> Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import math
 import subprocess
@@ -69,6 +70,15 @@ def validate(network: nn.Module, folder: Path, scale: int) -> float:
     return sum(scores) / len(scores)
 
 
+@torch.no_grad()
+def follow(average: nn.Module, network: nn.Module, decay: float) -> None:
+    """Moves the weights of `average` to `decay` times themselves plus the rest of `network`'s; buffers are copied."""
+    for mean, weight in zip(average.parameters(), network.parameters(), strict=True):
+        mean.lerp_(weight, 1.0 - decay)
+    for name, buffer in average.named_buffers():
+        buffer.copy_(network.get_buffer(name))
+
+
 def train(recipe: Recipe, out: Path) -> Path:
     """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
 
@@ -82,18 +92,22 @@ def train(recipe: Recipe, out: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     checkpoint, log = out / "checkpoint.pt", out / "log.csv"
     network = make(recipe.network, recipe.options).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
+    average = copy.deepcopy(network)
+    trained = [weight for weight in network.parameters() if weight.requires_grad]
+    optimiser = torch.optim.Adam(trained, lr=recipe.learning_rate)
     start, source, seconds = 0, commit(), 0.0
     if checkpoint.exists():
         state = checkpoints.read(checkpoint)
         if state["recipe"] != asdict(recipe):
             raise ValueError(f"{checkpoint}: made by another recipe; name another folder or remove it")
-        network.load_state_dict(state["network"])
+        network.load_state_dict(state["raw"])
+        average.load_state_dict(state["network"])
         optimiser.load_state_dict(state["optimiser"])
         start, source, seconds = state["step"], state["commit"], state["seconds"]
     else:
         if recipe.initial:
             network.load_state_dict(checkpoints.read(Path(recipe.initial))["network"])
+            average.load_state_dict(network.state_dict())
         log.write_text("step,loss,learning_rate,psnr,seconds\n")
     crops = Crops(
         Path(recipe.train),
@@ -101,6 +115,7 @@ def train(recipe: Recipe, out: Path) -> Path:
         scale=recipe.scale,
         batch=recipe.batch,
         seed=recipe.seed,
+        degradations=recipe.degradations,
         scenes=recipe.scenes,
     )
 
@@ -115,22 +130,24 @@ def train(recipe: Recipe, out: Path) -> Path:
         optimiser.zero_grad()
         loss.backward()
         if recipe.clip:
-            torch.nn.utils.clip_grad_norm_(network.parameters(), recipe.clip)
+            torch.nn.utils.clip_grad_norm_(trained, recipe.clip)
         rate = learning_rate(recipe, step)
         for group in optimiser.param_groups:
             group["lr"] = rate
         optimiser.step()
+        follow(average, network, min(recipe.ema, (step + 1) / (step + 10)))
         total += loss.item()
         done = step + 1
         if done % recipe.validate_every == 0 or done == recipe.steps:
             seconds = time.monotonic() - begun
-            score = validate(network, Path(recipe.validate), recipe.scale)
+            score = validate(average, Path(recipe.validate), recipe.scale)
             with log.open("a", newline="") as file:
                 since = (done - 1) % recipe.validate_every + 1
                 csv.writer(file).writerow([done, total / since, rate, score, round(seconds, 1)])
             total = 0.0
             state = {
-                "network": network.state_dict(),
+                "network": average.state_dict(),
+                "raw": network.state_dict(),
                 "optimiser": optimiser.state_dict(),
                 "step": done,
                 "recipe": asdict(recipe),

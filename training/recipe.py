@@ -24,6 +24,8 @@ class Recipe:
     """Folder of `*_HR.png` and `*_LR.png` pairs."""
     steps: int
     """Optimiser steps."""
+    degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
+    """How the LR of a crop was made -> its share of the crops: see `training.data`."""
     scenes: int = 0
     """Random scenes that are rendered as training pairs beside the photographs (see `training.rendered`)."""
     initial: str = ""
@@ -40,6 +42,8 @@ class Recipe:
     """Steps over which the step size rises linearly from zero."""
     clip: float = 0.0
     """Largest gradient norm; 0 leaves gradients as they are."""
+    ema: float = 0.0
+    """Decay of the running mean of the weights, which is what is validated and exported; 0: the weights themselves."""
     bfloat16: bool = False
     """Run the forward and backward pass in bfloat16 with float32 weights (several times faster on CPUs with AMX)."""
     seed: int = 0

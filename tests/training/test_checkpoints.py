@@ -26,7 +26,7 @@ def test_what_is_no_checkpoint(tmp_path, data):
 
 
 def test_networks_that_are_not_known():
-    with pytest.raises(ValueError, match="'vdsr' is not known; give one of lite"):
+    with pytest.raises(ValueError, match="'vdsr' is not known; give one of compact, lite"):
         make("vdsr", {})
     with pytest.raises(ValueError, match="lite doesn't take"):
         make("lite", {"bloks": 3})

@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from training import degrade
+from training import data, degrade
 from training.data import Crops
 
 
@@ -53,3 +53,29 @@ def test_a_crop_that_the_scale_does_not_divide(recipe):
 def test_a_folder_without_pictures(tmp_path):
     with pytest.raises(ValueError, match="no picture in it"):
         Crops(tmp_path, crop=24, scale=2, batch=1, seed=0)
+
+
+@pytest.mark.parametrize("kind", ["bicubic", "box", "point"])
+def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
+    """The mean over an LR cell of HR is near the LR sample; a pixel off, it is several times further from it."""
+    crops = Crops(Path(recipe.train), crop=16, scale=2, batch=16, seed=9, degradations={kind: 1})
+    low, high = crops.at(0)
+    mean = degrade.box(high, 2)
+    aligned = (mean - low).abs().mean()
+    assert aligned < 0.3 * (mean - low.roll(1, 2)).abs().mean()
+    assert aligned < 0.3 * (mean - low.roll(1, 3)).abs().mean()
+
+
+def test_a_point_is_smaller_than_a_pixel_of_the_truth(recipe):
+    """Otherwise it would be the box: here it differs from it where the photograph is rough."""
+    rough = torch.randint(0, 256, (3, 40, 44), generator=torch.Generator().manual_seed(2), dtype=torch.uint8)
+    low, high = data._degraded("point", rough, 2)
+    assert (low.shape, high.shape) == ((3, 10, 11), (3, 20, 22))
+    middle = rough.reshape(3, 10, 4, 11, 4)[:, :, 1:3, :, 1:3].float().mean((2, 4))
+    assert (low - middle).abs().max() <= 0.5
+
+
+def test_a_degradation_that_is_not_there(recipe):
+    for kind in ("sinc", "pinhole"):
+        with pytest.raises(ValueError, match=f"no '{kind}' here"):
+            Crops(Path(recipe.train), crop=16, scale=2, batch=1, seed=9, degradations={kind: 1})

@@ -74,3 +74,17 @@ def test_a_size_that_the_scale_does_not_divide():
     with pytest.raises(ValueError, match=r"7x8.*scale 2.*crop"):
         degrade.bicubic(torch.zeros(1, 3, 7, 8), 2)
     assert degrade.crop_to_multiple(torch.zeros(1, 3, 7, 8), 3).shape == (1, 3, 6, 6)
+
+
+def test_box_and_point_lie_on_the_same_grid_as_bicubic():
+    high = ramp(24)
+    want = (torch.arange(12) * 2 + 0.5) * 4
+    for degraded in (degrade.box(high, 2), degrade.point(high, 2)):
+        assert (degraded[0, 0] * 255 - want).abs().max() <= 0.5 + 1e-3
+
+
+def test_a_point_is_the_middle_of_its_cell():
+    cell = torch.arange(16).reshape(1, 1, 4, 4).repeat(1, 1, 2, 3) / 255
+    assert (degrade.point(cell, 4) * 255 == round((5 + 6 + 9 + 10) / 4)).all()
+    assert (degrade.point(torch.arange(9).reshape(1, 1, 3, 3) / 255, 3) * 255).item() == 4
+    assert (degrade.box(cell, 4) * 255).unique().item() == 8  # 7.5, to even

@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("torch", reason="needs torch, of the training extra")
 
 from training import rendered
-from training.data import SHARES, Crops
+from training.data import Crops
 
+SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
 PICTURES = [np.random.default_rng(i).integers(0, 256, (120, 90, 3), dtype=np.uint8) for i in range(3)]
 
 
@@ -38,9 +39,9 @@ def test_crops_mix_photographs_and_views(tmp_path):
 
     for index, picture in enumerate(PICTURES):
         Image.fromarray(picture).save(tmp_path / f"{index}.png")
-    crops = Crops(tmp_path, crop=32, scale=2, batch=8, seed=0, scenes=2)
+    crops = Crops(tmp_path, crop=32, scale=2, batch=8, seed=0, scenes=2, degradations=SHARES)
     assert [len(group) for group in crops.groups] == [3, 2, 2]
-    assert sum(SHARES) == 1.0
+    assert crops.shares.tolist() == [0.5, 0.25, 0.25]
     low, high = crops.at(7)
     assert (low.shape, high.shape) == ((8, 3, 16, 16), (8, 3, 32, 32))
     assert all((a == b).all() for a, b in zip(crops.at(7), (low, high), strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from training.networks.compact import CompactGenerator
 from training.networks.lite import LiteGenerator
 
 if TYPE_CHECKING:
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
 
     from torch import nn
 
-NETWORKS: dict[str, Callable[..., nn.Module]] = {"lite": LiteGenerator}
+NETWORKS: dict[str, Callable[..., nn.Module]] = {"compact": CompactGenerator, "lite": LiteGenerator}
 """A recipe's `network` -> constructor; its `options` are the keyword arguments."""
 
 
@@ -25,4 +26,4 @@ def make(name: str, options: dict[str, Any]) -> nn.Module:
         raise ValueError(f"options: {name} doesn't take {options} ({error})") from error
 
 
-__all__ = ["NETWORKS", "LiteGenerator", "make"]
+__all__ = ["NETWORKS", "CompactGenerator", "LiteGenerator", "make"]

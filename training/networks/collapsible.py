@@ -1,0 +1,75 @@
+"""A 3x3 convolution that has several branches while it is trained and is one plain convolution afterwards.
+
+The idea of ECBSR (Zhang et al., ACM MM 2021), SESR (Bhardwaj et al., MLSys 2022) and SPAN's Conv3XC (Wan et al., CVPRW
+2024): branches that are all linear, so that their sum is one 3x3 kernel. As in SESR's efficient training, the branches
+are added up before the picture is touched: a step costs what the plain convolution costs.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+if TYPE_CHECKING:
+    from typing import TypeVar
+
+    Network = TypeVar("Network", bound=nn.Module)
+
+WIDENING = 2
+"""Channels in the middle of the widened branch, for each output channel."""
+
+
+class CollapsibleConv(nn.Module):
+    """`(N, inputs, H, W)` -> `(N, outputs, H, W)`, zero padding 1: the sum of
+
+    - a 3x3 convolution,
+    - a 3x3 convolution to `WIDENING * outputs` channels and a 1x1 convolution back,
+    - a 1x1 convolution,
+    - and the input itself, where `inputs == outputs`.
+    """
+
+    def __init__(self, inputs: int, outputs: int, *, gain: float = 1.0) -> None:
+        """`gain`: factor on the initial weights, which are He's for the branches' sum."""
+        super().__init__()
+        wide = WIDENING * outputs
+        deviation = gain * (2.0 / (9 * inputs)) ** 0.5
+        self.kernel = nn.Parameter(torch.randn(outputs, inputs, 3, 3) * deviation * 0.5**0.5)
+        self.widen = nn.Parameter(torch.randn(wide, inputs, 3, 3) * (2.0 / (9 * inputs)) ** 0.5)
+        self.narrow = nn.Parameter(torch.randn(outputs, wide) * gain * (0.5 / wide) ** 0.5)
+        self.point = nn.Parameter(torch.zeros(outputs, inputs))
+        self.bias = nn.Parameter(torch.zeros(outputs))
+        self.identity = inputs == outputs
+
+    def weight(self) -> Tensor:
+        """The one kernel that equals the sum of all branches, `(outputs, inputs, 3, 3)` float32."""
+        with torch.autocast(self.kernel.device.type, enabled=False):
+            point = self.point + torch.eye(len(self.point), device=self.point.device) if self.identity else self.point
+            centre = functional.pad(point[..., None, None], (1, 1, 1, 1))
+            return self.kernel + torch.einsum("ow,wiyx->oiyx", self.narrow, self.widen) + centre
+
+    def forward(self, x: Tensor) -> Tensor:
+        """See the class."""
+        return functional.conv2d(x, self.weight(), self.bias, padding=1)
+
+    @torch.no_grad()
+    def collapsed(self) -> nn.Conv2d:
+        """A plain convolution that computes the same."""
+        outputs, inputs = self.kernel.shape[:2]
+        plain = nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
+        plain.weight.copy_(self.weight())
+        plain.bias.copy_(self.bias)  # type: ignore[union-attr]
+        return plain
+
+
+def collapse(network: Network) -> Network:
+    """A copy of `network` in which every `CollapsibleConv` is one plain convolution."""
+    network = copy.deepcopy(network)
+    for module in list(network.modules()):
+        for name, child in module.named_children():
+            if isinstance(child, CollapsibleConv):
+                setattr(module, name, child.collapsed())
+    return network
