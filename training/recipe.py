@@ -19,31 +19,54 @@ class Recipe:
     network: str
     """Key of `training.networks.NETWORKS`."""
     train: str
-    """Folder of training pictures."""
+    """Folder of training pictures, or of VOC2012 as it unpacks."""
     validate: str
     """Folder of `*_HR.png` and `*_LR.png` pairs."""
     steps: int
     """Optimiser steps."""
+    options: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of the network's constructor."""
+    initial: str = ""
+    """Checkpoint whose weights the run starts from; empty: from random ones."""
+
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
     """How the LR of a crop was made -> its share of the crops: see `training.data`."""
     scenes: int = 0
     """Random scenes that are rendered as training pairs beside the photographs (see `training.rendered`)."""
-    initial: str = ""
-    """Checkpoint whose weights the run starts from; empty: from random ones."""
-    options: dict[str, Any] = field(default_factory=dict)
-    """Keyword arguments of the network's constructor."""
+    meshes: list[Any] = field(default_factory=list)
+    """Mesh files whose views join the random scenes'."""
+    noise: float = 0.0
+    """Largest standard deviation of Gaussian noise on LR, in 8-bit levels; each crop draws its own up to it."""
+    blur: float = 0.0
+    """Largest standard deviation of a Gaussian blur of LR, in LR pixels; each crop draws its own up to it."""
+    jpeg: int = 0
+    """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own from it up; 0: none does."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
     batch: int = 16
+
+    loss: str = "l1"
+    """Pixel loss: `l1`, `mse` or `charbonnier` (see `training.losses`)."""
+    perceptual: str = ""
+    """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see `training.perceptual`)."""
+    perceptual_weight: float = 1.0
+    vgg: str = ""
+    """torchvision's VGG-19 weight file, for `perceptual = "vgg19"`."""
+    adversarial: str = ""
+    """Adversarial term: `bce` (with logits), `hinge`, or none (see `training.adversary`)."""
+    adversarial_weight: float = 1e-3
+
     learning_rate: float = 1e-4
-    """Adam's peak step size; it falls to zero along a half cosine."""
+    """Adam's peak step size; it falls to zero along a half cosine. The discriminator's too."""
     warmup: int = 0
     """Steps over which the step size rises linearly from zero."""
     clip: float = 0.0
     """Largest gradient norm; 0 leaves gradients as they are."""
     ema: float = 0.0
     """Decay of the running mean of the weights, which is what is validated and exported; 0: the weights themselves."""
+    device: str = "auto"
+    """`cpu`, `cuda`, or `auto`: CUDA where there is a GPU."""
     bfloat16: bool = False
     """Run the forward and backward pass in bfloat16 with float32 weights (several times faster on CPUs with AMX)."""
     seed: int = 0
