@@ -5,14 +5,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from training.networks.compact import CompactGenerator
+from training.networks.fsrcnn import FSRCNN
 from training.networks.lite import LiteGenerator
+from training.networks.rdn import RDN
+from training.networks.rrdb import RRDBGenerator
+from training.networks.sparse_camera import SparseCameraGenerator
+from training.networks.srcnn import SRCNN
+from training.networks.srgan import SRGANGenerator
+from training.networks.vdsr import VDSR
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from torch import nn
 
-NETWORKS: dict[str, Callable[..., nn.Module]] = {"compact": CompactGenerator, "lite": LiteGenerator}
+NETWORKS: dict[str, Callable[..., nn.Module]] = {
+    "compact": CompactGenerator,
+    "lite": LiteGenerator,
+    "srgan": SRGANGenerator,
+    "srcnn": SRCNN,
+    "fsrcnn": FSRCNN,
+    "vdsr": VDSR,
+    "rdn": RDN,
+    "rrdb": RRDBGenerator,
+    "sparse_camera": SparseCameraGenerator,
+}
 """A recipe's `network` -> constructor; its `options` are the keyword arguments."""
 
 

@@ -1,0 +1,208 @@
+"""The networks that ours are compared with: sizes as published, every size of picture, ONNX."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+NEEDS = "needs the training extra"
+pytest.importorskip("torch", reason=NEEDS)
+pytest.importorskip("onnxscript", reason=NEEDS)
+import torch
+from torch import nn
+
+from models.baselines import Bicubic
+from models.session import open_session
+from training import to_onnx
+from training.networks import NETWORKS, make
+from training.networks.batch_norm import fold
+from training.networks.collapsible import collapse
+
+SMALL = {
+    "compact": {"widths": [8, 8]},
+    "lite": {"blocks": 2, "channels": 8},
+    "srgan": {"blocks": 2, "channels": 8},
+    "srcnn": {},
+    "fsrcnn": {},
+    "vdsr": {"layers": 4, "channels": 8},
+    "rdn": {"blocks": 2, "layers": 2, "growth": 8, "base": 8},
+    "rrdb": {"blocks": 1, "channels": 8, "growth": 4},
+    "sparse_camera": {},
+}
+"""Options that make each network quick."""
+CASES = [
+    *((name, {**options, "scale": scale}) for name, options in SMALL.items() if name != "lite" for scale in (2, 4)),
+    ("lite", SMALL["lite"]),
+    ("lite", {**SMALL["lite"], "batch_norm": True}),
+]
+each_network = pytest.mark.parametrize(("name", "options"), CASES, ids=str)
+
+
+def weights(network: nn.Module) -> int:
+    """Entries of all kernels that are trained, without biases and slopes: what the Y networks' papers count."""
+    return sum(p.numel() for p in network.parameters() if p.ndim == 4 and p.requires_grad)
+
+
+def parameters(network: nn.Module) -> int:
+    return sum(p.numel() for p in network.parameters())
+
+
+def settled(network: nn.Module) -> nn.Module:
+    """In evaluation mode, with statistics and biases that are not those of the start."""
+    generator = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            if parameter.requires_grad and parameter.ndim == 1:
+                parameter.add_(0.1 * torch.rand(parameter.shape, generator=generator))
+    for _ in range(3):
+        network.train()(torch.rand(2, 3, 9, 11, generator=generator))
+    return network.eval()
+
+
+def test_every_network_is_tested():
+    assert SMALL.keys() == NETWORKS.keys()
+
+
+@each_network
+def test_sizes_and_values(name, options):
+    torch.manual_seed(0)
+    network = make(name, options)
+    assert network.scale == options.get("scale", 2)
+    network.train()(torch.rand(2, 3, 8, 8))
+    network.eval()
+    for height, width in ((1, 1), (7, 5), (9, 16)):
+        with torch.no_grad():
+            output = network(torch.rand(2, 3, height, width))
+        assert output.shape == (2, 3, network.scale * height, network.scale * width)
+        assert torch.isfinite(output).all()
+        assert output.abs().max() < 50  # an untrained network may be far off, but nothing in it has grown
+
+
+@each_network
+def test_gradients_reach_every_weight(name, options):
+    torch.manual_seed(0)
+    network = make(name, options)
+    (network(torch.rand(2, 3, 8, 8)) - torch.rand(2, 3, 8 * network.scale, 8 * network.scale)).abs().mean().backward()
+    for key, weight in network.named_parameters():
+        if weight.requires_grad:
+            assert weight.grad is not None, key
+            # Of a convolution's bias batch normalisation leaves rounding errors, which may be zero.
+            assert weight.grad.abs().max() > 0 or (key.endswith("bias") and "batch_norm" in str(options)), key
+
+
+@pytest.mark.parametrize(("name", "options"), [case for case in CASES if case[1].get("scale") != 4], ids=str)
+def test_onnx_computes_the_same(name, options):
+    """At one pixel too, and at an odd size, to the tolerance of the export."""
+    torch.manual_seed(0)
+    network = collapse(settled(make(name, options)))
+    session = open_session(to_onnx.convert(fold(network), network.scale), threads=1)
+    for size in ((1, 1), (7, 5)):
+        images = torch.rand(2, 3, *size)
+        with torch.no_grad():
+            want = network(images).numpy()
+        (got,) = session.run(None, {to_onnx.INPUT: images.numpy()})
+        np.testing.assert_allclose(got, want, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "published"),
+    [
+        ("srcnn", {"colours": 1}, 57_184),  # Dong et al., ECCV 2016, table 1: SRCNN-Ex
+        ("fsrcnn", {"colours": 1}, 12_464),  # the same table
+        ("vdsr", {"colours": 1}, 664_704),  # 665 K in CARN's table (Ahn et al., ECCV 2018)
+    ],
+)
+def test_weights_of_networks_on_y(name, options, published):
+    assert weights(make(name, options)) == published
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "count", "published"),
+    [
+        ("rdn", {"scale": 2}, 22_123_395, "22.12"),
+        ("rdn", {"scale": 4}, 22_271_107, "22.27"),
+        ("rrdb", {"scale": 4}, 16_697_987, "16.70"),  # BasicSR's count of ESRGAN
+        ("lite", {}, 520_515, "0.52"),
+    ],
+)
+def test_parameters_of_networks_on_rgb(name, options, count, published):
+    with torch.device("meta"):
+        network = make(name, options)
+    assert parameters(network) == count
+    assert f"{count / 1e6:.2f}" == published
+
+
+def test_parameters_of_srgan():
+    """1.5 million at x4 (Lim et al., CVPRW 2017, table 1: SRResNet), counted layer by layer."""
+    head, tail = 9 * 9 * 3 * 64 + 64 + 64, 9 * 9 * 64 * 3 + 3
+    convolution = 9 * 64 * 64 + 64
+    block, last, doubling = 2 * (convolution + 2 * 64) + 64, convolution + 2 * 64, 4 * convolution + 64
+    count = head + 16 * block + last + 2 * doubling + tail
+    assert parameters(make("srgan", {"scale": 4})) == count
+    assert parameters(make("srgan", {})) == count - doubling
+    assert f"{count / 1e6:.1f}" == "1.6"  # 1.5 without the slopes, biases and normalisation
+    assert f"{weights(make('srgan', {'scale': 4})) / 1e6:.1f}" == "1.5"
+
+
+@pytest.mark.parametrize("blocks", [3, 6, 16])
+def test_the_papers_generator_keeps_its_weights_names(blocks):
+    """Checkpoints hold them; the published counts are 299, 521 and 1259 thousand."""
+    network = make("lite", {"blocks": blocks})
+    count = 3 * 64 * 9 + 64 + (2 * blocks + 2) * (64 * 64 * 9 + 64) + 64 * 3 * 9 + 3
+    assert parameters(network) == count
+    assert count // 1000 == {3: 298, 6: 520, 16: 1259}[blocks]
+    inner = [f"blocks.{i}.{part}" for i in range(blocks) for part in ("first", "second")]
+    layers = ["head", *inner, "body_last", "upscaled", "tail"]
+    assert list(network.state_dict()) == [f"{layer}.{kind}" for layer in layers for kind in ("weight", "bias")]
+
+
+def test_batch_normalisation_follows_each_body_convolution():
+    network = make("lite", {"blocks": 3, "batch_norm": True})
+    order = [m for m in network.modules() if isinstance(m, (nn.Conv2d, nn.BatchNorm2d))]
+    assert sum(isinstance(m, nn.BatchNorm2d) for m in order) == 2 * 3 + 1
+    assert all(isinstance(a, nn.Conv2d) for a, b in pairwise(order) if isinstance(b, nn.BatchNorm2d))
+    assert isinstance(network.head, nn.Conv2d)
+    assert isinstance(network.tail, nn.Conv2d)
+
+
+@pytest.mark.parametrize(("name", "options"), [("lite", {"batch_norm": True}), ("srgan", {})])
+def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
+    network = settled(make(name, {"blocks": 2, "channels": 8, **options}))
+    plain = fold(network)
+    assert not any(isinstance(module, nn.BatchNorm2d) for module in plain.modules())
+    assert any(isinstance(module, nn.BatchNorm2d) for module in network.modules())
+    image = torch.rand(2, 3, 9, 13)
+    with torch.no_grad():
+        assert (plain(image) - network(image)).abs().max() <= 1e-5  # float32, values of about 1
+
+
+@pytest.mark.parametrize("scale", [2, 4])
+@pytest.mark.parametrize("name", ["vdsr"])
+def test_what_is_interpolated_first_has_our_phase(name, scale):
+    network = make(name, {"scale": scale, "layers": 2})
+    nn.init.zeros_(network.tail.weight)
+    image = torch.rand(1, 3, 6, 9, generator=torch.Generator().manual_seed(3))
+    got = network(image).detach().clamp(0, 1).numpy()
+    assert abs(got - Bicubic(scale)(image.numpy())).max() <= 1e-5
+
+
+@pytest.mark.parametrize("scale", [2, 4])
+def test_the_sparse_camera_deconvolution_is_centred(scale):
+    """Its bilinear kernel reproduces a ramp at the samples' exact places, so the support has no offset."""
+    tail = make("sparse_camera", {"scale": scale}).tail
+    taps = 1 - ((torch.arange(2 * scale) + 0.5) / scale - 1).abs()
+    kernel = torch.zeros_like(tail.weight)
+    kernel[0, 0] = torch.outer(taps, taps)
+    with torch.no_grad():
+        tail.weight.copy_(kernel)
+        tail.bias.zero_()
+        ramp = torch.arange(8.0).expand(1, 32, 8, 8)
+        got = tail(ramp)[0, 0, scale * 4, scale:-scale]
+    want = (torch.arange(8 * scale) + 0.5) / scale - 0.5
+    assert (got - want[scale:-scale]).abs().max() <= 1e-5
+
+
+@pytest.mark.parametrize(("name", "scale"), [("srgan", 3), ("rdn", 8), ("rrdb", 1), ("sparse_camera", 3)])
+def test_a_scale_that_a_network_cannot_have(name, scale):
+    with pytest.raises(ValueError, match=f"scale: .*{scale}"):
+        make(name, {"scale": scale})

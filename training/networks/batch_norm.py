@@ -1,0 +1,35 @@
+"""Batch normalisation (Ioffe and Szegedy, ICML 2015), folded into the convolution before it once training is over."""
+
+from __future__ import annotations
+
+import copy
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from torch import nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+if TYPE_CHECKING:
+    from typing import TypeVar
+
+    Network = TypeVar("Network", bound=nn.Module)
+
+
+def normalised(convolution: nn.Conv2d) -> nn.Sequential:
+    """`convolution` with batch normalisation of its outputs."""
+    return nn.Sequential(convolution, nn.BatchNorm2d(convolution.out_channels))
+
+
+def fold(network: Network) -> Network:
+    """A copy of `network`, in evaluation mode, in which every `normalised` convolution is one plain convolution.
+
+    It computes what `network` does in evaluation mode, to float32's rounding.
+    """
+    network = copy.deepcopy(network).eval()
+    for module in network.modules():
+        if isinstance(module, nn.Sequential):
+            for index, (first, second) in enumerate(pairwise(list(module))):
+                if isinstance(first, nn.Conv2d) and isinstance(second, nn.BatchNorm2d):
+                    module[index] = fuse_conv_bn_eval(first, second)
+                    module[index + 1] = nn.Identity()
+    return network

@@ -1,0 +1,49 @@
+"""Bicubic interpolation as a layer, and how many doublings make a scale."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+CUBIC = -0.5
+"""Keys' parameter, as in MATLAB's imresize."""
+
+
+class Bicubic(nn.Module):
+    """Interpolation as one convolution: `(N, C, H, W)` -> `(N, C * scale^2, H, W)`, to be put apart by PixelShuffle.
+
+    Sample k of `scale` lies (k + 1/2) / scale - 1/2 pixels from the pixel that it belongs to; at the border the
+    outermost pixels are repeated.
+    """
+
+    def __init__(self, scale: int, colours: int = 3) -> None:
+        """`colours`: C, the image's channels."""
+        super().__init__()
+        shift = (torch.arange(scale) + 0.5) / scale - 0.5
+        taps = _keys(torch.arange(-2, 3) - shift[:, None])  # (scale, 5)
+        kernel = torch.einsum("ay,bx->abyx", taps, taps).reshape(scale**2, 1, 5, 5)
+        self.convolution = nn.Conv2d(colours, colours * scale**2, kernel_size=5, groups=colours, bias=False)
+        self.convolution.weight = nn.Parameter(kernel.repeat(colours, 1, 1, 1), requires_grad=False)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """See the class."""
+        # The padding is the lossless part: a weight in bfloat16 would be 1/500 off in flat areas.
+        with torch.autocast(image.device.type, enabled=False):
+            output: Tensor = self.convolution(functional.pad(image, (2, 2, 2, 2), mode="replicate"))
+        return output
+
+
+def _keys(distance: Tensor) -> Tensor:
+    """Keys' cubic kernel (Keys 1981, equation 15) at `distance` in samples."""
+    d = distance.abs()
+    near = (CUBIC + 2) * d**3 - (CUBIC + 3) * d**2 + 1
+    far = CUBIC * (d**3 - 5 * d**2 + 8 * d - 4)
+    return torch.where(d <= 1, near, torch.where(d < 2, far, torch.zeros_like(d)))
+
+
+def doublings(scale: int) -> int:
+    """1 for scale 2, 2 for scale 4. Raises `ValueError` for any other."""
+    if scale not in (2, 4):
+        raise ValueError(f"scale: {scale} is not made of doublings; give 2 or 4")
+    return scale // 2
