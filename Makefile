@@ -35,9 +35,10 @@ $(VENV)/.dev: $(VENV)/.run requirements/dev.txt
 	@$(PIP) --no-deps -r requirements/dev.txt
 	@touch $@
 
-$(VENV)/.training: $(VENV)/.dev requirements/training.txt
+$(VENV)/.training: $(VENV)/.dev requirements/training.txt requirements/spandrel.txt
 	@echo "== installing what training needs (requirements/training.txt; torch is large)"
 	@$(PIP) --no-warn-conflicts -r requirements/training.txt
+	@$(PIP) --no-deps -r requirements/spandrel.txt
 	@touch $@
 
 demo: setup
@@ -64,7 +65,9 @@ serve: setup
 
 # Exact versions of everything, for the oldest Python that is supported. pyrender asks for PyOpenGL 3.1.0, which fails on
 # Python 3.12 and newer, and works with 3.1.10: so the locks say that, and are installed without looking at what packages
-# ask for. Not so training's, where torch asks for what the machine needs: pip takes the build that suits it.
+# ask for. Not so training's, where torch asks for what the machine needs: pip takes the build that suits it. spandrel
+# asks for torchvision, for two networks that are of no use here (see training/foreign.py), and pip would bring one that
+# doesn't fit every build of torch: so spandrel has a lock of its own.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
 	--no-emit-trusted-host --allow-unsafe
 lock: setup-dev
@@ -72,7 +75,9 @@ lock: setup-dev
 	@$(COMPILE) --extra dev -c requirements/run.txt -o requirements/dev.txt pyproject.toml
 	@$(COMPILE) --extra training -c requirements/dev.txt -o requirements/training.txt pyproject.toml
 	@sed -i 's/^pyopengl==3.1.0$$/pyopengl==3.1.10/' requirements/run.txt requirements/dev.txt
-	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/; /^pyrender==/d; /^pyopengl==/d' requirements/training.txt
+	@grep '^spandrel==' requirements/training.txt > requirements/spandrel.txt
+	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/; /^pyrender==/d; /^pyopengl==/d; /^spandrel==/d; /^torchvision==/d' \
+		requirements/training.txt
 
 clean:
 	@rm -rf $(VENV) demo-out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -53,6 +53,28 @@ class Accuracy:
 
 
 @dataclass(frozen=True)
+class Sizes:
+    """The pictures that a network takes; `models.session` repeats the edge pixels of others until they fit."""
+
+    minimum: int = 8
+    """Shortest side, pixels. Ours met no picture in training that was mostly zero padding: white of 1x1 came out as
+    dark grey. From 5 pixels on a flat picture is as flat as a large one."""
+    multiple_of: int = 1
+    """What both sides are multiples of."""
+    square: bool = False
+    """Whether both sides are the same."""
+
+    def fitted(self, height: int, width: int) -> tuple[int, int]:
+        """The least height and width, not below those given, that the network takes."""
+        step = self.multiple_of
+        rows, cols = (-(-max(side, self.minimum) // step) * step for side in (height, width))
+        return (max(rows, cols), max(rows, cols)) if self.square else (rows, cols)
+
+
+PRECISIONS = ("float32", "int8")
+
+
+@dataclass(frozen=True)
 class Card:
     """All that is known of a shipped network; the `.onnx` of the same stem lies beside it."""
 
@@ -66,16 +88,25 @@ class Card:
     input: Tensor
     output: Tensor
     radius: int
-    """Receptive field radius: how many input pixels away an input pixel can still change an output pixel."""
+    """Receptive field radius: how many input pixels away an input pixel can still change an output pixel.
+
+    Of a network whose field is wider than tiles can be: how far they overlap to differ from the whole by less than half
+    a level of 8 bits."""
     parameters: int
+    """Numbers that were learnt; constants, such as the kernel of an interpolated base, are none."""
     macs_per_output_pixel: float
-    """Multiply-adds of all convolutions for each output pixel (three channels together)."""
+    """Multiply-adds of all layers, an interpolated base's too, for each output pixel (three channels together)."""
     training: Training
     protocol: str
     """How `accuracy` was measured, in words."""
     command: str
     """The command that printed `accuracy`."""
     accuracy: tuple[Accuracy, ...]
+    precision: str = "float32"
+    """What the convolutions compute in, one of `PRECISIONS`; `models.processor` says where int8 is of use."""
+    float_twin: str = ""
+    """Of an int8 network: the name of the float one that it was made from."""
+    sizes: Sizes = Sizes()
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
@@ -83,6 +114,10 @@ class Card:
         for key in ("scale", "opset", "parameters"):
             if getattr(self, key) < 1:
                 raise BadCard(f"card {self.name}: {key} is {getattr(self, key)}; at least 1 is needed")
+        if self.precision not in PRECISIONS:
+            raise BadCard(f"card {self.name}: precision is {self.precision!r}; give one of {', '.join(PRECISIONS)}")
+        if min(self.sizes.minimum, self.sizes.multiple_of) < 1:
+            raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
         if self.radius < 0:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
 
@@ -90,11 +125,12 @@ class Card:
 _PLAIN: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "int": (int,),
+    "bool": (bool,),
     "float": (int, float),
     "dict[str, Any]": (dict,),
     "tuple[str | int, ...]": (list,),
 }
-_NESTED: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy}
+_NESTED: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy, "Sizes": Sizes}
 
 
 def _build(kind: type, table: object, where: str) -> Any:
@@ -102,18 +138,19 @@ def _build(kind: type, table: object, where: str) -> Any:
     if not isinstance(table, dict):
         raise BadCard(f"{where}: a table is needed, not {table!r}")
     known = {field.name: str(field.type) for field in dataclasses.fields(kind)}
-    odd = sorted(known.keys() ^ table.keys())
+    needed = {field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING}
+    odd = sorted((needed - table.keys()) | (table.keys() - known.keys()))
     if odd:
         state = "missing" if odd[0] in known else "unknown"
         raise BadCard(f"{where}: key {odd[0]!r} is {state}; write the card with `ciir export`")
     values: dict[str, Any] = {}
-    for key, annotation in known.items():
-        value, place = table[key], f"{where}: {key}"
+    for key, value in table.items():
+        annotation, place = known[key], f"{where}: {key}"
         if annotation in _NESTED:
             values[key] = _build(_NESTED[annotation], value, place)
         elif annotation == "tuple[Accuracy, ...]" and isinstance(value, list):
             values[key] = tuple(_build(Accuracy, item, place) for item in value)
-        elif isinstance(value, _PLAIN.get(annotation, ())) and not isinstance(value, bool):
+        elif isinstance(value, _PLAIN.get(annotation, ())) and isinstance(value, bool) == (annotation == "bool"):
             values[key] = tuple(value) if isinstance(value, list) else value
         else:
             raise BadCard(f"{place} is {value!r}; {annotation} is needed")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from models import card as cards
+from models import processor
 from models.baselines import SCALES, Bicubic, Nearest
 from models.errors import UnknownModel, UnsupportedScale
 
@@ -36,6 +37,11 @@ class Entry:
     card: cards.Card | None
     """None for interpolation, which was not trained."""
 
+    @property
+    def unsuited(self) -> str:
+        """Why it can't run on this machine, in words; empty where it can."""
+        return processor.against_int8() if self.card is not None and self.card.precision == "int8" else ""
+
 
 def entries() -> list[Entry]:
     """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
@@ -59,7 +65,8 @@ def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
 
     `threads`: cores for each call of a network, all of the process's where None.
 
-    Raises `UnknownModel`, `UnsupportedScale`, or `BadCard` where the installation is damaged.
+    Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedProcessor` for an int8 network on a processor that gets those
+    wrong, or `BadCard` where the installation is damaged.
     """
     key = (name, scale, threads)
     with _lock:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models import card as cards
-from models import tiles
-from models.errors import BadCard
+from models import processor, tiles
+from models.errors import BadCard, UnsuitedProcessor
 from models.upscaler import check, finish
 
 if TYPE_CHECKING:
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 WINDOW = 1 << 16
 """Most input pixels of one tile. It bounds the arena, which grows to the largest run and stays: about 210 MiB for
 the lite network, for each call that runs at the same time. A 200x200 view still goes whole."""
-SMALLEST = 8
-"""Shortest side that a network is given, in input pixels. It met no picture in training that was mostly zero padding:
-white of 1x1 came out as dark grey. From 5 pixels on a flat picture is as flat as a large one."""
 BATCH = 1 << 13
 """Most input pixels of several pictures in one run: larger batches leave the cache and were never quicker a picture."""
 
@@ -35,9 +32,11 @@ class Network:
     def __init__(self, path: Path, *, threads: int | None = None) -> None:
         """`path`: the card; its `.onnx` lies beside it. `threads`: for each call, all of the process's cores if None.
 
-        Raises `BadCard` where the card is no card, or the network is missing or not the one that it describes.
+        Raises `BadCard` where the card is no card, or the network is missing or not the one that it describes;
+        `UnsuitedProcessor` where it is an int8 network and this machine's processor gets those wrong.
         """
         self.card = cards.read(path)
+        _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or available_cores()
         self._session = open_session(_read(path.with_suffix(".onnx"), self.card), self.threads)
@@ -45,8 +44,17 @@ class Network:
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
         check(images)
-        padded, kept = tiles.at_least(images, SMALLEST, scale=self.scale)
-        result = tiles.apply(self._run, padded, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH)
+        sizes = self.card.sizes
+        padded, kept = tiles.padded(images, *sizes.fitted(*images.shape[2:]), scale=self.scale)
+        result = tiles.apply(
+            self._run,
+            padded,
+            scale=self.scale,
+            radius=self.radius,
+            window=WINDOW,
+            batch=BATCH,
+            multiple=sizes.multiple_of,
+        )
         return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -57,6 +65,13 @@ class Network:
 def available_cores() -> int:
     """The cores that this process may use, at least 1."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _check_processor(card: cards.Card) -> None:
+    reason = processor.against_int8() if card.precision == "int8" else ""
+    if reason:
+        remedy = f"use {card.float_twin}, its float twin" if card.float_twin else "use a float network"
+        raise UnsuitedProcessor(f"model {card.name}: it computes in int8, and {reason}; {remedy}")
 
 
 def _read(path: Path, card: cards.Card) -> bytes:

@@ -41,15 +41,17 @@ def _scaled(span: slice, scale: int, *, origin: int) -> slice:
     return slice((span.start - origin) * scale, (span.stop - origin) * scale)
 
 
-def split(height: int, width: int, *, radius: int, window: int) -> Iterator[Tile]:
+def split(height: int, width: int, *, radius: int, window: int, multiple: int = 1) -> Iterator[Tile]:
     """Windows of at most `window` pixels over a picture of `height x width`, row by row.
 
     Each keeps `radius` pixels between what is kept and any edge of the window that is not the picture's own. All
-    windows of a picture have one size, so that a runtime plans for one shape.
+    windows of a picture have one size, so that a runtime plans for one shape. Where the picture's sides are multiples
+    of `multiple`, so are the sides and places of all windows.
 
     Raises `ValueError` where no square of `window` pixels is wider than its halo.
     """
-    side = math.isqrt(window)
+    radius = math.ceil(radius / multiple) * multiple
+    side = math.isqrt(window) // multiple * multiple
     if side <= 2 * radius:
         raise ValueError(
             f"a window of {window} pixels has nothing inside a halo of {radius}; give over {4 * radius**2}"
@@ -60,19 +62,20 @@ def split(height: int, width: int, *, radius: int, window: int) -> Iterator[Tile
         rows, cols = window // width, width
     else:
         rows, cols = side, side
-    for row_window, row_kept in _spans(height, rows, radius):
-        for col_window, col_kept in _spans(width, cols, radius):
+    for row_window, row_kept in _spans(height, rows, radius, multiple):
+        for col_window, col_kept in _spans(width, cols, radius, multiple):
             yield Tile((row_window, col_window), (row_kept, col_kept))
 
 
-def _spans(length: int, largest: int, radius: int) -> Iterator[tuple[slice, slice]]:
+def _spans(length: int, largest: int, radius: int, multiple: int) -> Iterator[tuple[slice, slice]]:
     """Windows of one size, at most `largest`, along one side, with what each keeps."""
     if length <= largest:
         yield slice(0, length), slice(0, length)
         return
+    largest -= largest % multiple
     inner = length - 2 * radius  # the picture's own edges need no halo
     count = math.ceil(inner / (largest - 2 * radius))
-    step = math.ceil(inner / count)
+    step = math.ceil(inner / count / multiple) * multiple
     count = math.ceil(inner / step)  # rounding the step up can make the last window needless
     size, done = step + 2 * radius, 0
     for index in range(count):
@@ -82,12 +85,12 @@ def _spans(length: int, largest: int, radius: int) -> Iterator[tuple[slice, slic
         done = stop
 
 
-def at_least(images: NDArray[np.float32], side: int, *, scale: int) -> tuple[NDArray[np.float32], Span]:
-    """`(N, C, H, W)` with its edge pixels repeated around it until no side is shorter than `side`; the pictures
-    themselves where none is. And where the picture's own part lies in a result `scale` times as large.
+def padded(images: NDArray[np.float32], height: int, width: int, *, scale: int) -> tuple[NDArray[np.float32], Span]:
+    """`(N, C, H, W)` with its edge pixels repeated around it up to `height x width`; the pictures themselves where they
+    are that large. And where the picture's own part lies in a result `scale` times as large.
     """
+    rows, cols = height - images.shape[2], width - images.shape[3]
     height, width = images.shape[2:]
-    rows, cols = (max(0, side - length) for length in (height, width))
     around = ((0, 0), (0, 0), (rows // 2, rows - rows // 2), (cols // 2, cols - cols // 2))
     kept = (
         slice(rows // 2 * scale, (rows // 2 + height) * scale),
@@ -104,16 +107,18 @@ def apply(
     radius: int,
     window: int,
     batch: int,
+    multiple: int = 1,
 ) -> NDArray[np.float32]:
     """`run` over `(N, C, H, W)` in tiles of at most `window` input pixels; the result is a new array.
 
     Small pictures go several at a time, up to `batch` input pixels together. `run` takes `(n, C, h, w)` and gives
-    `(n, C, scale*h, scale*w)`; `radius` is how far it sees, in input pixels.
+    `(n, C, scale*h, scale*w)`; `radius` is how far it sees, in input pixels, and `multiple` what the sides of a tile
+    are multiples of where those of the pictures are.
     """
     count, channels, height, width = images.shape
     result = np.empty((count, channels, height * scale, width * scale), np.float32)
     together = max(1, batch // (height * width))
-    for tile in split(height, width, radius=radius, window=window):
+    for tile in split(height, width, radius=radius, window=window, multiple=multiple):
         span, source, target = tile.window, tile.source(scale), tile.target(scale)
         for first in range(0, count, together):
             part = slice(first, first + together)

@@ -21,7 +21,7 @@ from service.errors import FAULTS, meaning, one_line
 from service.request import HELP, NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from types import FrameType
 
     from _typeshed import SupportsWrite
@@ -105,20 +105,44 @@ def parser() -> argparse.ArgumentParser:
     add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
     add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
 
+    _add_training(command)
+    return top
+
+
+def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """The commands of `service.commands.training`."""
     add = command("evaluate", "a model's accuracy on folders of *_LR.png and *_HR.png pairs", "training")
-    add.add_argument("model", metavar="MODEL", help="a name that `ciir models` lists")
+    add.add_argument("model", metavar="MODEL", help="a name that `ciir models` lists, or an exported network's .json")
     add.add_argument("folders", nargs="+", metavar="FOLDER", help="a test set")
+    add.add_argument(
+        "--degradation",
+        choices=("bicubic", "box", "point"),
+        default="",
+        help="make LR this way out of the folder's *_HR.png, or of any pictures where it has none",
+    )
     _add_options(add, ("scale",))
 
     add = command("train", "a network, from a recipe", "training")
     add.add_argument("recipe", metavar="RECIPE", help="a .toml file as in training/recipes")
     add.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the checkpoint and the log")
+    add.add_argument("--name", metavar="NAME", help="in place of the recipe's: the network's name")
+    add.add_argument("--train", metavar="FOLDER", help="in place of the recipe's: pictures, or VOC2012 as it unpacks")
+    add.add_argument("--validate", metavar="FOLDER", help="in place of the recipe's: pairs, or pictures")
+    add.add_argument("--initial", metavar="CHECKPOINT", help="in place of the recipe's: weights to start from")
+    add.add_argument("--vgg", metavar="FILE", help="in place of the recipe's: torchvision's VGG-19 weights")
+    add.add_argument("--steps", metavar="N", type=int, help="in place of the recipe's: optimiser steps")
+    add.add_argument("--device", metavar="D", help="in place of the recipe's: cpu, cuda or auto")
 
-    add = command("export", "a checkpoint to .onnx and card", "training")
-    add.add_argument("checkpoint", metavar="CHECKPOINT", help="checkpoint.pt as `ciir train` writes it")
+    add = command("export", "a checkpoint, or a network that others trained, to .onnx and card", "training")
+    add.add_argument("checkpoint", metavar="CHECKPOINT", nargs="?", help="checkpoint.pt as `ciir train` writes it")
     add.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for NAME.onnx and NAME.json")
+    add.add_argument("--int8", action="store_true", help="the network's int8 twin, NAME-int8, for processors with VNNI")
+    add.add_argument(
+        "--calibrate", nargs="+", default=[], metavar="FOLDER", help="pictures that show the int8 twin its ranges"
+    )
+    add.add_argument("--weights", metavar="FILE", help="in place of a checkpoint: weights that spandrel knows")
+    add.add_argument("--name", metavar="NAME", help="with --weights: the network's name (default: the file's)")
     add.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
-    return top
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -8,10 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import torch
 from torch.nn import functional
 
 if TYPE_CHECKING:
     from torch import Tensor
+
+
+Pair = tuple["Tensor", "Tensor"]
+"""LR `(C, h, w)` and HR `(C, scale*h, scale*w)`, 8 bit."""
+KINDS = ("bicubic", "box", "point")
+"""What `pair` makes of a photograph."""
+MARGINS = {"bicubic": 2, "box": 0, "point": 0}
+"""LR samples around a part of a picture that its LR still depends on: the bicubic kernel ends 2 LR samples away."""
 
 
 def bicubic(image: Tensor, scale: int) -> Tensor:
@@ -44,6 +53,54 @@ def point(image: Tensor, scale: int) -> Tensor:
     cells = _cells(image, scale)
     middle = slice((scale - 1) // 2, scale // 2 + 1)
     return _to_8_bit(cells[:, :, :, middle, :, middle].mean((3, 5)))
+
+
+def cell(kind: str, scale: int) -> int:
+    """How many pixels of a photograph an LR sample covers along each side.
+
+    A point must be smaller than a pixel of the truth: so for `point` the HR picture is the photograph at half its size.
+    """
+    return 2 * scale if kind == "point" else scale
+
+
+def pair(kind: str, photograph: Tensor, scale: int) -> Pair:
+    """LR and HR of a photograph `(C, H, W)`, 8 bit, cut to whole cells.
+
+    Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
+    covered = cell(kind, scale)
+    if min(photograph.shape[-2:]) < covered:
+        height, width = photograph.shape[-2:]
+        raise ValueError(f"a picture of {height}x{width} is smaller than the {covered}x{covered} of one LR pixel")
+    high = crop_to_multiple(photograph[None].float().div(255.0), covered)
+    if kind == "point":
+        low, high = point(high, covered), box(high, 2)
+    else:
+        low = {"bicubic": bicubic, "box": box}[kind](high, scale)
+    return _as_bytes(low[0]), _as_bytes(high[0])
+
+
+def part(kind: str, photograph: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
+    """These LR rows and columns of `pair`, and the HR they stand for, to the bit, without degrading all the rest."""
+    margin, covered = MARGINS[kind], cell(kind, scale)
+    height, width = (side // covered for side in photograph.shape[-2:])
+    top, left = max(0, rows.start - margin), max(0, cols.start - margin)
+    bottom, right = min(height, rows.stop + margin), min(width, cols.stop + margin)
+    low, high = pair(kind, photograph[:, top * covered : bottom * covered, left * covered : right * covered], scale)
+    inside = (slice(rows.start - top, rows.stop - top), slice(cols.start - left, cols.stop - left))
+    return cut(low, high, scale, *inside)
+
+
+def cut(low: Tensor, high: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
+    """These rows and columns of an LR picture, and the HR they stand for."""
+    tall, wide = slice(rows.start * scale, rows.stop * scale), slice(cols.start * scale, cols.stop * scale)
+    return low[:, rows, cols], high[:, tall, wide]
+
+
+def _as_bytes(image: Tensor) -> Tensor:
+    return image.mul(255.0).round().to(torch.uint8)
 
 
 def _cells(image: Tensor, scale: int) -> Tensor:

@@ -1,4 +1,7 @@
-"""Accuracy on the public test sets by the published protocol, through `models` as a user runs it. Needs no torch."""
+"""Accuracy on the public test sets by the published protocol, through `models` as a user runs it.
+
+Supplied LR pictures need no torch; LR that is made here of any HR pictures does.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 from tqdm import tqdm
 
 from models.card import Accuracy
@@ -14,11 +16,15 @@ from models.catalogue import load
 from models.metrics import luma, psnr, ssim
 from models.pixels import upscale_pixels
 from models.session import Network
+from training import pictures
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from models.upscaler import Upscaler
+    from training.pictures import Picture
 
 PROTOCOL = (
     "Mean over the pictures of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of 8-bit RGB; grey "
@@ -28,37 +34,44 @@ PROTOCOL = (
 )
 
 
-def evaluate(upscaler: Upscaler, folder: Path) -> Accuracy:
-    """Mean Y-PSNR and SSIM over the `*_LR.png` and `*_HR.png` pairs of `folder`, named after it. See `PROTOCOL`.
+def evaluate(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
+    """Mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
 
-    Raises `ValueError` where there is no pair, or an HR picture is missing or not `scale` times as large as its LR.
+    Without a `degradation` over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
+    `*_HR.png`, or else over all its pictures (see `training.pictures.find`), with LR made by `training.degrade.pair`.
+
+    Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
+    picture is missing or not `scale` times as large as its LR; `ModuleNotFoundError` where a degradation wants torch.
     """
     psnrs, ssims = [], []
-    for low_file in tqdm(low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
-        high_file = low_file.with_name(low_file.name.replace("_LR.png", "_HR.png"))
-        if not high_file.is_file():
-            raise ValueError(f"{high_file}: missing; each *_LR.png needs its *_HR.png")
-        low, high = read_picture(low_file), read_picture(high_file)
+    for file, low, high in _degraded(folder, degradation, upscaler.scale) if degradation else _supplied(folder):
         picture = upscale_pixels(upscaler, low[np.newaxis])[0]
         if picture.shape != high.shape:
             raise ValueError(
-                f"{high_file}: {high.shape[0]}x{high.shape[1]} pixels, where {upscaler.name} makes "
+                f"{file}: {high.shape[0]}x{high.shape[1]} pixels, where {upscaler.name} makes "
                 f"{picture.shape[0]}x{picture.shape[1]} of its LR; name a folder of pairs at scale {upscaler.scale}"
             )
         got, truth = _luma(picture), _luma(high)
         psnrs.append(psnr(got, truth, border=upscaler.scale))
-        ssims.append(ssim(got, truth, border=upscaler.scale))
-    return Accuracy(folder.name, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
+        try:
+            ssims.append(ssim(got, truth, border=upscaler.scale))
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}; take it out of the folder") from error
+    name = f"{folder.name} ({degradation})" if degradation else folder.name
+    return Accuracy(name, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
 
 
-def evaluate_folder(model: str, folder: Path, *, scale: int = 2) -> Accuracy:
-    """`evaluate` for a model by its name in the catalogue, or for any exported network by the path of its card.
+def evaluate_folder(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
+    """`evaluate` for `upscaler(model, scale=scale)`. Raises as both do."""
+    return evaluate(upscaler(model, scale=scale), folder, degradation=degradation)
 
-    Raises `models.errors.ModelError` where there is no such model, and `ValueError` as `evaluate` does.
+
+def upscaler(model: str, *, scale: int = 2) -> Upscaler:
+    """A model by its name in the catalogue, or any exported network by the path of its card.
+
+    Raises `models.errors.ModelError` where there is no such model.
     """
-    if model.endswith(".json"):
-        return evaluate(Network(Path(model)), folder)
-    return evaluate(load(model, scale=scale), folder)
+    return Network(Path(model)) if model.endswith(".json") else load(model, scale=scale)
 
 
 def low_files(folder: Path) -> list[Path]:
@@ -69,16 +82,32 @@ def low_files(folder: Path) -> list[Path]:
     return files
 
 
-def read_picture(path: Path) -> NDArray[np.uint8]:
-    """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB. Raises `ValueError` where the PNG can't be read."""
-    try:
-        with Image.open(path, formats=("PNG",)) as image:
-            pixels = np.asarray(image if image.mode == "L" else image.convert("RGB"))
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"{path}: not a PNG that can be read; give it again") from error
-    return pixels[..., np.newaxis] if pixels.ndim == 2 else pixels
+def _supplied(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
+    """Each HR file, and the pixels of its LR and of itself."""
+    for low_file in tqdm(low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
+        high_file = low_file.with_name(low_file.name.replace("_LR.png", "_HR.png"))
+        if not high_file.is_file():
+            raise ValueError(f"{high_file}: missing; each *_LR.png needs its *_HR.png")
+        yield high_file, pictures.read(low_file), pictures.read(high_file)
 
 
-def _luma(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+def _degraded(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
+    """Each HR file, and the pixels of LR made of it and of HR, `(H, W, 1 or 3)`."""
+    import torch
+
+    from training import degrade
+
+    files = pictures.find(folder)
+    files = [file for file in files if file.name.endswith("_HR.png")] or files
+    for file in tqdm(files, desc=folder.name, disable=None, unit="picture", leave=False):
+        photograph = torch.from_numpy(pictures.read(file)).permute(2, 0, 1)
+        try:
+            low, high = (made.permute(1, 2, 0).numpy() for made in degrade.pair(kind, photograph, scale))
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}") from error
+        yield file, low, high
+
+
+def _luma(picture: Picture) -> NDArray[np.float64]:
     """As the published scripts have it: grey isn't squeezed into the studio range, which would add 1.3 dB."""
     return luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import hashlib
 import sys
@@ -12,15 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch import nn
+from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, RuntimeException
 
 from models import card as cards
+from models.card import Sizes
 from models.session import Network, available_cores, open_session
-from training import checkpoints, evaluate, to_onnx
+from training import checkpoints, evaluate, measure, to_onnx
 from training.networks import make
+from training.networks.batch_norm import fold
+from training.networks.collapsible import collapse
+from training.networks.separable import separate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from torch import nn
 
 TOLERANCE = 1e-4
 """Largest absolute difference between torch and onnxruntime that is let through."""
@@ -28,7 +33,9 @@ SMALLEST = 1e-12
 """Weights nearer to zero than this become zero: they change no output that 16 bits can tell, but they, and even the
 products of two of them, may be denormal (under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
 SHAPES = ((1, 3, 1, 1), (1, 3, 7, 5), (2, 3, 25, 25), (1, 3, 97, 131), (3, 3, 1, 40))
-"""Where the two are compared: `(N, C, H, W)`."""
+"""Where the two are compared: `(N, C, H, W)`, made as large as the network needs."""
+INT8 = "-int8"
+"""What an int8 twin has after the float network's name."""
 
 
 def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
@@ -39,32 +46,92 @@ def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> 
 
     Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
     """
+    weights, card = from_torch(checkpoint)
+    return ship(weights, card, out, accuracy_on=accuracy_on)
+
+
+def export_int8(checkpoint: Path, out: Path, *, calibrate: Sequence[Path], accuracy_on: Sequence[Path] = ()) -> Path:
+    """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: see `training.calibration.pairs`.
+
+    Raises `ValueError` as `export` does, where the pictures can't be used, or where int8 costs too much accuracy.
+    """
+    from training import calibration, quantise
+
+    weights, card = from_torch(checkpoint)
+    weights, kept = quantise.quantise(weights, calibration.pairs(calibrate, card.scale))
+    how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
+    twin = dataclasses.replace(
+        card,
+        name=card.name + INT8,
+        precision="int8",
+        float_twin=card.name,
+        training=dataclasses.replace(card.training, recipe=card.training.recipe | {"int8": how}),
+    )
+    return ship(weights, twin, out, accuracy_on=accuracy_on)
+
+
+def from_torch(checkpoint: Path) -> tuple[bytes, cards.Card]:
+    """The float network of a checkpoint as ONNX, and its card but for what `ship` fills in. Raises as `export`."""
     state = checkpoints.read(checkpoint)
     recipe = state["recipe"]
-    name, scale = str(recipe["name"]), int(recipe["scale"])
-    network = from_checkpoint(state)
-    weights = to_onnx.convert(network, scale)
+    trained = from_checkpoint(state)
+    network = plain(trained)
+    sizes = Sizes()
+    weights = to_onnx.convert(network, int(recipe["scale"]))
     compare(network, weights)
+    radius = measure.receptive_radius(network, int(recipe["scale"]))
+    card = card_of(
+        network,
+        name=str(recipe["name"]),
+        kind=_first_line(sys.modules[type(trained).__module__].__doc__),
+        scale=int(recipe["scale"]),
+        radius=measure.tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
+        sizes=sizes,
+        training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
+    )
+    return weights, card
 
-    card = cards.Card(
+
+def card_of(
+    network: nn.Module,
+    *,
+    name: str,
+    kind: str,
+    scale: int,
+    radius: int,
+    sizes: Sizes,
+    training: cards.Training,
+) -> cards.Card:
+    """The card of a float network, with a hash of zeros and no accuracy."""
+    return cards.Card(
         name=name,
-        kind=_first_line(sys.modules[type(network).__module__].__doc__),
+        kind=kind,
         scale=scale,
-        sha256=hashlib.sha256(weights).hexdigest(),
+        sha256="0" * 64,
         opset=to_onnx.OPSET,
         input=cards.Tensor(to_onnx.INPUT, ("batch", 3, "height", "width"), "float32", 0.0, 1.0),
         output=cards.Tensor(to_onnx.OUTPUT, ("batch", 3, f"{scale}*height", f"{scale}*width"), "float32", 0.0, 1.0),
-        radius=receptive_radius(network, scale),
-        parameters=sum(p.numel() for p in network.parameters()),
-        macs_per_output_pixel=macs_per_output_pixel(network),
-        training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
+        radius=radius,
+        parameters=measure.parameters(network),
+        macs_per_output_pixel=measure.macs_per_output_pixel(network, sizes),
+        training=training,
         protocol=evaluate.PROTOCOL,
-        command=" ".join(["ciir evaluate", name, *(folder.as_posix() for folder in accuracy_on)]),
+        command="",
         accuracy=(),
+        sizes=sizes,
     )
+
+
+def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes a network and its card into `out`, hash and accuracy filled in; both or, where one fails, neither.
+
+    Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
+    """
+    command = " ".join(["ciir evaluate", card.name, *(folder.as_posix() for folder in accuracy_on)])
+    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=command)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out) as folder:
-        path = Path(folder) / f"{name}.json"
+        path = Path(folder) / f"{card.name}.json"
         network_path = path.with_suffix(".onnx")
         network_path.write_bytes(weights)
         cards.write(card, path)
@@ -77,72 +144,49 @@ def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> 
 
 
 def from_checkpoint(state: dict[str, Any]) -> nn.Module:
-    """The network of a checkpoint in evaluation mode, weights under `SMALLEST` set to zero."""
+    """The network of a checkpoint in evaluation mode, as it was trained."""
     recipe = state["recipe"]
     network = make(recipe["network"], recipe["options"])
     network.load_state_dict(state["network"])
-    with torch.no_grad():
-        for weight in network.parameters():
-            weight[weight.abs() < SMALLEST] = 0.0
     return network.eval()
 
 
 @torch.no_grad()
-def compare(network: nn.Module, weights: bytes) -> float:
+def plain(network: nn.Module) -> nn.Module:
+    """The network as it runs: branches and batch normalisation folded, interpolation along one side at a time, weights
+    under `SMALLEST` set to zero.
+    """
+    network = separate(collapse(fold(network)))
+    for weight in network.parameters():
+        weight[weight.abs() < SMALLEST] = 0.0
+    return network.eval()
+
+
+@torch.no_grad()
+def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
     """The largest difference between torch and onnxruntime over `SHAPES`, on noise in [0, 1].
 
-    Raises `ValueError` where it is more than `TOLERANCE`.
+    Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
     """
     session = open_session(weights, threads=available_cores())
     random = np.random.default_rng(0)
     largest = 0.0
-    for shape in SHAPES:
+    for count, channels, height, width in SHAPES:
+        shape = (count, channels, *sizes.fitted(height, width))
         images = random.random(shape, dtype=np.float32)
-        (got,) = session.run(None, {to_onnx.INPUT: images})
-        difference = float(np.abs(got - network(torch.from_numpy(images)).numpy()).max())
+        try:
+            (got,) = session.run(None, {to_onnx.INPUT: images})
+            wanted = network(torch.from_numpy(images)).numpy()
+        except (RuntimeError, Fail, InvalidArgument, RuntimeException) as error:  # torch's, and onnxruntime's
+            reason = str(error).strip().partition("\n")[0]
+            raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error
+        if got.shape != wanted.shape:
+            raise ValueError(f"onnxruntime makes {got.shape} of {shape} where torch makes {wanted.shape}")
+        difference = float(np.abs(got - wanted).max())
         if not difference <= TOLERANCE:
             raise ValueError(f"onnxruntime differs from torch by {difference} at {shape}; {TOLERANCE} is the most")
         largest = max(largest, difference)
     return largest
-
-
-def receptive_radius(network: nn.Module, scale: int) -> int:
-    """How many input pixels away, along each side, an input pixel can still change an output pixel.
-
-    Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
-    number, so that no path cancels or rests on the weights that training happened to find.
-
-    Raises `ValueError` where the field is wider than the largest probe.
-    """
-    probe = copy.deepcopy(network).double()
-    with torch.no_grad():
-        for weight in probe.parameters():
-            weight.fill_(0.0 if weight.ndim == 1 else 1.0 / weight[0].numel())
-    for centre in (16, 32, 64, 128):
-        image = torch.ones(1, 3, 2 * centre + 1, 2 * centre + 1, dtype=torch.float64, requires_grad=True)
-        cell = slice(centre * scale, (centre + 1) * scale)
-        (gradient,) = torch.autograd.grad(probe(image)[..., cell, cell].sum(), image)
-        touched = gradient[0].abs().sum(0).nonzero()  # (touched pixels, 2)
-        radius = int((touched - centre).abs().max())
-        if radius < centre:
-            return radius
-    raise ValueError(f"the receptive field reaches over {centre} pixels; tiles would be all halo: make it shallower")
-
-
-@torch.no_grad()
-def macs_per_output_pixel(network: nn.Module) -> float:
-    """Multiply-adds of all convolutions for one output pixel (its three channels together)."""
-    counts: list[int] = []
-
-    def count(module: nn.Module, _: object, output: torch.Tensor) -> None:
-        assert isinstance(module, nn.Conv2d)  # noqa: S101 - only convolutions are hooked
-        counts.append(output[0].numel() * module.weight[0].numel())
-
-    hooks = [m.register_forward_hook(count) for m in network.modules() if isinstance(m, nn.Conv2d)]
-    output = network(torch.rand(1, 3, 16, 16))
-    for hook in hooks:
-        hook.remove()
-    return float(sum(counts) / output[0, 0].numel())
 
 
 def _first_line(text: str | None) -> str:

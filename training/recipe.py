@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
+
+DEVICES = ("auto", "cpu", "cuda")
+FREE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
+"""Fields that a run may change when it goes on: none of them changes what is learnt."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a run is made of. Every field may stand in the file; those without a default must."""
+    """What a run is made of. Every field may stand in the file; those without a default must.
+
+    Paths are relative to the folder in which the command is given. Raises `ValueError` for a number out of its range.
+    """
 
     name: str
     """The network's name in the catalogue, and the stem of its files."""
@@ -21,7 +29,7 @@ class Recipe:
     train: str
     """Folder of training pictures, or of VOC2012 as it unpacks."""
     validate: str
-    """Folder of `*_HR.png` and `*_LR.png` pairs."""
+    """Folder of `*_HR.png` and `*_LR.png` pairs; or of pictures, whose LR is then bicubic."""
     steps: int
     """Optimiser steps."""
     options: dict[str, Any] = field(default_factory=dict)
@@ -47,7 +55,7 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse` or `charbonnier` (see `training.losses`)."""
+    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses`)."""
     perceptual: str = ""
     """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see `training.perceptual`)."""
     perceptual_weight: float = 1.0
@@ -56,6 +64,8 @@ class Recipe:
     adversarial: str = ""
     """Adversarial term: `bce` (with logits), `hinge`, or none (see `training.adversary`)."""
     adversarial_weight: float = 1e-3
+    discriminator: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of `training.networks.discriminator.Discriminator`; SRGAN's where none is given."""
 
     learning_rate: float = 1e-4
     """Adam's peak step size; it falls to zero along a half cosine. The discriminator's too."""
@@ -73,9 +83,25 @@ class Recipe:
     validate_every: int = 500
     """Steps between checkpoints, each with a validation."""
 
+    def __post_init__(self) -> None:
+        for name in ("steps", "scale", "crop", "batch", "validate_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; give 1 or more")
+        for name in ("scenes", "noise", "blur", "warmup", "clip", "perceptual_weight", "adversarial_weight", "seed"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} is {getattr(self, name)}; give 0 or more")
+        if not self.learning_rate > 0:
+            raise ValueError(f"learning_rate is {self.learning_rate}; give more than 0")
+        if not 0 <= self.ema < 1:
+            raise ValueError(f"ema is {self.ema}; give 0 or more and less than 1")
+        if not 0 <= self.jpeg <= 100:
+            raise ValueError(f"jpeg is {self.jpeg}; give a quality of 1 to 100, or 0 for none")
+        if self.device not in DEVICES:
+            raise ValueError(f"device is {self.device!r}; give one of {', '.join(DEVICES)}")
+
 
 def read(path: Path) -> Recipe:
-    """The recipe in `path`. Raises `ValueError` where it is no TOML, or names a key that is missing or unknown."""
+    """The recipe in `path`. Raises `ValueError` where it is no TOML, or a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -96,5 +122,23 @@ def read(path: Path) -> Recipe:
             )
     try:
         return Recipe(**table)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
+    """The first field in which a checkpoint's recipe is another than `recipe`, as `steps is 5 there and 9 here`.
+
+    Empty where a run can go on: `FREE` fields may differ, and a field that `saved` is too old to have counts as its
+    default, which is how the run was.
+    """
+    defaults = {
+        f.name: f.default_factory() if f.default_factory is not MISSING else f.default
+        for f in fields(Recipe)
+        if f.default_factory is not MISSING or f.default is not MISSING
+    }
+    there, here = defaults | dict(saved), asdict(recipe)
+    for name in dict.fromkeys([*here, *there]):
+        if name not in FREE and there.get(name) != here.get(name):
+            return f"{name} is {there.get(name)!r} there and {here.get(name)!r} here"
+    return ""

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import onnx
 import torch
 
+from models.card import Sizes
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -19,23 +21,29 @@ OPSET = 20
 INPUT, OUTPUT = "image", "upscaled"
 
 
-def convert(network: nn.Module, scale: int) -> bytes:
+def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  # noqa: B008 - is frozen
     """The network as a serialised ONNX model, weights inside; batch, height and width are free.
 
-    `network`: `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`.
+    `network`: `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
+
+    Raises `ValueError` where the network can't be written so: its sizes are fixed, or ONNX has not what it does.
     """
     free = torch.export.Dim.DYNAMIC
-    with _quiet():
-        program = torch.onnx.export(
-            network,
-            (torch.rand(2, 3, 24, 20),),  # a free axis must not be 1 in the example
-            dynamo=True,
-            dynamic_shapes=({0: free, 2: free, 3: free},),
-            input_names=[INPUT],
-            output_names=[OUTPUT],
-            opset_version=OPSET,
-            verbose=False,
-        )
+    try:
+        with _quiet():
+            program = torch.onnx.export(
+                network,
+                (torch.rand(2, 3, *sizes.fitted(24, 20)),),  # a free axis must not be 1 in the example
+                dynamo=True,
+                dynamic_shapes=({0: free, 2: free, 3: free},),
+                input_names=[INPUT],
+                output_names=[OUTPUT],
+                opset_version=OPSET,
+                verbose=False,
+            )
+    except torch.onnx.errors.OnnxExporterError as error:
+        cause = str(error.__cause__ or error).strip().partition("\n")[0]
+        raise ValueError(f"the network can't be exported with free batch, height and width ({cause})") from error
     assert program is not None  # noqa: S101 - None only where a file is named
     model = program.model_proto
     for value, factor in ((model.graph.input[0], 1), (model.graph.output[0], scale)):

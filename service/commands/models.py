@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from models import catalogue
 from service import listing
 from service.commands import common
 
@@ -13,15 +14,22 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Lists the models, a line each, or all that is known of them as JSON."""
-    models = listing.models()
+    """Lists the models, a line each, or all that is known of them as JSON.
+
+    Beside what the service lists: `unsuited`, why this machine's processor can't run a model, empty where it can.
+    """
+    unsuited = {entry.name: entry.unsuited for entry in catalogue.entries()}
+    models = [model | {"unsuited": unsuited[model["name"]]} for model in listing.models()]
     if args.json:
         common.say(json.dumps(models, indent=2, ensure_ascii=False))
         return
-    rows = [("name", "scales", "parameters", "PSNR, dB on Y", "what it is"), *map(_row, models)]
+    rows = [("name", "scales", "computes in", "parameters", "PSNR, dB on Y", "what it is"), *map(_row, models)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     for row in rows:
         common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
+    for model in models:
+        if model["unsuited"]:
+            common.say(f"{model['name']} is not for this machine: {model['unsuited']}; {_remedy(model['card'])}")
 
 
 def _row(model: dict[str, Any]) -> tuple[str, ...]:
@@ -30,6 +38,10 @@ def _row(model: dict[str, Any]) -> tuple[str, ...]:
     listed = str(scales[0]) if len(scales) == 1 else f"{scales[0]} to {scales[-1]}"
     name = model["name"] + (" (default)" if model["default"] else "")
     if card is None:
-        return name, listed, "-", "-", model["kind"]
+        return name, listed, "float32", "-", "-", model["kind"]
     scores = ", ".join(f"{score['data']} {score['psnr']:.2f}" for score in card["accuracy"])
-    return name, listed, f"{card['parameters']:,}", scores or "-", model["kind"]
+    return name, listed, card["precision"], f"{card['parameters']:,}", scores or "-", model["kind"]
+
+
+def _remedy(card: dict[str, Any]) -> str:
+    return f"use {card['float_twin']}" if card["float_twin"] else "use a float network"

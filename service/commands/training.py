@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer.errors import InvalidOption
 from service.commands import common, out
+from service.errors import one_line
 
 if TYPE_CHECKING:
     import argparse
 
-EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir")
+EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "spandrel", "safetensors", "einops")
 """What the extra `training` brings."""
+OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
+"""Fields of a recipe that may be given as options too."""
 
 
 def run(args: argparse.Namespace) -> None:
@@ -34,7 +39,7 @@ def _evaluate(args: argparse.Namespace) -> None:
 
     for folder in _folders(args.folders):
         try:
-            score = evaluate_folder(args.model, folder, scale=options.scale)
+            score = evaluate_folder(args.model, folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
         common.say(f"{score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} pictures")
@@ -43,39 +48,66 @@ def _evaluate(args: argparse.Namespace) -> None:
 def _train(args: argparse.Namespace) -> None:
     from training import recipe
 
+    given = {name: value for name in OVERRIDES if (value := getattr(args, name)) is not None}
     try:
-        read = recipe.read(Path(args.recipe))
+        read = replace(recipe.read(Path(args.recipe)), **given)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     to = out.folder(args.out, what="a run")
+    from training.interrupt import Stopped
     from training.loop import train
 
-    common.say(f"training {read.name}: {read.steps} steps; stop and start again at any time")
+    common.say(f"training {read.name}: {read.steps} steps; stop with Ctrl-C, and go on by the same command")
     try:
         checkpoint = train(read, to)
     except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
         raise InvalidOption(str(error)) from error
+    except Stopped as stop:
+        print(f"ciir: {one_line(str(stop))}", file=sys.stderr)
+        raise SystemExit(128 + stop.number) from None  # as a shell has it for a signal
     common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
 
 
 def _export(args: argparse.Namespace) -> None:
-    checkpoint = Path(args.checkpoint)
-    if not checkpoint.is_file():
-        raise InvalidOption(f"{checkpoint}: no such file; give the checkpoint.pt that `ciir train` wrote")
+    _check_export(args)
+    source = Path(args.weights or args.checkpoint)
+    if not source.is_file():
+        what = "the weights" if args.weights else "the checkpoint.pt that `ciir train` wrote"
+        raise InvalidOption(f"{source}: no such file; give {what}")
     to = out.folder(args.out, what="a network and its card")
-    from training.export import export
+    folders, calibrate = _folders(args.on), _folders(args.calibrate, what="pictures")
+    from training import export
 
-    folders = _folders(args.on)
     try:
-        card = export(checkpoint, to, accuracy_on=folders)
+        if args.weights:
+            from training.foreign import export_weights
+
+            card = export_weights(source, to, name=args.name or "", accuracy_on=folders)
+        elif args.int8:
+            card = export.export_int8(source, to, calibrate=calibrate, accuracy_on=folders)
+        else:
+            card = export.export(source, to, accuracy_on=folders)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     common.say(f"{card.with_suffix('.onnx')} and {card}: written")
 
 
-def _folders(names: list[str]) -> list[Path]:
+def _check_export(args: argparse.Namespace) -> None:
+    if (args.weights is None) == (args.checkpoint is None):
+        raise InvalidOption(
+            "export: give a CHECKPOINT of `ciir train`, or --weights with a file of others; one of them"
+        )
+    if args.weights is not None and args.int8:
+        raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out with --weights")
+    if args.name is not None and args.weights is None:
+        raise InvalidOption("--name: a checkpoint has its recipe's name; give it with --weights only")
+    if args.int8 != bool(args.calibrate):
+        raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
+
+
+def _folders(names: list[str], *, what: str = "*_LR.png and *_HR.png pairs") -> list[Path]:
     folders = [Path(name) for name in names]
     for folder in folders:
         if not folder.is_dir():
-            raise InvalidOption(f"{folder}: no such folder; give one of *_LR.png and *_HR.png pairs")
+            raise InvalidOption(f"{folder}: no such folder; give one of {what}")
     return folders

@@ -39,6 +39,10 @@ def test_written_and_read_back(tmp_path):
         ({"accuracy": [{"data": "Set5", "pictures": 5, "psnr": "high", "ssim": 1.0}]}, "psnr is 'high'; float"),
         ({"training": {"recipe": [], "commit": "", "iterations": 1, "seed": 0}}, r"recipe is \[\]; dict"),
         ({"name": "other"}, "names its network 'other'"),
+        ({"precision": "float16"}, "precision is 'float16'; give one of float32, int8"),
+        ({"sizes": {"minimum": 0}}, "at least 1 is needed"),
+        ({"sizes": {"square": 1}}, "square is 1; bool"),
+        ({"sizes": {"maximum": 9}}, "'maximum' is unknown"),
     ],
 )
 def test_a_bad_card_is_refused_in_one_line(tmp_path, changes, message):
@@ -58,3 +62,24 @@ def test_what_is_no_json_table(tmp_path, text):
 def test_no_card(tmp_path):
     with pytest.raises(BadCard, match="No such file"):
         cards.read(tmp_path / "lite.json")
+
+
+def test_what_older_cards_do_not_say(tmp_path):
+    card = cards.read(edited(tmp_path, precision=..., float_twin=..., sizes=...))
+    assert (card.precision, card.float_twin, card.sizes) == ("float32", "", cards.Sizes())
+    card = cards.read(edited(tmp_path, sizes={"multiple_of": 4, "square": True}))
+    assert card.sizes == cards.Sizes(minimum=8, multiple_of=4, square=True)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "given", "fitted"),
+    [
+        (cards.Sizes(), (1, 30), (8, 30)),
+        (cards.Sizes(16, 8), (17, 3), (24, 16)),
+        (cards.Sizes(10, 4), (1, 1), (12, 12)),
+        (cards.Sizes(1, 2, square=True), (5, 9), (10, 10)),
+        (cards.Sizes(1), (7, 1), (7, 1)),
+    ],
+)
+def test_sizes(sizes, given, fitted):
+    assert sizes.fitted(*given) == fitted

@@ -1,3 +1,4 @@
+import dataclasses
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -5,9 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from models import card as cards
 from models import session
 from models.catalogue import SHIPPED, load
-from models.errors import BadCard, InvalidImage
+from models.errors import BadCard, InvalidImage, UnsuitedProcessor
 from models.session import Network
 
 
@@ -99,3 +101,34 @@ def test_a_network_that_is_not_its_cards(tmp_path):
     (tmp_path / "lite.onnx").write_bytes((SHIPPED / "lite.onnx").read_bytes()[:-1])
     with pytest.raises(BadCard, match="is not its card's"):
         Network(tmp_path / "lite.json")
+
+
+@pytest.mark.parametrize(("twin", "remedy"), [("lite", "use lite, its float twin"), ("", "use a float network")])
+def test_int8_on_a_processor_that_gets_it_wrong_is_refused(tmp_path, monkeypatch, twin, remedy):
+    path = tmp_path / "lite.json"
+    card = dataclasses.replace(cards.read(SHIPPED / "lite.json"), precision="int8", float_twin=twin)
+    cards.write(card, path)
+    shutil.copy(SHIPPED / "lite.onnx", tmp_path)
+    monkeypatch.setattr(session.processor, "against_int8", lambda: "this processor has no VNNI")
+    with pytest.raises(UnsuitedProcessor, match=f"lite: it computes in int8, and this processor has no VNNI; {remedy}"):
+        Network(path)
+    monkeypatch.setattr(session.processor, "against_int8", lambda: "")
+    assert Network(path).name == "lite"
+
+
+@pytest.mark.parametrize("sizes", [cards.Sizes(16, 6), cards.Sizes(1, 4, square=True), cards.Sizes(40)])
+def test_the_network_meets_only_sizes_that_it_takes(lite, sizes, monkeypatch):
+    seen = []
+
+    def run(images):
+        seen.append(images.shape[2:])
+        return session.Network._run(lite, images)
+
+    monkeypatch.setattr(session, "WINDOW", 48 * 48)
+    monkeypatch.setattr(lite, "card", dataclasses.replace(lite.card, sizes=sizes))
+    monkeypatch.setattr(lite, "_run", run)
+    for shape in [(1, 3, 3, 5), (2, 3, 20, 33), (1, 3, 61, 130)]:
+        got = lite(noise(*shape))
+        assert got.shape == (shape[0], 3, 2 * shape[2], 2 * shape[3])
+    assert seen
+    assert all(size == sizes.fitted(*size) for size in seen)

@@ -25,6 +25,31 @@ def test_tiles_cover_once_within_the_window_and_keep_their_halo(height, width, r
     assert shape[0] * shape[1] <= side * side
 
 
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(height=sizes, width=sizes, radius=st.integers(0, 4), step=st.integers(1, 4))
+def test_tiles_keep_to_multiples(height, width, radius, step):
+    height, width = height * step, width * step
+    covered = np.zeros((height, width), int)
+    for tile in tiles.split(height, width, radius=radius, window=30 * 30, multiple=step):
+        covered[tile.kept] += 1
+        for window, kept, length in zip(tile.window, tile.kept, (height, width), strict=True):
+            assert {edge % step for edge in (window.start, window.stop, kept.start, kept.stop)} == {0}
+            assert window.start == 0 or kept.start - window.start >= radius
+            assert window.stop == length or window.stop - kept.stop >= radius
+    assert (covered == 1).all()
+
+
+def test_padding_repeats_the_edge_and_says_where_the_picture_is():
+    images = np.arange(6, dtype=np.float32).reshape(1, 1, 2, 3)
+    padded, (rows, cols) = tiles.padded(images, 5, 4, scale=2)
+    assert padded.shape == (1, 1, 5, 4)
+    assert (rows, cols) == (slice(2, 6), slice(0, 6))
+    assert np.array_equal(padded[:, :, 1:3, :3], images)
+    assert np.array_equal(padded[0, 0, :, 3], [2, 2, 5, 5, 5])
+    same, _ = tiles.padded(images, 2, 3, scale=2)
+    assert same is images
+
+
 def test_a_window_that_is_all_halo():
     with pytest.raises(ValueError, match="halo of 5"):
         list(tiles.split(100, 100, radius=5, window=100))

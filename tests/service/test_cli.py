@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import os
 import sys
@@ -121,6 +122,25 @@ def test_models(capsys):
     assert [model["name"] for model in listed if model["default"]] == [models.DEFAULT]
 
 
+def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
+    entries = [
+        dataclasses.replace(
+            entry, card=entry.card and dataclasses.replace(entry.card, precision="int8", float_twin="slow")
+        )
+        for entry in models.entries()
+    ]
+    monkeypatch.setattr(models.catalogue, "entries", lambda: entries)
+    monkeypatch.setattr(models.catalogue.processor, "against_int8", lambda: "this processor has no VNNI")
+    assert main(["models"]) == 0
+    text = capsys.readouterr().out
+    assert f"{models.DEFAULT} is not for this machine: this processor has no VNNI; use slow" in text
+    assert "bicubic is not" not in text
+    assert main(["models", "--json"]) == 0
+    listed = {model["name"]: model for model in json.loads(capsys.readouterr().out)}
+    assert listed[models.DEFAULT]["unsuited"] == "this processor has no VNNI"
+    assert listed["bicubic"]["unsuited"] == ""
+
+
 def test_evaluate(samples, tmp_path, capsys):
     high = np.repeat(np.repeat(samples.picture(20, 20), 2, 0), 2, 1)
     (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
@@ -136,7 +156,7 @@ def test_training_without_torch_names_the_remedy(tmp_path, capsys, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "training"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    recipe = Path(__file__).resolve().parents[2] / "training" / "recipes" / "lite.toml"
+    recipe = Path(__file__).resolve().parents[2] / "training" / "recipes" / "fast.toml"
     (tmp_path / "c.pt").write_bytes(b"")
     assert "make setup-training" in fails(capsys, "train", recipe, "-o", tmp_path / "run")
     assert "make setup-training" in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
@@ -177,6 +197,13 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "scene:vase", "-o", "o" * 300], ["too long", "name a place"]),
         (["train", "gone.toml", "-o", "run"], ["gone.toml"]),
         (["export", "gone.pt", "-o", "card"], ["gone.pt"]),
+        (["export", "--weights", "gone.pth", "-o", "card"], ["gone.pth", "the weights"]),
+        (["export", "-o", "card"], ["CHECKPOINT", "--weights"]),
+        (["export", "a.pt", "--weights", "b.pth", "-o", "card"], ["one of them"]),
+        (["export", "a.pt", "--int8", "-o", "card"], ["--calibrate"]),
+        (["export", "a.pt", "--calibrate", ".", "-o", "card"], ["--int8"]),
+        (["export", "a.pt", "--name", "a", "-o", "card"], ["--name", "--weights"]),
+        (["export", "--weights", "b.pth", "--int8", "--calibrate", ".", "-o", "card"], ["--int8", "CHECKPOINT"]),
     ],
 )
 def test_bad_arguments_are_one_line(argv, words, samples, capsys, empty_folder):

@@ -8,7 +8,7 @@ import torch
 
 from models.baselines import keys
 from training import degrade
-from training.data import read_picture
+from training.pictures import read_rgb
 
 SET5 = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "images" / "Set5"
 
@@ -52,8 +52,8 @@ def test_the_kernel_is_keys_cubic_widened(scale):
 @pytest.mark.parametrize("name", ["001", "002", "003", "004", "005"])
 def test_against_the_published_low_resolution(name):
     """MATLAB's own LR pictures, inside the border: off by a level here and there, in neither direction."""
-    high = degrade.to_tensor(read_picture(SET5 / f"img_{name}_SRF_2_HR.png"))
-    published = degrade.to_tensor(read_picture(SET5 / f"img_{name}_SRF_2_LR.png"))
+    high = degrade.to_tensor(torch.from_numpy(read_rgb(SET5 / f"img_{name}_SRF_2_HR.png")))
+    published = degrade.to_tensor(torch.from_numpy(read_rgb(SET5 / f"img_{name}_SRF_2_LR.png")))
     inside = (..., slice(2, -2), slice(2, -2))
     difference = (degrade.bicubic(high, 2) - published)[inside] * 255
     assert difference.abs().max() <= 2.01
@@ -88,3 +88,27 @@ def test_a_point_is_the_middle_of_its_cell():
     assert (degrade.point(cell, 4) * 255 == round((5 + 6 + 9 + 10) / 4)).all()
     assert (degrade.point(torch.arange(9).reshape(1, 1, 3, 3) / 255, 3) * 255).item() == 4
     assert (degrade.box(cell, 4) * 255).unique().item() == 8  # 7.5, to even
+
+
+def test_a_point_is_smaller_than_a_pixel_of_the_truth():
+    """Otherwise it would be the box: here it differs from it where the photograph is rough."""
+    rough = torch.randint(0, 256, (3, 40, 44), generator=torch.Generator().manual_seed(2), dtype=torch.uint8)
+    low, high = degrade.pair("point", rough, 2)
+    assert (low.shape, high.shape) == ((3, 10, 11), (3, 20, 22))
+    middle = rough.reshape(3, 10, 4, 11, 4)[:, :, 1:3, :, 1:3].float().mean((2, 4))
+    assert (low - middle).abs().max() <= 0.5
+
+
+@pytest.mark.parametrize(("kind", "scale", "covered"), [("bicubic", 4, 4), ("box", 3, 3), ("point", 4, 8)])
+def test_a_pair_is_cut_to_whole_cells(kind, scale, covered):
+    low, high = degrade.pair(kind, torch.full((1, 3 * covered + 1, 2 * covered + 2), 77, dtype=torch.uint8), scale)
+    assert (low.shape, high.shape) == ((1, 3, 2), (1, 3 * scale, 2 * scale))
+    assert (low == 77).all()
+    assert (high == 77).all()
+
+
+def test_pairs_that_can_not_be():
+    with pytest.raises(ValueError, match="no 'lanczos' here; give one of bicubic, box, point"):
+        degrade.pair("lanczos", torch.zeros(3, 8, 8, dtype=torch.uint8), 2)
+    with pytest.raises(ValueError, match="3x9 is smaller than the 4x4 of one LR pixel"):
+        degrade.pair("point", torch.zeros(3, 3, 9, dtype=torch.uint8), 2)

@@ -70,3 +70,55 @@ def test_a_pair_of_another_scale(tmp_path):
     save(tmp_path, "a_HR.png", np.zeros((27, 27), np.uint8))
     with pytest.raises(ValueError, match="27x27 pixels, where nearest makes 18x18"):
         evaluate(Nearest(2), tmp_path)
+
+
+@needs_shared
+@pytest.mark.parametrize(("kind", "psnr"), [("bicubic", 33.68), ("box", 33.86), ("point", 30.15)])
+def test_degradations_of_set5(kind, psnr):
+    """Bicubic LR that is made here scores as the supplied one does, but for its border: 33.66 dB."""
+    pytest.importorskip("torch", reason="needs the training extra")
+    score = evaluate(models.load("bicubic"), IMAGES / "Set5", degradation=kind)
+    assert score.psnr == pytest.approx(psnr, abs=0.02)
+    assert (score.data, score.pictures) == (f"Set5 ({kind})", 5)
+
+
+def test_any_pictures_can_be_degraded(tmp_path):
+    """Nearest undoes a box of flat 2x2 cells; grey stays one channel, odd sides are cut."""
+    pytest.importorskip("torch", reason="needs the training extra")
+    low = np.random.default_rng(0).integers(0, 255, (12, 13, 3), np.uint8)
+    flat = low.repeat(2, axis=0).repeat(2, axis=1)
+    save(tmp_path, "colour.png", np.pad(flat, ((0, 1), (0, 1), (0, 0))))
+    save(tmp_path, "grey.tif", flat[..., 0])
+    (tmp_path / "notes.txt").write_text("not a picture")
+    assert evaluate(Nearest(2), tmp_path, degradation="box") == models.card.Accuracy(
+        f"{tmp_path.name} (box)", 2, float("inf"), 1.0
+    )
+
+
+def test_pictures_that_can_not_be_degraded_or_scored(tmp_path):
+    pytest.importorskip("torch", reason="needs the training extra")
+    with pytest.raises(ValueError, match="no picture in it"):
+        evaluate(Nearest(2), tmp_path, degradation="box")
+    save(tmp_path, "a.png", np.zeros((1, 9), np.uint8))
+    with pytest.raises(ValueError, match=r"a\.png: a picture of 1x9 is smaller"):
+        evaluate(Nearest(2), tmp_path, degradation="box")
+    save(tmp_path, "a.png", np.zeros((14, 14), np.uint8))
+    with pytest.raises(ValueError, match=r"a\.png: a picture of \(10, 10\).*SSIM's window.*take it out"):
+        evaluate(Nearest(2), tmp_path, degradation="box")
+    save(tmp_path, "a.png", np.zeros((20, 20), np.uint8))
+    with pytest.raises(ValueError, match="no 'blur' here"):
+        evaluate(Nearest(2), tmp_path, degradation="blur")
+
+
+def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; sys.modules['torch'] = None; from pathlib import Path; from training.evaluate import *;"
+        f"print(evaluate_folder('nearest', Path({recipe.validate!r})).pictures)"
+    )
+    run = subprocess.run(  # noqa: S603 - the words are this test's own
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    assert run.stdout == "2\n"

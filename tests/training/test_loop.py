@@ -1,60 +1,132 @@
 import csv
-from dataclasses import replace
+import signal
+from dataclasses import fields, replace
 
 import pytest
 
-pytest.importorskip("torch", reason="needs the training extra")
-import torch
+torch = pytest.importorskip("torch", reason="needs the training extra")
 
-from training import loop
+from service.cli import main, parser
+from service.commands.training import OVERRIDES
+from training import logs, loop
+from training.adversary import Adversary
 from training.data import Crops
+from training.interrupt import Stopped
+from training.recipe import Recipe
+
+STEPS = 5
+GAN = {"perceptual": "discriminator", "perceptual_weight": 0.1, "adversarial": "bce", "bfloat16": True, "ema": 0.9}
 
 
 def load(path):
     return torch.load(path, weights_only=True)
 
 
-@pytest.fixture(scope="module")
-def unbroken(recipe, tmp_path_factory):
-    return loop.train(replace(recipe, steps=5), tmp_path_factory.mktemp("unbroken"))
+def rows(folder):
+    with (folder / "log.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
-def test_a_run_leaves_a_checkpoint_and_a_log(unbroken):
-    assert load(unbroken)["step"] == 5
-    with (unbroken.parent / "log.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [int(row["step"]) for row in rows] == [2, 4, 5]
-    assert all(0 < float(row["loss"]) < 2 for row in rows)
-    assert not list(unbroken.parent.glob("*.partial"))
+def assert_same(got, want, at=""):
+    """Tensors in nested dicts and lists, bit for bit."""
+    if isinstance(want, torch.Tensor):
+        assert torch.equal(got, want), at
+    elif isinstance(want, dict):
+        assert got.keys() == want.keys(), at
+        for key, value in want.items():
+            assert_same(got[key], value, f"{at}/{key}")
+    elif isinstance(want, (list, tuple)):
+        for index, (one, other) in enumerate(zip(got, want, strict=True)):
+            assert_same(one, other, f"{at}/{index}")
+    else:
+        assert got == want, at
 
 
-def test_a_resumed_run_equals_an_unbroken_one_bit_for_bit(recipe, unbroken, tmp_path, monkeypatch):
+def at_step(monkeypatch, step, act):
+    """`act()` while the batch of `step` is drawn."""
     draw = Crops.at
 
-    def stop_at_3(self, step):
-        if step == 3:
-            raise KeyboardInterrupt
-        return draw(self, step)
+    def acting(self, wanted):
+        if wanted == step:
+            act()
+        return draw(self, wanted)
 
-    recipe = replace(recipe, steps=5)
+    monkeypatch.setattr(Crops, "at", acting)
+
+
+@pytest.fixture(autouse=True)
+def no_picture(monkeypatch):
+    """Half a second each; what `unbroken` makes is real."""
+    monkeypatch.setattr(logs.curve, "draw", lambda rows, losses, title: b"")
+
+
+@pytest.fixture(scope="module", params=[{}, GAN], ids=["pixels", "gan"])
+def unbroken(request, recipe, tmp_path_factory):
+    recipe = replace(recipe, steps=STEPS, **request.param)
+    return recipe, loop.train(recipe, tmp_path_factory.mktemp("unbroken"))
+
+
+def test_a_run_leaves_a_checkpoint_and_logs(unbroken):
+    recipe, checkpoint = unbroken
+    assert load(checkpoint)["step"] == STEPS
+    log = rows(checkpoint.parent)
+    assert [int(row["step"]) for row in log] == [2, 4, 5]
+    for row in log:
+        terms = [float(row[name]) for name in ("l1", "discriminator", "adversarial") if name in row]
+        # The log has 7 digits.
+        assert float(row["loss"]) == pytest.approx(sum(terms), rel=1e-5)
+        assert 0 < float(row["l1"]) < 2
+    assert ("discriminator_loss" in log[0]) == bool(recipe.adversarial)
+    assert {path.name for path in checkpoint.parent.iterdir()} == {
+        "checkpoint.pt",
+        "curve.png",
+        "log.csv",
+        "tensorboard",
+    }
+
+
+def test_a_killed_run_continues_bit_for_bit(unbroken, tmp_path, monkeypatch):
+    recipe, checkpoint = unbroken
+
+    def kill():
+        raise MemoryError
+
     with monkeypatch.context() as patch:
-        patch.setattr(Crops, "at", stop_at_3)
-        with pytest.raises(KeyboardInterrupt):
+        at_step(patch, 3, kill)
+        with pytest.raises(MemoryError):
             loop.train(recipe, tmp_path)
     assert load(tmp_path / "checkpoint.pt")["step"] == 2
-    resumed, want = load(loop.train(recipe, tmp_path)), load(unbroken)
-    assert resumed["psnr"] == want["psnr"]
-    for key, weight in want["network"].items():
-        assert torch.equal(resumed["network"][key], weight), key
-    for index, moments in want["optimiser"]["state"].items():
-        for key, value in moments.items():
-            assert torch.equal(resumed["optimiser"]["state"][index][key], value), (index, key)
+    loop.train(recipe, tmp_path)
+    got, want = load(tmp_path / "checkpoint.pt"), load(checkpoint)
+    assert_same(got | {"seconds": 0}, want | {"seconds": 0})
+    assert [row["psnr"] for row in rows(tmp_path)] == [row["psnr"] for row in rows(checkpoint.parent)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_step_and_the_run_goes_on_from_there(unbroken, tmp_path, monkeypatch, number):
+    recipe, checkpoint = unbroken
+    before = signal.getsignal(number)
+    with monkeypatch.context() as patch:
+        at_step(patch, 2, lambda: signal.raise_signal(number))
+        with pytest.raises(Stopped, match=r"step 3 of 5.*the same command goes on") as caught:
+            loop.train(recipe, tmp_path)
+    assert caught.value.number == number
+    assert signal.getsignal(number) is before
+    assert load(tmp_path / "checkpoint.pt")["step"] == 3
+    loop.train(recipe, tmp_path)
+    assert_same(load(tmp_path / "checkpoint.pt") | {"seconds": 0}, load(checkpoint) | {"seconds": 0})
+
+
+def test_a_finished_run_is_left_alone(unbroken):
+    recipe, checkpoint = unbroken
+    before = {path: path.stat().st_mtime_ns for path in checkpoint.parent.rglob("*")}
+    assert loop.train(recipe, checkpoint.parent) == checkpoint
+    assert {path: path.stat().st_mtime_ns for path in checkpoint.parent.rglob("*")} == before
 
 
 def test_training_lowers_the_loss(recipe, tmp_path):
-    path = loop.train(replace(recipe, steps=60, validate_every=20), tmp_path)
-    with (path.parent / "log.csv").open(newline="") as file:
-        losses = [float(row["loss"]) for row in csv.DictReader(file)]
+    loop.train(replace(recipe, steps=60, validate_every=20), tmp_path)
+    losses = [float(row["loss"]) for row in rows(tmp_path)]
     assert losses[-1] < 0.7 * losses[0]
 
 
@@ -66,20 +138,83 @@ def test_a_loss_that_is_not_a_number_stops_the_run(recipe, tmp_path, monkeypatch
     assert not (tmp_path / "checkpoint.pt").exists()
 
 
-def test_another_recipes_checkpoint_is_not_continued(recipe, unbroken):
-    with pytest.raises(ValueError, match="made by another recipe"):
-        loop.train(replace(recipe, steps=5, seed=2), unbroken.parent)
+def test_weights_that_are_not_numbers_replace_no_checkpoint(recipe, tmp_path, monkeypatch):
+    loss = torch.nn.functional.l1_loss
+
+    def infinite_slope(output, high):
+        return loss(output, high) + (0.0 * output.sum()).sqrt()  # its value is 0, its gradient is no number
+
+    monkeypatch.setattr("training.losses.LOSSES", {"l1": loss})
+    loop.train(replace(recipe, steps=2), tmp_path / "a")
+    good = (tmp_path / "a" / "checkpoint.pt").read_bytes()
+    monkeypatch.setattr("training.losses.LOSSES", {"l1": infinite_slope})
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "checkpoint.pt").write_bytes(good)
+    monkeypatch.setattr("training.recipe.difference", lambda saved, recipe: "")
+    with pytest.raises(FloatingPointError, match="step 3: a weight is not a number"):
+        loop.train(replace(recipe, steps=3), tmp_path / "b")
+    assert (tmp_path / "b" / "checkpoint.pt").read_bytes() == good
 
 
-def test_learning_rate(recipe):
-    recipe = replace(recipe, steps=100, warmup=10, learning_rate=1.0)
-    rates = [loop.learning_rate(recipe, step) for step in range(101)]
-    assert rates[0] == pytest.approx(0.1)
-    assert rates[10] == max(rates) == 1.0
-    assert rates[55] == pytest.approx(0.5)
-    assert rates[100] == pytest.approx(0.0)
+def test_a_saturated_discriminator_stops_the_run(recipe, tmp_path, monkeypatch):
+    def saturated(self, output, high, rate):
+        raise ValueError("the discriminator has saturated")
+
+    monkeypatch.setattr(Adversary, "update", saturated)
+    with pytest.raises(ValueError, match="saturated"):
+        loop.train(replace(recipe, **GAN), tmp_path)
 
 
-def test_a_validation_folder_without_pairs(recipe, tmp_path):
-    with pytest.raises(ValueError, match=r"no \*_LR\.png"):
-        loop.validate(torch.nn.Identity(), tmp_path, 2)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"validate": "gone"}, "gone: no such folder"),
+        ({"train": "gone"}, "gone: no such folder"),
+        ({"loss": "l3"}, "'l3'"),
+        ({"network": "gpt"}, "'gpt'"),
+        ({"scale": 4}, "scale is 4, and lite is made for 2"),
+        ({"initial": "gone.pt"}, r"gone\.pt"),
+        ({"crop": 48}, "smaller"),
+    ],
+)
+def test_a_recipe_at_fault_leaves_nothing(recipe, tmp_path, change, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        loop.train(replace(recipe, **change), tmp_path / "run")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_file_where_the_folder_should_be(recipe, tmp_path):
+    (tmp_path / "run").write_text("mine")
+    with pytest.raises(ValueError, match="a file is there"):
+        loop.train(recipe, tmp_path / "run")
+
+
+def test_the_command_line(recipe, tmp_path, capsys, monkeypatch):
+    path = tmp_path / "tiny.toml"
+    path.write_text(
+        'name = "tiny"\nnetwork = "lite"\ntrain = "gone"\nvalidate = "gone"\nsteps = 9\noptions = { blocks = 1, '
+        "channels = 8 }\ncrop = 24\nbatch = 2\nvalidate_every = 2\n"
+    )
+    argv = ["train", str(path), "-o", str(tmp_path / "run")]
+    assert main(argv) == 2
+    assert "gone: no such folder" in capsys.readouterr().err
+    argv += ["--train", recipe.train, "--validate", recipe.validate, "--steps", "4", "--device", "cpu"]
+    with monkeypatch.context() as patch:
+        at_step(patch, 0, lambda: signal.raise_signal(signal.SIGINT))
+        with pytest.raises(SystemExit) as caught:
+            main(argv)
+    assert caught.value.code == 130
+    assert "ciir: stopped at step 1 of 4" in capsys.readouterr().err.splitlines()[-1]
+    assert main([*argv, "--name", "mine"]) == 2
+    assert "name is 'tiny' there and 'mine' here" in capsys.readouterr().err
+    assert main(argv) == 0
+    shown = capsys.readouterr()
+    assert "done; next: ciir export" in shown.out
+    lines = [line for line in shown.err.splitlines() if line.startswith("step ")]
+    assert [line.partition(":")[0] for line in lines] == ["step 2 of 4", "step 4 of 4"]
+
+
+def test_options_of_the_command_are_fields_of_the_recipe():
+    args = parser().parse_args(["train", "a.toml", "-o", "out"])
+    assert set(OVERRIDES) == {field.name for field in fields(Recipe)} & set(vars(args))

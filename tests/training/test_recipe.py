@@ -1,3 +1,4 @@
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
@@ -8,16 +9,20 @@ SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'
 
 
+@pytest.fixture
+def smallest(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SMALLEST)
+    return recipes.read(path)
+
+
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_recipes_read(path):
     assert recipes.read(path).name == path.stem
 
 
-def test_defaults(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(SMALLEST)
-    recipe = recipes.read(path)
-    assert (recipe.scale, recipe.crop, recipe.batch, recipe.options) == (2, 88, 16, {})
+def test_defaults(smallest):
+    assert (smallest.scale, smallest.crop, smallest.batch, smallest.options) == (2, 88, 16, {})
 
 
 @pytest.mark.parametrize(
@@ -30,6 +35,15 @@ def test_defaults(tmp_path):
         (SMALLEST.replace("steps = 5", "steps = true"), "steps is True"),
         (SMALLEST + "learning_rate = []\n", "learning_rate is"),
         (SMALLEST + "options = 3\n", "options is 3; give a table"),
+        (SMALLEST.replace("steps = 5", "steps = 0"), "steps is 0; give 1 or more"),
+        (SMALLEST + "validate_every = 0\n", "validate_every is 0"),
+        (SMALLEST + "batch = -1\n", "batch is -1"),
+        (SMALLEST + "noise = -0.5\n", "noise is -0.5; give 0 or more"),
+        (SMALLEST + "clip = nan\n", "clip is nan"),
+        (SMALLEST + "learning_rate = 0\n", "learning_rate is 0; give more than 0"),
+        (SMALLEST + "ema = 1.0\n", "ema is 1.0; give 0 or more and less than 1"),
+        (SMALLEST + "jpeg = 101\n", "jpeg is 101"),
+        (SMALLEST + 'device = "tpu"\n', "device is 'tpu'; give one of auto, cpu, cuda"),
     ],
 )
 def test_a_bad_recipe_is_refused_in_one_line(tmp_path, text, message):
@@ -39,3 +53,29 @@ def test_a_bad_recipe_is_refused_in_one_line(tmp_path, text, message):
         recipes.read(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_field_in_which_recipes_differ(smallest):
+    saved = asdict(smallest)
+    assert recipes.difference(saved, smallest) == ""
+    assert recipes.difference(saved, replace(smallest, steps=9)) == "steps is 5 there and 9 here"
+    assert recipes.difference(saved, replace(smallest, options={"blocks": 3})).startswith("options is {} there")
+    assert recipes.difference(saved | {"stride": 3}, smallest) == "stride is 3 there and None here"
+
+
+@pytest.mark.parametrize("name", sorted(recipes.FREE))
+def test_fields_that_may_differ(smallest, name):
+    assert recipes.difference(asdict(smallest) | {name: "other"}, smallest) == ""
+
+
+def test_a_field_that_came_later_counts_as_its_default(smallest):
+    old = {name: value for name, value in asdict(smallest).items() if name not in {"loss", "meshes", "degradations"}}
+    assert recipes.difference(old, smallest) == ""
+    assert recipes.difference(old, replace(smallest, loss="mse")) == "loss is 'l1' there and 'mse' here"
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(recipes.Recipe)])
+def test_every_field_is_documented(name):
+    text = (Path(recipes.__file__).parents[1] / "docs" / "training.md").read_text(encoding="utf-8")
+    table = text[text.index("### Fields") : text.index("### Watch")]
+    assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))

@@ -1,0 +1,33 @@
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+
+from training import losses
+
+OUTPUT = torch.tensor([0.5, 0.25, 0.0, 1.0])
+HIGH = torch.tensor([0.5, 0.75, 0.25, 0.0])
+
+
+def test_l1():
+    assert losses.l1(OUTPUT, HIGH).item() == (0.5 + 0.25 + 1.0) / 4
+
+
+def test_mse():
+    assert losses.mse(OUTPUT, HIGH).item() == (0.25 + 0.0625 + 1.0) / 4
+
+
+def test_charbonnier_is_l1_far_from_zero_and_smooth_at_zero():
+    got = losses.charbonnier(OUTPUT, HIGH)
+    # sqrt(d^2 + e^2) is between |d| and |d| + e.
+    assert 0 < (got - losses.l1(OUTPUT, HIGH)).item() < losses.EPSILON
+    same = HIGH.clone().requires_grad_()
+    losses.charbonnier(same, HIGH).backward()
+    assert same.grad.abs().max() == 0
+    assert losses.charbonnier(HIGH, HIGH).item() == pytest.approx(losses.EPSILON)
+
+
+def test_names():
+    assert losses.pixel_loss("charbonnier") is losses.charbonnier
+    with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, charbonnier"):
+        losses.pixel_loss("l2")

@@ -1,0 +1,67 @@
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+from torch import nn
+
+from models.card import Sizes
+from training import measure
+from training.networks import LiteGenerator, make
+from training.networks.collapsible import collapse
+from training.networks.separable import separate
+
+
+def test_radius_and_cost_of_the_papers_generator():
+    network = LiteGenerator()
+    assert measure.receptive_radius(network, 2) == 15
+    in_low = 3 * 64 * 9 + 13 * 64 * 64 * 9
+    in_high = 64 * 64 * 9 + 64 * 3 * 9
+    assert measure.macs_per_output_pixel(network, Sizes()) == in_low / 4 + in_high
+    assert measure.parameters(network) == 520515
+
+
+def test_of_an_interpolated_base_the_work_counts_and_the_constants_do_not():
+    network = collapse(make("compact", {"widths": [32, 48]}))
+    convolutions = 9 * (3 * 32 + 32 * 48 + 48 * 12)
+    assert measure.parameters(network) == convolutions + 32 + 48 + 12
+    assert measure.macs_per_output_pixel(network, Sizes()) == (convolutions + 12 * 25) / 4
+    assert measure.receptive_radius(network, 2) == 3
+    network = separate(network)
+    assert measure.parameters(network) == convolutions + 32 + 48 + 12
+    assert (
+        measure.macs_per_output_pixel(network, Sizes()) == (convolutions + 6 * 5 * 20 / 16 + 12 * 5) / 4
+    )  # with padding
+
+
+class Wide(nn.Module):
+    """Nearest x2 plus what pixels `far` away say, faintly."""
+
+    def __init__(self, far: int, weight: float) -> None:
+        super().__init__()
+        self.far = nn.Conv2d(3, 3, (2 * far + 1, 1), padding=(far, 0), groups=3, bias=False)
+        with torch.no_grad():
+            self.far.weight.zero_()
+            self.far.weight[:, :, 0] = weight
+
+    def forward(self, image):
+        return nn.functional.interpolate(image + self.far(image), scale_factor=2.0)
+
+
+@pytest.mark.parametrize(("far", "radius"), [(1, 1), (40, 40), (120, 120), (121, None)])
+def test_radius_of_what_sees_along_one_side_only(far, radius):
+    assert measure.receptive_radius(Wide(far, 1.0), 2) == radius
+
+
+@pytest.mark.parametrize(("far", "weight", "overlaps"), [(20, 0.5, (24, 20)), (200, 1e-3, (8, 10)), (3, 0.5, (8, 10))])
+def test_tiles_overlap_as_far_as_it_shows(far, weight, overlaps):
+    for step, overlap in zip((1, 5), overlaps, strict=True):
+        assert measure.tile_overlap(Wide(far, weight), 2, Sizes(multiple_of=step)) == overlap
+
+
+def test_a_network_that_looks_at_everything_is_refused():
+    class Mean(nn.Module):
+        def forward(self, image):
+            return nn.functional.interpolate(image - image[:, :, :1], scale_factor=2.0)
+
+    with pytest.raises(ValueError, match="the network looks further"):
+        measure.tile_overlap(Mean(), 2, Sizes())

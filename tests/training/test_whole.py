@@ -1,0 +1,34 @@
+import errno
+import resource
+
+import pytest
+
+from training import whole
+
+
+@pytest.fixture
+def full_disk():
+    """No file may grow beyond 1000 bytes: what is left of a disk that is all but full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_file_takes_the_place_of_another(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"old")
+    (tmp_path / "a.csv.partial").write_bytes(b"of a run that was killed")
+    whole.write(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_was_there_survives_a_full_disk(tmp_path, full_disk):
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(b"old")
+    with pytest.raises(OSError, match=r"checkpoint\.pt") as caught:
+        whole.write(path, bytes(5000))
+    assert (caught.value.errno, caught.value.filename) == (errno.EFBIG, str(path))
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,140 @@
+"""Perceptual terms: distances between pictures that weigh structure more than the value of each sample.
+
+`vgg19` needs torchvision's weight file; `gradient`, `frequency` and `discriminator` (feature matching) need none.
+"""
+
+from __future__ import annotations
+
+import pickle
+from typing import TYPE_CHECKING, Literal
+
+import torch
+from torch import Tensor, nn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+PERCEPTUAL = ("vgg19", "gradient", "frequency", "discriminator")
+"""What a recipe's `perceptual` may name."""
+
+Layout = tuple[int | Literal["pool"], ...]
+"""Output channels of each 3x3 convolution, and where the picture is halved."""
+VGG19: Layout = (
+    *(64, 64, "pool"),
+    *(128, 128, "pool"),
+    *(256, 256, 256, 256, "pool"),
+    *(512, 512, 512, 512, "pool"),
+    *(512, 512, 512, 512),
+)
+"""VGG-19 up to conv5_4 (Simonyan and Zisserman, ICLR 2015, table 1, column E)."""
+MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""ImageNet's, with which torchvision's weights were trained: R, G, B in [0, 1]."""
+REMEDY = "give torchvision's vgg19-dcbb9e9d.pth, which torchvision.models.vgg19(weights='IMAGENET1K_V1') downloads"
+
+
+class Vgg(nn.Module):
+    """RGB in [0, 1], `(N, 3, H, W)` -> the features of conv5_4 before its activation, `(N, 512, H // 16, W // 16)`.
+
+    This is the VGG54 content of SRGAN (Ledig et al., CVPR 2017, equation 5) taken before the activation, as ESRGAN
+    (Wang et al., ECCVW 2018, section 3.3) does and as the paper's "after the convolutional layer" reads: fewer of the
+    features are zero. The weights are frozen. The sides must be at least 16 pixels.
+    """
+
+    def __init__(self, weights: Path, *, layout: Layout = VGG19) -> None:
+        """`weights`: a state dict whose convolutions are `features.N.weight` and `features.N.bias`; keys of other
+        layers are ignored. `layout`: another one than VGG-19's is for tests.
+
+        Raises `ValueError` where the file is missing, no state dict, or another network's.
+        """
+        super().__init__()
+        self.features = _layers(layout)
+        state = _read(weights)
+        for name, own in self.state_dict().items():
+            given = state.get(name)
+            if not isinstance(given, Tensor) or given.shape != own.shape:
+                found = tuple(given.shape) if isinstance(given, Tensor) else "missing"
+                raise ValueError(f"{weights}: not VGG-19: {name} is {found}, not {tuple(own.shape)}; {REMEDY}")
+        self.load_state_dict({name: state[name] for name in self.state_dict()})
+        self.register_buffer("mean", torch.tensor(MEAN)[:, None, None], persistent=False)
+        self.register_buffer("deviation", torch.tensor(DEVIATION)[:, None, None], persistent=False)
+        self.requires_grad_(False).eval()
+
+    def forward(self, image: Tensor) -> Tensor:
+        """See the class."""
+        features: Tensor = self.features((image - self.mean) / self.deviation)  # type: ignore[operator]
+        return features
+
+
+def _layers(layout: Layout) -> nn.Sequential:
+    """Numbered as torchvision numbers `features`; the last convolution's activation is left out."""
+    layers: list[nn.Module] = []
+    inputs = 3
+    for item in layout:
+        if item == "pool":
+            layers.append(nn.MaxPool2d(2))
+        else:
+            layers += [nn.Conv2d(inputs, item, kernel_size=3, padding=1), nn.ReLU()]
+            inputs = item
+    return nn.Sequential(*layers[:-1])
+
+
+def _read(path: Path) -> dict[str, object]:
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise ValueError(f"{path}: no such file; {REMEDY}") from error
+    except (OSError, RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError) as error:
+        raise ValueError(f"{path}: not a file of weights; {REMEDY}") from error
+    return state if isinstance(state, dict) else {}
+
+
+class VggContent:
+    """Mean squared difference of two pictures' `Vgg` features, a scalar, float32 (SRGAN, equation 5)."""
+
+    def __init__(self, weights: Path, device: torch.device, *, bfloat16: bool = False, layout: Layout = VGG19) -> None:
+        """Arguments and errors as `Vgg`'s. `bfloat16`: the network, not the difference, is computed in that."""
+        self.network = Vgg(weights, layout=layout)
+        self.network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.bfloat16 = bfloat16
+
+    def __call__(self, output: Tensor, high: Tensor) -> Tensor:
+        """`(N, 3, H, W)` in [0, 1], both. Gradients pass to `output` alone."""
+        with torch.autocast(output.device.type, torch.bfloat16, enabled=self.bfloat16):
+            made = self.network(output)
+            with torch.no_grad():
+                real = self.network(high)
+        loss: Tensor = (made.float() - real.float()).square().mean()
+        return loss
+
+
+def gradient(output: Tensor, high: Tensor) -> Tensor:
+    """Mean absolute difference of the differences between neighbours, down and across; a scalar.
+
+    The gradient difference loss of Mathieu et al., ICLR 2016, equation 6, with alpha = 1, but of signed differences: an
+    edge the wrong way round costs twice its height, where magnitudes would let it pass. `(..., H, W)`, 2x2 at least.
+    """
+    difference = output - high
+    return 0.5 * (difference.diff(dim=-1).abs().mean() + difference.diff(dim=-2).abs().mean())
+
+
+def frequency(output: Tensor, high: Tensor) -> Tensor:
+    """Mean absolute difference of the real and imaginary parts of the orthonormal 2-D Fourier transforms; a scalar.
+
+    MIMO-UNet's frequency reconstruction loss at one scale (Cho et al., ICCV 2021, section 3.3). `(..., H, W)` float32.
+    """
+    difference = torch.fft.rfft2(output - high, norm="ortho")
+    return torch.view_as_real(difference).abs().mean()
+
+
+PIXELS = {"gradient": gradient, "frequency": frequency}
+"""The terms that are functions of the pictures alone."""
+
+
+def feature_matching(output: Sequence[Tensor], high: Sequence[Tensor]) -> Tensor:
+    """Mean absolute difference of a discriminator's feature maps, averaged over its layers; a scalar, float32.
+
+    Pix2PixHD (Wang et al., CVPR 2018, equation 4), with the mean over the layers for the sum.
+    """
+    layers = [(made.float() - real.float()).abs().mean() for made, real in zip(output, high, strict=True)]
+    return torch.stack(layers).mean()
