@@ -2,7 +2,7 @@
 
 ::
 
-    upscaler = models.load("lite")
+    upscaler = models.load("fast")
     large = models.upscale_pixels(upscaler, views)     # (N, H, W, C) 8 or 16 bit -> (N, 2H, 2W, C)
 """
 

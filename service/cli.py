@@ -141,7 +141,7 @@ def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
         "--calibrate", nargs="+", default=[], metavar="FOLDER", help="pictures that show the int8 twin its ranges"
     )
     add.add_argument("--weights", metavar="FILE", help="in place of a checkpoint: weights that spandrel knows")
-    add.add_argument("--name", metavar="NAME", help="with --weights: the network's name (default: the file's)")
+    add.add_argument("--name", metavar="NAME", help="the network's name (default: the recipe's, or the file's)")
     add.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
 
 

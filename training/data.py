@@ -109,8 +109,9 @@ class Crops:
         """`folder`: see `training.pictures.find`; pictures smaller than the crop are left out, with a note.
 
         `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of `training.degrade.KINDS`
-        and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`,
-        `blur`, `jpeg`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; more makes `at` faster, never different.
+        and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`,
+        `jpeg`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; more makes `at` faster, never
+        different.
 
         Raises `ValueError` where one of these or the folder is at fault.
         """

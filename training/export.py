@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -38,26 +39,28 @@ INT8 = "-int8"
 """What an int8 twin has after the float network's name."""
 
 
-def export(checkpoint: Path, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is the recipe's.
+def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name`, or else the recipe's.
 
     `checkpoint`: of `training.loop.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, whose scores
     (`training.evaluate`) go on the card.
 
     Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
     """
-    weights, card = from_torch(checkpoint)
+    weights, card = from_torch(checkpoint, name)
     return ship(weights, card, out, accuracy_on=accuracy_on)
 
 
-def export_int8(checkpoint: Path, out: Path, *, calibrate: Sequence[Path], accuracy_on: Sequence[Path] = ()) -> Path:
+def export_int8(
+    checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
+) -> Path:
     """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: see `training.calibration.pairs`.
 
     Raises `ValueError` as `export` does, where the pictures can't be used, or where int8 costs too much accuracy.
     """
     from training import calibration, quantise
 
-    weights, card = from_torch(checkpoint)
+    weights, card = from_torch(checkpoint, name)
     weights, kept = quantise.quantise(weights, calibration.pairs(calibrate, card.scale))
     how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
     twin = dataclasses.replace(
@@ -70,10 +73,15 @@ def export_int8(checkpoint: Path, out: Path, *, calibrate: Sequence[Path], accur
     return ship(weights, twin, out, accuracy_on=accuracy_on)
 
 
-def from_torch(checkpoint: Path) -> tuple[bytes, cards.Card]:
-    """The float network of a checkpoint as ONNX, and its card but for what `ship` fills in. Raises as `export`."""
+def from_torch(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
+    """The float network of a checkpoint as ONNX, and its card but for what `ship` fills in. Raises as `export`.
+
+    `name`: in place of the recipe's.
+    """
     state = checkpoints.read(checkpoint)
     recipe = state["recipe"]
+    name = name or str(recipe["name"])
+    check_name(name)
     trained = from_checkpoint(state)
     network = plain(trained)
     sizes = Sizes()
@@ -82,7 +90,7 @@ def from_torch(checkpoint: Path) -> tuple[bytes, cards.Card]:
     radius = measure.receptive_radius(network, int(recipe["scale"]))
     card = card_of(
         network,
-        name=str(recipe["name"]),
+        name=name,
         kind=_first_line(sys.modules[type(trained).__module__].__doc__),
         scale=int(recipe["scale"]),
         radius=measure.tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
@@ -90,6 +98,12 @@ def from_torch(checkpoint: Path) -> tuple[bytes, cards.Card]:
         training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
     )
     return weights, card
+
+
+def check_name(name: str) -> None:
+    """Raises `ValueError` where `name` can't be that of a file."""
+    if not re.fullmatch(r"[\w.+-]+", name):
+        raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
 
 def card_of(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-import re
 import sys
 import types
 from contextlib import contextmanager
@@ -70,8 +69,7 @@ def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Seq
     network can't be exported with free sizes or used in tiles.
     """
     name = name or weights.stem
-    if not re.fullmatch(r"[\w.+-]+", name):
-        raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
+    export.check_name(name)
     descriptor = _described(weights)
     network, sizes = Foreign(descriptor).eval(), _sizes(descriptor.size_requirements)
     _check_call(network, descriptor, sizes)

@@ -75,6 +75,7 @@ def _export(args: argparse.Namespace) -> None:
         what = "the weights" if args.weights else "the checkpoint.pt that `ciir train` wrote"
         raise InvalidOption(f"{source}: no such file; give {what}")
     to = out.folder(args.out, what="a network and its card")
+    name = args.name or ""
     folders, calibrate = _folders(args.on), _folders(args.calibrate, what="pictures")
     from training import export
 
@@ -82,11 +83,11 @@ def _export(args: argparse.Namespace) -> None:
         if args.weights:
             from training.foreign import export_weights
 
-            card = export_weights(source, to, name=args.name or "", accuracy_on=folders)
+            card = export_weights(source, to, name=name, accuracy_on=folders)
         elif args.int8:
-            card = export.export_int8(source, to, calibrate=calibrate, accuracy_on=folders)
+            card = export.export_int8(source, to, calibrate=calibrate, name=name, accuracy_on=folders)
         else:
-            card = export.export(source, to, accuracy_on=folders)
+            card = export.export(source, to, name=name, accuracy_on=folders)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     common.say(f"{card.with_suffix('.onnx')} and {card}: written")
@@ -99,8 +100,6 @@ def _check_export(args: argparse.Namespace) -> None:
         )
     if args.weights is not None and args.int8:
         raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out with --weights")
-    if args.name is not None and args.weights is None:
-        raise InvalidOption("--name: a checkpoint has its recipe's name; give it with --weights only")
     if args.int8 != bool(args.calibrate):
         raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
 

@@ -6,21 +6,21 @@ from models import card as cards
 from models.catalogue import SHIPPED
 from models.errors import BadCard
 
-LITE = SHIPPED / "lite.json"
+PAPER = SHIPPED / "paper.json"
 
 
 def edited(tmp_path, **changes):
-    """The path of a card that is lite's but for `changes`; `...` takes a key away."""
-    table = json.loads(LITE.read_text()) | changes
-    path = tmp_path / "lite.json"
+    """The path of a card that is paper's but for `changes`; `...` takes a key away."""
+    table = json.loads(PAPER.read_text()) | changes
+    path = tmp_path / "paper.json"
     path.write_text(json.dumps({key: value for key, value in table.items() if value is not ...}))
     return path
 
 
 def test_written_and_read_back(tmp_path):
-    card = cards.read(LITE)
-    cards.write(card, tmp_path / "lite.json")
-    assert cards.read(tmp_path / "lite.json") == card
+    card = cards.read(PAPER)
+    cards.write(card, tmp_path / "paper.json")
+    assert cards.read(tmp_path / "paper.json") == card
 
 
 @pytest.mark.parametrize(
@@ -53,15 +53,15 @@ def test_a_bad_card_is_refused_in_one_line(tmp_path, changes, message):
 
 @pytest.mark.parametrize("text", [b"", b"{", b"[]", b"\xff\xfe"])
 def test_what_is_no_json_table(tmp_path, text):
-    path = tmp_path / "lite.json"
+    path = tmp_path / "paper.json"
     path.write_bytes(text)
-    with pytest.raises(BadCard, match=r"lite\.json"):
+    with pytest.raises(BadCard, match=r"paper\.json"):
         cards.read(path)
 
 
 def test_no_card(tmp_path):
     with pytest.raises(BadCard, match="No such file"):
-        cards.read(tmp_path / "lite.json")
+        cards.read(tmp_path / "paper.json")
 
 
 def test_what_older_cards_do_not_say(tmp_path):

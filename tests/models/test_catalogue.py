@@ -46,11 +46,11 @@ def test_int8_twins_name_their_float_network_and_only_they_can_be_unsuited(monke
 
 
 def test_an_unknown_model():
-    with pytest.raises(UnknownModel, match=r"'fancy'.*lite.*bicubic"):
+    with pytest.raises(UnknownModel, match=r"'fancy'.*paper.*bicubic"):
         models.load("fancy")
 
 
-@pytest.mark.parametrize(("name", "scale"), [("lite", 3), ("bicubic", 9), ("nearest", 1)])
+@pytest.mark.parametrize(("name", "scale"), [("paper", 3), ("bicubic", 9), ("nearest", 1)])
 def test_a_scale_that_a_model_does_not_have(name, scale):
     with pytest.raises(UnsupportedScale, match="scale"):
         models.load(name, scale=scale)
@@ -58,7 +58,7 @@ def test_a_scale_that_a_model_does_not_have(name, scale):
 
 def test_threads_that_ask_at_once_get_one_model():
     with ThreadPoolExecutor(8) as pool:
-        loaded = list(pool.map(lambda _: models.load("lite", threads=1), range(8)))
+        loaded = list(pool.map(lambda _: models.load("paper", threads=1), range(8)))
     assert len({id(upscaler) for upscaler in loaded}) == 1
 
 

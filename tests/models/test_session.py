@@ -18,59 +18,59 @@ def noise(*shape: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def lite():
-    return load("lite")
+def paper():
+    return load("paper")
 
 
 @pytest.mark.parametrize("shape", [(1, 3, 1, 1), (2, 3, 1, 7), (1, 3, 13, 2), (3, 3, 25, 25), (0, 3, 5, 6)])
-def test_any_size(lite, shape):
-    got = lite(noise(*shape))
+def test_any_size(paper, shape):
+    got = paper(noise(*shape))
     assert got.shape == (shape[0], 3, 2 * shape[2], 2 * shape[3])
     assert got.dtype == np.float32
     assert ((got >= 0) & (got <= 1)).all()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (3, 3), (4, 60), (7, 5)])
-def test_the_smallest_pictures_are_as_flat_as_larger_ones(lite, size):
+def test_the_smallest_pictures_are_as_flat_as_larger_ones(paper, size):
     for grey in (0.25, 0.5, 1.0):
-        large = lite(np.full((1, 3, 24, 24), grey, np.float32))
-        small = lite(np.full((1, 3, *size), grey, np.float32))
+        large = paper(np.full((1, 3, 24, 24), grey, np.float32))
+        small = paper(np.full((1, 3, *size), grey, np.float32))
         assert np.abs(small - grey).max() <= np.abs(large - grey).max() + 1 / 255
 
 
-def test_a_batch_equals_its_pictures_one_by_one(lite):
+def test_a_batch_equals_its_pictures_one_by_one(paper):
     images = noise(9, 3, 31, 40)
-    np.testing.assert_allclose(lite(images), np.concatenate([lite(image[None]) for image in images]), atol=1e-5)
+    np.testing.assert_allclose(paper(images), np.concatenate([paper(image[None]) for image in images]), atol=1e-5)
 
 
 @pytest.mark.parametrize("size", [(40, 57), (97, 33), (34, 34), (20, 120)])
-def test_tiled_equals_whole(lite, size, monkeypatch):
+def test_tiled_equals_whole(paper, size, monkeypatch):
     images = noise(2, 3, *size)
-    whole = lite(images)
+    whole = paper(images)
     monkeypatch.setattr(session, "WINDOW", 34 * 34)  # tiles of 4 pixels within a halo of 15
-    np.testing.assert_allclose(lite(images), whole, atol=1e-5)
+    np.testing.assert_allclose(paper(images), whole, atol=1e-5)
 
 
-def test_a_broken_halo_shows(lite, monkeypatch):
+def test_a_broken_halo_shows(paper, monkeypatch):
     images = noise(1, 3, 60, 60)
-    whole = lite(images)
+    whole = paper(images)
     monkeypatch.setattr(session, "WINDOW", 34 * 34)
-    monkeypatch.setattr(lite, "radius", 5)
-    assert np.abs(lite(images) - whole).max() > 1e-3
+    monkeypatch.setattr(paper, "radius", 5)
+    assert np.abs(paper(images) - whole).max() > 1e-3
 
 
-def test_not_a_number_is_refused(lite):
+def test_not_a_number_is_refused(paper):
     images = noise(2, 3, 4, 4)
     images[1, 0, 2, 3] = np.nan
     with pytest.raises(InvalidImage, match=r"\(1, 0, 2, 3\)"):
-        lite(images)
+        paper(images)
 
 
-def test_calls_from_many_threads(lite):
+def test_calls_from_many_threads(paper):
     pictures = [noise(1, 3, 20 + i, 30 - i) for i in range(8)]
-    want = [lite(picture) for picture in pictures]
+    want = [paper(picture) for picture in pictures]
     with ThreadPoolExecutor(8) as pool:
-        got = list(pool.map(lite, pictures * 4))
+        got = list(pool.map(paper, pictures * 4))
     for i, output in enumerate(got):
         np.testing.assert_allclose(output, want[i % 8], atol=1e-6)
 
@@ -82,7 +82,7 @@ def test_the_callers_floating_point_stays_as_it_was():
         return bool(np.array([1e-40], np.float32)[0] * np.float32(1) > 0)
 
     found = []
-    Network(SHIPPED / "lite.json", threads=1)(noise(1, 3, 4, 4))
+    Network(SHIPPED / "paper.json", threads=1)(noise(1, 3, 4, 4))
     child = threading.Thread(target=lambda: found.append(keeps_denormals()))
     child.start()
     child.join()
@@ -91,44 +91,46 @@ def test_the_callers_floating_point_stays_as_it_was():
 
 
 def test_a_network_that_is_missing(tmp_path):
-    shutil.copy(SHIPPED / "lite.json", tmp_path)
-    with pytest.raises(BadCard, match=r"lite\.onnx: can't be read"):
-        Network(tmp_path / "lite.json")
+    shutil.copy(SHIPPED / "paper.json", tmp_path)
+    with pytest.raises(BadCard, match=r"paper\.onnx: can't be read"):
+        Network(tmp_path / "paper.json")
 
 
 def test_a_network_that_is_not_its_cards(tmp_path):
-    shutil.copy(SHIPPED / "lite.json", tmp_path)
-    (tmp_path / "lite.onnx").write_bytes((SHIPPED / "lite.onnx").read_bytes()[:-1])
+    shutil.copy(SHIPPED / "paper.json", tmp_path)
+    (tmp_path / "paper.onnx").write_bytes((SHIPPED / "paper.onnx").read_bytes()[:-1])
     with pytest.raises(BadCard, match="is not its card's"):
-        Network(tmp_path / "lite.json")
+        Network(tmp_path / "paper.json")
 
 
-@pytest.mark.parametrize(("twin", "remedy"), [("lite", "use lite, its float twin"), ("", "use a float network")])
+@pytest.mark.parametrize(("twin", "remedy"), [("paper", "use paper, its float twin"), ("", "use a float network")])
 def test_int8_on_a_processor_that_gets_it_wrong_is_refused(tmp_path, monkeypatch, twin, remedy):
-    path = tmp_path / "lite.json"
-    card = dataclasses.replace(cards.read(SHIPPED / "lite.json"), precision="int8", float_twin=twin)
+    path = tmp_path / "paper.json"
+    card = dataclasses.replace(cards.read(SHIPPED / "paper.json"), precision="int8", float_twin=twin)
     cards.write(card, path)
-    shutil.copy(SHIPPED / "lite.onnx", tmp_path)
+    shutil.copy(SHIPPED / "paper.onnx", tmp_path)
     monkeypatch.setattr(session.processor, "against_int8", lambda: "this processor has no VNNI")
-    with pytest.raises(UnsuitedProcessor, match=f"lite: it computes in int8, and this processor has no VNNI; {remedy}"):
+    with pytest.raises(
+        UnsuitedProcessor, match=f"paper: it computes in int8, and this processor has no VNNI; {remedy}"
+    ):
         Network(path)
     monkeypatch.setattr(session.processor, "against_int8", lambda: "")
-    assert Network(path).name == "lite"
+    assert Network(path).name == "paper"
 
 
 @pytest.mark.parametrize("sizes", [cards.Sizes(16, 6), cards.Sizes(1, 4, square=True), cards.Sizes(40)])
-def test_the_network_meets_only_sizes_that_it_takes(lite, sizes, monkeypatch):
+def test_the_network_meets_only_sizes_that_it_takes(paper, sizes, monkeypatch):
     seen = []
 
     def run(images):
         seen.append(images.shape[2:])
-        return session.Network._run(lite, images)
+        return session.Network._run(paper, images)
 
     monkeypatch.setattr(session, "WINDOW", 48 * 48)
-    monkeypatch.setattr(lite, "card", dataclasses.replace(lite.card, sizes=sizes))
-    monkeypatch.setattr(lite, "_run", run)
+    monkeypatch.setattr(paper, "card", dataclasses.replace(paper.card, sizes=sizes))
+    monkeypatch.setattr(paper, "_run", run)
     for shape in [(1, 3, 3, 5), (2, 3, 20, 33), (1, 3, 61, 130)]:
-        got = lite(noise(*shape))
+        got = paper(noise(*shape))
         assert got.shape == (shape[0], 3, 2 * shape[2], 2 * shape[3])
     assert seen
     assert all(size == sizes.fitted(*size) for size in seen)

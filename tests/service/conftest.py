@@ -89,7 +89,7 @@ BAD_INPUTS = {
     "grid that doesn't divide": ("a.png", encode_png(EIA), {"lenses": "5x9"}, 422, ["5x9", "24x36"]),
     "no grid": ("a.png", encode_png(EIA), {}, 422, ["lenses"]),
     "scale 0": ("a.off", CUBE, {"scale": "0"}, 422, ["scale", "1 to 8"]),
-    "scale of the model": ("a.off", CUBE, {"scale": "3", "model": "lite"}, 422, ["scale", "2"]),
+    "scale of the model": ("a.off", CUBE, {"scale": "3", "model": "paper"}, 422, ["scale", "2"]),
     "unknown model": ("a.off", CUBE, {"model": "gpt"}, 422, ["gpt", "bicubic"]),
     "no lenses": ("a.off", CUBE, {"lenses": "0x5"}, 422, ["lenses"]),
     "too many pixels": ("a.off", CUBE, {"pixels": "99999x5"}, 422, ["99999", "1 to"]),

@@ -188,7 +188,7 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "scene:vase", "-o", "out", "--len", "5x5"], ["--len"]),
         (["reconstruct", "scene:vase", "-o", __file__, "--model", "none"], ["a file is there"]),
         (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
-        (["elemental", "scene:vase", "-o", "eia.jpg", "--model", "lite"], ["--model"]),
+        (["elemental", "scene:vase", "-o", "eia.jpg", "--model", "paper"], ["--model"]),
         (["serve", "--port", "many"], ["port", "65535"]),
         (["reconstruct", "scene:vase", "-o", "out", "--lenses", "-5x5"], ["lenses: '-5x5'", "100x100"]),
         (["reconstruct", "scene:vase", "-o", "out", "--views", "-1,0"], ["views: '-1,0'", "center"]),
@@ -202,7 +202,6 @@ def empty_folder(tmp_path, monkeypatch):
         (["export", "a.pt", "--weights", "b.pth", "-o", "card"], ["one of them"]),
         (["export", "a.pt", "--int8", "-o", "card"], ["--calibrate"]),
         (["export", "a.pt", "--calibrate", ".", "-o", "card"], ["--int8"]),
-        (["export", "a.pt", "--name", "a", "-o", "card"], ["--name", "--weights"]),
         (["export", "--weights", "b.pth", "--int8", "--calibrate", ".", "-o", "card"], ["--int8", "CHECKPOINT"]),
     ],
 )

@@ -33,7 +33,7 @@ def test_demo(small, tmp_path, capsys):
 
 def test_contact_sheet_shows_the_pictures_themselves(samples):
     small, *large = (samples.picture(20, 20), *(samples.picture(40, 40, seed=seed) for seed in range(3)))
-    sheet = contact_sheet.draw([contact_sheet.Row("noise", small, *large)], network="lite")
+    sheet = contact_sheet.draw([contact_sheet.Row("noise", small, *large)], network="paper")
     for column, picture in enumerate((small, *large)):
         step = 80 // len(picture)
         left = contact_sheet.MARGIN + column * (80 + contact_sheet.MARGIN)

@@ -57,6 +57,6 @@ def test_faults_name_the_file(samples):
     with pytest.raises(InputError, match=r"b\.png"):
         run({"a.png": good, "b.png": good[:100]})
     with pytest.raises(UnsupportedScale, match="scale"):
-        run({"a.png": good}, model="lite", scale=3)
+        run({"a.png": good}, model="paper", scale=3)
     with pytest.raises(InvalidOption, match="none"):
         run({"a.png": good}, model="none")
