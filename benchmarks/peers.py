@@ -23,22 +23,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch.utils.flop_counter import FlopCounterMode
 from tqdm import tqdm
 
 from benchmarks import peers_tables
 from benchmarks.peers_tables import Figures
 from models import card as cards
+from models.card import Sizes
 from models.catalogue import BASELINES
 from models.session import open_session
 from models.upscaler import finish
-from training import checkpoints, export, to_onnx
+from training import checkpoints, export, measure, to_onnx
 from training.evaluate import evaluate
 from training.interrupt import Stopped
 from training.loop import train
 from training.networks import make
-from training.networks.batch_norm import fold
-from training.networks.collapsible import collapse
 from training.recipe import Recipe
 from training.run import Run
 
@@ -88,7 +86,7 @@ PEERS = {
         for blocks in BLOCKS
         for batch_norm in (False, True)
     },
-    "fast-equal": Peer("ours, fast", "compact", {"widths": [32, *[48] * 6]}),
+    "fast-equal": Peer("ours, fast", "compact", {"widths": [32, *[48] * 6], "slope": 0.0}),
     "quality-equal": Peer("ours, quality", "compact", {"widths": [64] * 8}),
 }
 """Name of the run -> what is trained."""
@@ -135,25 +133,12 @@ class Whole:
 def accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
     """Scores of a finished run on `sets`, through its ONNX file and card, which stay beside the checkpoint."""
     if PEERS[name].large:
-        network = plain(export.from_checkpoint(checkpoints.read(checkpoint)))
+        network = export.plain(export.from_checkpoint(checkpoints.read(checkpoint)))
         return tuple(evaluate(Whole(name, network), folder) for folder in sets)
     card = checkpoint.with_name(f"{name}.json")
     if not card.exists() or card.stat().st_mtime < checkpoint.stat().st_mtime:
         export.export(checkpoint, card.parent, accuracy_on=sets)
     return cards.read(card).accuracy
-
-
-def plain(network: nn.Module) -> nn.Module:
-    """`network` as it runs: branches collapsed, batch normalisation folded."""
-    return fold(collapse(network))
-
-
-def multiply_adds(network: nn.Module) -> float:
-    """For a picture of 1280x720, in 10^9: of all convolutions, each output pixel costing the same."""
-    side = 16
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
-        network(torch.zeros(1, 3, side, side))
-    return float(counter.get_total_flops() / 2 / (SCALE * side) ** 2 * 1280 * 720 / 1e9)
 
 
 def take_turns(what: str, jobs: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
@@ -188,7 +173,7 @@ def time_views(names: Sequence[str], rounds: int) -> dict[str, list[float]]:
         if name in BASELINES:
             upscaler = BASELINES[name](SCALE)
             return lambda: upscaler(view)
-        network = plain(make(PEERS[name].network, PEERS[name].options))
+        network = export.plain(make(PEERS[name].network, PEERS[name].options).eval())
         session = open_session(to_onnx.convert(network, SCALE), 1)
         return lambda: session.run(None, {to_onnx.INPUT: view})
 
@@ -200,9 +185,10 @@ def figures(name: str, scores: Sequence[Accuracy], updates: int) -> Figures:
     if name in BASELINES:
         return Figures(name, f"{name} interpolation", accuracy=tuple(scores))
     peer = PEERS[name]
-    network = collapse(make(peer.network, peer.options)).eval()
-    trained = sum(p.numel() for p in network.parameters() if p.requires_grad)
-    return Figures(name, peer.label, tuple(scores), updates if scores else 0, trained, multiply_adds(network))
+    network = export.plain(make(peer.network, peer.options).eval())
+    multiply_adds = measure.macs_per_output_pixel(network, Sizes()) * 1280 * 720 / 1e9
+    learnt = measure.parameters(network)
+    return Figures(name, peer.label, tuple(scores), updates if scores else 0, learnt, multiply_adds)
 
 
 def main(argv: list[str] | None = None) -> int:

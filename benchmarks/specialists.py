@@ -19,15 +19,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from models.baselines import Bicubic
 from models.metrics import luma, psnr
-from training import checkpoints, degrade, pictures, rendered
+from training import checkpoints, degrade, export, pictures, rendered
 from training.data import RENDERED
 from training.loop import train
-from training.networks import make
 from training.recipe import Recipe
 
 if TYPE_CHECKING:
-    from torch import nn
+    from collections.abc import Callable
+
+    from torch import Tensor
 
 SETS = Path("../shared/data/images")
 UNSEEN = 999
@@ -47,7 +49,7 @@ def tests(kind: str, scale: int) -> list[degrade.Pair]:
 
 
 @torch.no_grad()
-def score(network: nn.Module, pairs: list[degrade.Pair], scale: int) -> float:
+def score(network: Callable[[Tensor], Tensor], pairs: list[degrade.Pair], scale: int) -> float:
     """Mean Y-PSNR in dB."""
     scores = []
     for low, high in pairs:
@@ -57,12 +59,9 @@ def score(network: nn.Module, pairs: list[degrade.Pair], scale: int) -> float:
     return float(np.mean(scores))
 
 
-def network(checkpoint: Path) -> nn.Module:
-    """The network of a checkpoint, ready to run."""
-    state = checkpoints.read(checkpoint)
-    made = make(state["recipe"]["network"], state["recipe"]["options"])
-    made.load_state_dict(state["network"])
-    return made.eval()
+def bicubic(low: Tensor) -> Tensor:
+    """Interpolation, as in `models`."""
+    return torch.from_numpy(Bicubic(2)(low.numpy()))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -74,8 +73,11 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--learning-rate", type=float, default=2e-4, help="its peak (default 2e-4)")
     parser.add_argument("--out", type=Path, default=Path("runs/specialists"), help="(default runs/specialists)")
     given = parser.parse_args(argv)
-    recipe = Recipe(**checkpoints.read(given.checkpoint)["recipe"])
-    bicubic = torch.nn.Upsample(scale_factor=recipe.scale, mode="bicubic")
+    state = checkpoints.read(given.checkpoint)
+    recipe = Recipe(**state["recipe"])
+    if recipe.scale != 2:
+        parser.error(f"{given.checkpoint}: made for scale {recipe.scale}; scale 2 is what is tested here")
+    given.out /= f"{recipe.name}-{state['commit'][:8]}-{state['step']}-{given.updates}"  # of these weights, no others
     sys.stdout.write(f"{'degradation':12s}{'bicubic':>9s}{recipe.name:>10s}{'specialist':>12s}{'behind':>8s}\n")
     for kind in given.kinds:
         special = replace(
@@ -84,13 +86,15 @@ def main(argv: list[str] | None = None) -> int:
             initial=str(given.checkpoint),
             degradations={kind: 1.0},
             scenes=(recipe.scenes or 400) if kind in RENDERED else 0,
+            meshes=recipe.meshes if kind in RENDERED else [],
             steps=given.updates,
             learning_rate=given.learning_rate,
             warmup=100,
         )
         pairs = tests(kind, recipe.scale)
         trained = train(special, given.out / kind)
-        scores = [score(each, pairs, recipe.scale) for each in (bicubic, network(given.checkpoint), network(trained))]
+        networks = (export.from_checkpoint(state), export.from_checkpoint(checkpoints.read(trained)))
+        scores = [score(each, pairs, recipe.scale) for each in (bicubic, *networks)]
         row = "".join(f"{value:{width}.2f}" for value, width in zip(scores, (9, 10, 12), strict=True))
         sys.stdout.write(f"{kind:12s}{row}{scores[2] - scores[1]:8.2f}\n")
         sys.stdout.flush()

@@ -72,15 +72,15 @@ class Watch:
     After the first `start` updates (a pretrained generator's pictures are easy to tell at first, and an untrained
     discriminator judges all alike), each update is looked at. The run ends when `patience` of them on end were
 
-    - won: the discriminator's loss was below `floor`. In a batch of 16 real and 16 made pictures a single one that is
-      in doubt adds log(2) / 32 = 0.022 (hinge: 1 / 32), so not one was; its gradient is gone.
+    - won: the discriminator's loss was below `doubt` divided by the number of pictures, real and made. A single one
+      that is in doubt adds log(2) = 0.69 divided by that (hinge: 1), so not one was; its gradient is gone.
     - or blind: the probabilities (sigmoid of the logits) that it gave all pictures, real and made, lay within
       `spread` of each other, whatever they were. The logs' "all are 1.0" is this case.
     """
 
     start: int = 500
     patience: int = 300
-    floor: float = 0.02
+    doubt: float = 0.64
     spread: float = 0.01
 
     updates: int = 0
@@ -95,12 +95,13 @@ class Watch:
         if self.updates <= self.start:
             return
         probabilities = torch.cat([real, made]).sigmoid()
-        self.won = self.won + 1 if loss < self.floor else 0
+        floor = self.doubt / len(probabilities)
+        self.won = self.won + 1 if loss < floor else 0
         self.blind = self.blind + 1 if (probabilities.max() - probabilities.min()).item() < self.spread else 0
         if self.won >= self.patience:
             raise ValueError(
                 f"the discriminator has told all real pictures from all made ones since update "
-                f"{self.updates - self.won + 1} (loss below {self.floor}, {self.won} times on end) and guides the "
+                f"{self.updates - self.won + 1} (loss below {floor:.2g}, {self.won} times on end) and guides the "
                 "generator no longer; lower learning_rate, pretrain the generator for longer, or take adversarial = "
                 '"hinge"'
             )

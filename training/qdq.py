@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 INPUTS, OUTPUTS = 4, 16
 """What numbers of channels the integer kernels are made for, multiples of these."""
+LARGEST = 1 << 30
+"""Code of a bias, at most: half of what 32 bits hold, so that the sum of products fits too."""
 ACTIVATIONS = ("LeakyRelu", "Relu")
 """Element-wise functions that run in 8 bits behind a convolution."""
 
@@ -141,7 +143,9 @@ class _Rewriting:
         weight = np.pad(weight, ((0, more_outputs), (0, more_inputs), (0, 0), (0, 0)))
         bias = np.pad(bias, (0, more_outputs))
         scales = np.abs(weight).max(axis=(1, 2, 3)).astype(np.float32) / 127
-        scales[scales == 0] = 1.0
+        # A filter of nearly nothing keeps its bias within 32 bits all the same.
+        least = np.maximum(np.abs(bias) / (self.grids[source].scale * LARGEST), 1e-30)
+        scales = np.maximum(scales, least).astype(np.float32)
         products = scales * self.grids[source].scale
         codes = np.rint(weight / scales[:, None, None, None]).astype(np.int8)
         parts = [
@@ -151,7 +155,10 @@ class _Rewriting:
         ]
         self.nodes.append(self.copied(node, parts))
         if layer.activation is None or layer.activation.op_type != "Relu" or more_outputs:
-            self.pair(made, keep=outputs if more_outputs else 0, grid=self.grids.get(made))
+            # A Relu's grid begins at zero: rounded to it, what is below zero is zero already.
+            relu = layer.activation is not None and layer.activation.op_type == "Relu"
+            grid = self.grids[layer.activation.output[0] if relu and layer.activation else made]
+            self.pair(made, keep=outputs if more_outputs else 0, grid=grid)
 
     def padded(self, name: str, channels: int) -> str:
         """`name` with more channels, of zeros, after a QDQ pair."""

@@ -139,6 +139,11 @@ def difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
     }
     there, here = defaults | dict(saved), asdict(recipe)
     for name in dict.fromkeys([*here, *there]):
-        if name not in FREE and there.get(name) != here.get(name):
+        if name not in FREE and _ordered(there.get(name)) != _ordered(here.get(name)):
             return f"{name} is {there.get(name)!r} there and {here.get(name)!r} here"
     return ""
+
+
+def _ordered(value: Any) -> Any:
+    """Tables with their order, by which crops are drawn."""
+    return list(value.items()) if isinstance(value, dict) else value

@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import math
 import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
+from tqdm import tqdm
 
 from training import checkpoints
 from training import recipe as recipes
@@ -118,15 +120,23 @@ class Run:
         self.psnr = state.get("psnr", math.nan)
 
     def start_from(self, path: Path) -> None:
-        """Takes the weights of another run's checkpoint. Raises `ValueError` where its network is another."""
-        state = checkpoints.read(path)
+        """Takes the weights of another run's checkpoint. Raises `ValueError` where its network is another.
+
+        Options that no weight shows, a slope, may differ: a line on stderr names both.
+        """
+        try:
+            state = checkpoints.read(path)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
+        there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
         try:
             self.network.load_state_dict(state["network"])
         except RuntimeError as error:  # torch's message is a page
-            there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
             raise ValueError(
                 f"initial: {path} holds {there}, which is not this recipe's {here}; name another"
             ) from error
+        if there != here:
+            tqdm.write(f"initial: {path} holds {there}, and goes on as {here}", file=sys.stderr)
         self.average.load_state_dict(self.network.state_dict())
 
 

@@ -127,8 +127,8 @@ def test_a_discriminator_that_wins_for_good_stops_the_run():
     for _ in range(5):
         watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
     for _ in range(9):
-        watch.look(0.019, DOUBTFUL + 4, DOUBTFUL - 4)
-    with pytest.raises(ValueError, match=r"told all real .* since update 6 \(loss below 0.02, 10 times .*; lower") as e:
+        watch.look(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
+    with pytest.raises(ValueError, match=r"told all real .* since update 6 \(loss below 0.16, 10 times .*; lower") as e:
         watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
     assert "\n" not in str(e.value)
 
@@ -148,7 +148,7 @@ def test_one_doubtful_batch_ends_the_alarm():
     watch = Watch(start=0, patience=10)
     for step in range(100):
         if step % 10 == 9:
-            watch.look(0.022, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 32: one of 32 pictures in doubt
+            watch.look(0.173, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 4: one of 4 pictures in doubt
         else:
             watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
     assert watch.updates == 100

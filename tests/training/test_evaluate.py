@@ -28,9 +28,9 @@ def test_bicubic_scores_what_is_published(data, psnr, ssim):
 
 @needs_shared
 def test_the_card_tells_the_accuracy_that_is_measured():
-    (entry,) = (entry for entry in models.entries() if entry.name == "lite")
+    (entry,) = (entry for entry in models.entries() if entry.name == "paper")
     (claimed,) = (score for score in entry.card.accuracy if score.data == "Set5")
-    measured = evaluate_folder("lite", IMAGES / "Set5")
+    measured = evaluate_folder("paper", IMAGES / "Set5")
     assert measured.psnr == pytest.approx(claimed.psnr, abs=0.01)
     assert measured.ssim == pytest.approx(claimed.ssim, abs=0.0002)
     assert measured.psnr >= 36.5
@@ -49,7 +49,7 @@ def test_a_known_error(tmp_path):
 
 def test_a_model_by_name_and_by_its_card(recipe):
     folder = Path(recipe.validate)
-    assert evaluate_folder(str(SHIPPED / "lite.json"), folder) == evaluate_folder("lite", folder)
+    assert evaluate_folder(str(SHIPPED / "paper.json"), folder) == evaluate_folder("paper", folder)
     with pytest.raises(models.UnknownModel):
         evaluate_folder("fancy", folder)
 

@@ -65,3 +65,14 @@ def test_a_network_that_looks_at_everything_is_refused():
 
     with pytest.raises(ValueError, match="the network looks further"):
         measure.tile_overlap(Mean(), 2, Sizes())
+
+
+def test_a_network_that_looks_at_the_mean_of_everything_is_refused():
+    """In even noise each tile's mean is the picture's."""
+
+    class Gate(nn.Module):
+        def forward(self, image):
+            return nn.functional.interpolate(image * (0.5 + image.mean((2, 3), keepdim=True)), scale_factor=2.0)
+
+    with pytest.raises(ValueError, match="the network looks further"):
+        measure.tile_overlap(Gate(), 2, Sizes())

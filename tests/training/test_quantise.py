@@ -78,6 +78,30 @@ def test_a_leaky_relu_cuts_what_it_makes_small():
     )
 
 
+@suited
+def test_a_relu_behind_a_layer_that_is_padded(pairs):
+    """8 channels become 16 with zeros, and what they make is cut off before the ReLU."""
+    torch.manual_seed(5)
+    weights = to_onnx.convert(plain(make("compact", {"widths": [8, 16], "slope": 0.0})), 2)
+    grids = quantise.choose(onnx.load_from_string(weights), [calibration.as_input(low) for low, _ in pairs])
+    made = qdq.insert(onnx.load_from_string(weights), grids).SerializeToString()
+    image = calibration.as_input(pairs[0][0])
+    got, want = (open_session(network, 1).run(None, {"image": image})[0] for network in (made, weights))
+    assert np.abs(got - want).max() < 3 / 255
+
+
+def test_a_bias_over_a_filter_of_nearly_nothing(pairs):
+    """Its code stays within 32 bits."""
+    network = plain(make("compact", {"widths": [8, 16]}))
+    with torch.no_grad():
+        network.body[2].weight[0], network.body[2].bias[0] = 1e-9, 0.1
+    model = onnx.load_from_string(to_onnx.convert(network, 2))
+    made = qdq.insert(model, quantise.choose(model, [calibration.as_input(pairs[0][0])]))
+    values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
+    bias = values["body.2.weight_bias_codes"][0] * values["body.2.weight_bias_scales"][0]
+    assert bias == pytest.approx(0.1, rel=1e-4)
+
+
 def test_the_graph(weights, pairs):
     model = onnx.load_from_string(weights)
     layers = qdq.layers(model)
