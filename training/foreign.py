@@ -132,9 +132,9 @@ def _read(weights: Path) -> dict[str, Any]:
             f"{weights}: no weights that can be read without running code in it; give it as .safetensors, or a state "
             "dict as torch.save writes it"
         ) from error
-    if not isinstance(state, dict):
-        raise ValueError(  # noqa: TRY004 - the file is at fault
-            f"{weights}: holds a {type(state).__name__}; give a state dict as torch.save writes it"
+    if not isinstance(state, dict) or not all(isinstance(key, str) for key in state):
+        raise ValueError(
+            f"{weights}: holds a {type(state).__name__}, no tensors by name; give a state dict as torch.save writes it"
         )
     return state
 

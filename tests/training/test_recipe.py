@@ -79,3 +79,13 @@ def test_every_field_is_documented(name):
     text = (Path(recipes.__file__).parents[1] / "docs" / "training.md").read_text(encoding="utf-8")
     table = text[text.index("### Fields") : text.index("### Watch")]
     assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_a_shipped_recipe_goes_on_from_a_shipped_one(path):
+    """Of the same network; a slope shows in no weight, and only `fast` changes it on purpose."""
+    this = recipes.read(path)
+    if this.initial:
+        before = recipes.read(path.with_name(f"{Path(this.initial).parent.name}.toml"))
+        assert (before.network, before.scale) == (this.network, this.scale)
+        assert before.options == this.options or path.stem == "fast"
