@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
-DEFAULT = "paper"
+DEFAULT = "fast"
 """The model that is used where none is named."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Name -> constructor from a scale."""
