@@ -161,7 +161,9 @@ def read(path: Path) -> Card:
     """The card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise BadCard(f"{path}: can't be read ({error.strerror}); give the .json that `ciir export` wrote") from error
+    except ValueError as error:
         raise BadCard(f"{path}: can't be read as JSON ({error}); write the card with `ciir export`") from error
     card = _build(Card, table, str(path))
     assert isinstance(card, Card)  # noqa: S101 - tells the type checker what `_build` was asked for

@@ -45,7 +45,7 @@ class Entry:
 
 def entries() -> list[Entry]:
     """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
-    networks = (cards.read(path) for path in sorted(SHIPPED.glob("*.json")))
+    networks = (cards.read(path) for path in sorted(SHIPPED.glob("*.json"), key=lambda path: path.stem))
     return [Entry(card.name, card.kind, (card.scale,), card) for card in networks] + [
         Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES
     ]

@@ -113,7 +113,7 @@ def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
     """The commands of `service.commands.training`."""
     add = command("evaluate", "a model's accuracy on folders of *_LR.png and *_HR.png pairs", "training")
     add.add_argument("model", metavar="MODEL", help="a name that `ciir models` lists, or an exported network's .json")
-    add.add_argument("folders", nargs="+", metavar="FOLDER", help="a test set")
+    add.add_argument("folders", nargs="+", metavar="FOLDER", help="pairs, or any pictures with --degradation")
     add.add_argument(
         "--degradation",
         choices=("bicubic", "box", "point"),

@@ -191,6 +191,7 @@ def _rendered(
     if crop > scale * rendered.SIDE:
         raise ValueError(f"scenes and meshes are rendered for crops up to {scale * rendered.SIDE} pixels, not {crop}")
     models = [mesh_views.read(path) for path in meshes]
+    tqdm.write(f"rendering {scenes} scenes and {len(models)} meshes: minutes for hundreds", file=sys.stderr)
     for index in tqdm(range(scenes), disable=None, desc="rendering", unit="scene"):
         yield rendered.pairs(photographs, seed=seed, index=index, scale=scale)
     for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):

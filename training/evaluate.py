@@ -78,7 +78,9 @@ def low_files(folder: Path) -> list[Path]:
     """The `*_LR.png` in `folder`, sorted by name. Raises `ValueError` where there is none."""
     files = sorted(folder.glob("*_LR.png"))
     if not files:
-        raise ValueError(f"{folder}: no *_LR.png in it; name a folder of *_LR.png and *_HR.png pairs")
+        raise ValueError(
+            f"{folder}: no *_LR.png in it; name a folder of *_LR.png and *_HR.png pairs, or give --degradation"
+        )
     return files
 
 

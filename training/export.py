@@ -91,7 +91,7 @@ def from_torch(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
     card = card_of(
         network,
         name=name,
-        kind=_first_line(sys.modules[type(trained).__module__].__doc__),
+        kind=_first_line(sys.modules[type(trained).__module__].__doc__) + _losses(recipe),
         scale=int(recipe["scale"]),
         radius=measure.tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
         sizes=sizes,
@@ -201,6 +201,14 @@ def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1))
             raise ValueError(f"onnxruntime differs from torch by {difference} at {shape}; {TOLERANCE} is the most")
         largest = max(largest, difference)
     return largest
+
+
+def _losses(recipe: dict[str, Any]) -> str:
+    """What a network was trained for where that isn't pixels alone: PSNR says little of it then."""
+    if not recipe.get("adversarial"):
+        return ""
+    content = recipe.get("perceptual") or "none"
+    return f"; adversarial ({recipe['adversarial']}; perceptual term: {content}), for the eye"
 
 
 def _first_line(text: str | None) -> str:

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from models import card as cards
 from models.card import Sizes
-from training import export, measure, to_onnx
+from training import checkpoints, export, measure, to_onnx
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -132,6 +132,8 @@ def _read(weights: Path) -> dict[str, Any]:
             f"{weights}: no weights that can be read without running code in it; give it as .safetensors, or a state "
             "dict as torch.save writes it"
         ) from error
+    if isinstance(state, dict) and state.keys() >= checkpoints.KEYS:
+        raise ValueError(f"{weights}: a checkpoint of `ciir train`; give it without --weights")
     if not isinstance(state, dict) or not all(isinstance(key, str) for key in state):
         raise ValueError(
             f"{weights}: holds a {type(state).__name__}, no tensors by name; give a state dict as torch.save writes it"

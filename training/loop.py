@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from tqdm import tqdm
 
 from training import validation
 from training.ahead import batches
@@ -47,6 +50,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     pairs, crops = validation.pairs(Path(recipe.validate), recipe.scale), _crops(recipe)
 
     out.mkdir(parents=True, exist_ok=True)
+    tell(recipe, run.step)
     log, means, begun = Log(out, title=recipe.name, step=run.step), Means(), time.monotonic() - run.seconds
     since, at = time.monotonic(), run.step
     with (
@@ -77,6 +81,17 @@ def train(recipe: Recipe, out: Path) -> Path:
                     interrupts.number,
                 )
     return checkpoint
+
+
+def tell(recipe: Recipe, step: int) -> None:
+    """One line on stderr as a run starts, and one more where it is too short for its warm-up."""
+    stop = "stop with Ctrl-C, and go on by the same command"
+    tqdm.write(f"training {recipe.name}: from step {step} to {recipe.steps}; {stop}", file=sys.stderr)
+    if recipe.warmup >= recipe.steps:
+        tqdm.write(
+            f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never comes to learning_rate",
+            file=sys.stderr,
+        )
 
 
 def _crops(recipe: Recipe) -> Crops:

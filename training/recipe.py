@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
@@ -13,6 +14,17 @@ if TYPE_CHECKING:
 DEVICES = ("auto", "cpu", "cuda")
 FREE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
 """Fields that a run may change when it goes on: none of them changes what is learnt."""
+
+
+WANTED = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "a string",
+    dict: "a table",
+    list: "a list",
+}
+"""What TOML must hold for a field, in words."""
 
 
 @dataclass(frozen=True)
@@ -104,12 +116,15 @@ def read(path: Path) -> Recipe:
     """The recipe in `path`. Raises `ValueError` where it is no TOML, or a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ValueError(f"{path}: no such file; give a recipe, as in training/recipes") from error
     except ValueError as error:
         raise ValueError(f"{path}: not TOML: {error}") from error
     known = {f.name for f in fields(Recipe)}
     unknown = sorted(set(table) - known)
     if unknown:
-        raise ValueError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        near = difflib.get_close_matches(unknown[0], known, 1) or sorted(known)
+        raise ValueError(f"{path}: unknown key {unknown[0]!r}; give {', '.join(near)}, or take it out")
     for name, kind in get_type_hints(Recipe).items():
         wanted = get_origin(kind) or kind
         value = table.get(name, wanted())
@@ -117,9 +132,7 @@ def read(path: Path) -> Recipe:
         if not isinstance(value, (float, int) if wanted is float else wanted) or (
             isinstance(value, bool) and wanted is not bool
         ):
-            raise ValueError(
-                f"{path}: {name} is {value!r}; give {'a table' if wanted is dict else 'a ' + wanted.__name__}"
-            )
+            raise ValueError(f"{path}: {name} is {value!r}; give {WANTED[wanted]}")
     try:
         return Recipe(**table)
     except (TypeError, ValueError) as error:

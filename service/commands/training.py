@@ -57,7 +57,6 @@ def _train(args: argparse.Namespace) -> None:
     from training.interrupt import Stopped
     from training.loop import train
 
-    common.say(f"training {read.name}: {read.steps} steps; stop with Ctrl-C, and go on by the same command")
     try:
         checkpoint = train(read, to)
     except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
@@ -79,6 +78,7 @@ def _export(args: argparse.Namespace) -> None:
     folders, calibrate = _folders(args.on), _folders(args.calibrate, what="pictures")
     from training import export
 
+    common.say(f"exporting {source}: half a minute, and longer with --int8 or --on")
     try:
         if args.weights:
             from training.foreign import export_weights

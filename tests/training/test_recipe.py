@@ -28,10 +28,10 @@ def test_defaults(smallest):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (SMALLEST + "stepz = 3\n", "unknown key 'stepz'; known are"),
+        (SMALLEST + "stepz = 3\n", "unknown key 'stepz'; give steps, "),
         (SMALLEST.replace("steps = 5\n", ""), "'steps'"),
         ("steps = ", "a.toml"),
-        (SMALLEST.replace("steps = 5", 'steps = "x"'), "steps is 'x'; give a int"),
+        (SMALLEST.replace("steps = 5", 'steps = "x"'), "steps is 'x'; give a whole number"),
         (SMALLEST.replace("steps = 5", "steps = true"), "steps is True"),
         (SMALLEST + "learning_rate = []\n", "learning_rate is"),
         (SMALLEST + "options = 3\n", "options is 3; give a table"),
