@@ -26,6 +26,8 @@ INPUTS, OUTPUTS = 4, 16
 """What numbers of channels the integer kernels are made for, multiples of these."""
 LARGEST = 1 << 30
 """Code of a bias, at most: half of what 32 bits hold, so that the sum of products fits too."""
+FAINTEST = 1e-8
+"""Least scale of a filter: one that training has let die would bring denormals."""
 ACTIVATIONS = ("LeakyRelu", "Relu")
 """Element-wise functions that run in 8 bits behind a convolution."""
 
@@ -144,7 +146,7 @@ class _Rewriting:
         bias = np.pad(bias, (0, more_outputs))
         scales = np.abs(weight).max(axis=(1, 2, 3)).astype(np.float32) / 127
         # A filter of nearly nothing keeps its bias within 32 bits all the same.
-        least = np.maximum(np.abs(bias) / (self.grids[source].scale * LARGEST), 1e-30)
+        least = np.maximum(np.abs(bias) / (self.grids[source].scale * LARGEST), FAINTEST)
         scales = np.maximum(scales, least).astype(np.float32)
         products = scales * self.grids[source].scale
         codes = np.rint(weight / scales[:, None, None, None]).astype(np.int8)
