@@ -14,22 +14,15 @@ import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
 import torch
+from torch import nn
 
-from models.baselines import Bicubic
-from models.metrics import luma, psnr
-from training import checkpoints, degrade, export, pictures, rendered
+from training import checkpoints, degrade, export, pictures, rendered, validation
 from training.data import RENDERED
 from training.loop import train
+from training.networks.interpolation import Bicubic
 from training.recipe import Recipe
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from torch import Tensor
 
 SETS = Path("../shared/data/images")
 UNSEEN = 999
@@ -37,31 +30,15 @@ UNSEEN = 999
 SCENES = 24
 
 
-def tests(kind: str, scale: int) -> list[degrade.Pair]:
-    """Pairs `(LR, HR)` of degradation `kind`, `(3, h, w)` 8 bit."""
+def tests(kind: str, scale: int) -> list[validation.Pair]:
+    """Pairs `(LR, HR)` of degradation `kind`, `(h, w, 3)` 8 bit."""
     files = [path for name in ("Set5", "Set14") for path in sorted((SETS / name).glob("*_HR.png"))]
     photographs = [pictures.read_rgb(path) for path in files]
-    if kind in degrade.KINDS:
-        return [degrade.pair(kind, torch.from_numpy(picture).permute(2, 0, 1), scale) for picture in photographs]
-    which = RENDERED.index(kind)
-    pairs = [rendered.pairs(photographs, seed=UNSEEN, index=index)[which] for index in range(SCENES)]
-    return [tuple(torch.from_numpy(picture).permute(2, 0, 1) for picture in pair) for pair in pairs]  # type: ignore[misc]
-
-
-@torch.no_grad()
-def score(network: Callable[[Tensor], Tensor], pairs: list[degrade.Pair], scale: int) -> float:
-    """Mean Y-PSNR in dB."""
-    scores = []
-    for low, high in pairs:
-        output = network(low[None].float() / 255)[0].clamp(0, 1).mul(255).round().byte()
-        got, truth = (luma(picture.permute(1, 2, 0).numpy()) for picture in (output, high))
-        scores.append(psnr(got, truth, border=scale))
-    return float(np.mean(scores))
-
-
-def bicubic(low: Tensor) -> Tensor:
-    """Interpolation, as in `models`."""
-    return torch.from_numpy(Bicubic(2)(low.numpy()))
+    if kind in RENDERED:
+        which = RENDERED.index(kind)
+        return [rendered.pairs(photographs, seed=UNSEEN, index=index)[which] for index in range(SCENES)]
+    degraded = [degrade.pair(kind, torch.from_numpy(picture).permute(2, 0, 1), scale) for picture in photographs]
+    return [(low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()) for low, high in degraded]
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -79,6 +56,7 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(f"{given.checkpoint}: made for scale {recipe.scale}; scale 2 is what is tested here")
     given.out /= f"{recipe.name}-{state['commit'][:8]}-{state['step']}-{given.updates}"  # of these weights, no others
     sys.stdout.write(f"{'degradation':12s}{'bicubic':>9s}{recipe.name:>10s}{'specialist':>12s}{'behind':>8s}\n")
+    bicubic = nn.Sequential(Bicubic(2), nn.PixelShuffle(2))
     for kind in given.kinds:
         special = replace(
             recipe,
@@ -93,8 +71,8 @@ def main(argv: list[str] | None = None) -> int:
         )
         pairs = tests(kind, recipe.scale)
         trained = train(special, given.out / kind)
-        networks = (export.from_checkpoint(state), export.from_checkpoint(checkpoints.read(trained)))
-        scores = [score(each, pairs, recipe.scale) for each in (bicubic, *networks)]
+        networks = (bicubic, *(export.from_checkpoint(each) for each in (state, checkpoints.read(trained))))
+        scores = [validation.validate(network, pairs, recipe.scale) for network in networks]
         row = "".join(f"{value:{width}.2f}" for value, width in zip(scores, (9, 10, 12), strict=True))
         sys.stdout.write(f"{kind:12s}{row}{scores[2] - scores[1]:8.2f}\n")
         sys.stdout.flush()
