@@ -142,3 +142,9 @@ def test_a_network_whose_sizes_are_fixed_is_refused():
     with pytest.raises(ValueError, match="its sizes aren't free") as caught:
         compare(network, to_onnx.convert(network, 2))
     assert "\n" not in str(caught.value)
+
+
+def test_a_name_in_place_of_the_recipes(checkpoint, tmp_path):
+    assert cards.read(export(checkpoint, tmp_path, name="other")).name == "other"
+    with pytest.raises(ValueError, match=r"name: '\.\./up': give one of letters"):
+        export(checkpoint, tmp_path, name="../up")

@@ -218,3 +218,12 @@ def test_the_command_line(recipe, tmp_path, capsys, monkeypatch):
 def test_options_of_the_command_are_fields_of_the_recipe():
     args = parser().parse_args(["train", "a.toml", "-o", "out"])
     assert set(OVERRIDES) == {field.name for field in fields(Recipe)} & set(vars(args))
+
+
+def test_a_warm_up_longer_than_the_run_is_told(recipe, tmp_path, capsys):
+    loop.tell(replace(recipe, steps=5, warmup=5), 0)
+    assert "warmup: 5 of 5 steps; the step size never comes to learning_rate" in capsys.readouterr().err
+    loop.tell(replace(recipe, steps=5, warmup=4), 2)
+    assert capsys.readouterr().err.splitlines() == [
+        "training tiny: from step 2 to 5; stop with Ctrl-C, and go on by the same command"
+    ]

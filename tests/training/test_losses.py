@@ -31,3 +31,12 @@ def test_names():
     assert losses.pixel_loss("charbonnier") is losses.charbonnier
     with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, charbonnier"):
         losses.pixel_loss("l2")
+
+
+def test_luma_weighs_what_is_seen():
+    """A grey difference counts whole; a blue one by its third of RGB and its 0.114 of Y."""
+    black = torch.zeros(1, 3, 4, 5)
+    assert losses.luma(black + 0.2, black).item() == pytest.approx(0.2)
+    blue = black.clone()
+    blue[:, 2] = 0.2
+    assert losses.luma(blue, black).item() == pytest.approx(0.2 * (0.3 / 3 + 0.7 * 0.114))

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("torch", reason="needs torch, of the training extra")
 
-from training import rendered
+from training import degrade, rendered
 from training.data import Crops
 
 SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
@@ -61,3 +61,15 @@ def test_crops_larger_than_what_is_rendered(tmp_path):
     Image.fromarray(np.zeros((300, 300, 3), np.uint8)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="rendered for crops up to 192 pixels, not 194"):
         Crops(tmp_path, crop=194, scale=2, batch=1, seed=0, scenes=1, degradations=SHARES)
+
+
+def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
+    """The whole of it, so that nothing but rounding stands between LR and the bicubic LR of HR."""
+    from PIL import Image
+
+    Image.fromarray(PICTURES[0]).save(tmp_path / "a.png")
+    crops = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"bicubic-view": 1})
+    low, high = crops.at(0)
+    assert ((degrade.bicubic(high, 2) - low).abs() * 255).max() <= 1.01
+    pinhole, _ = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"pinhole": 1}).at(0)
+    assert ((pinhole - low).abs() * 255).max() > 10

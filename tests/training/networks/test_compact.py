@@ -69,3 +69,10 @@ def test_size(widths, weights):
     convolutions = [m for m in plain.modules() if isinstance(m, nn.Conv2d) and m.bias is not None]
     assert sum(m.weight.numel() for m in convolutions) == weights
     assert len(convolutions) == len(widths) + 1
+
+
+@pytest.mark.parametrize(("slope", "kind"), [(0.0, nn.ReLU), (0.125, nn.LeakyReLU)])
+def test_the_activation(slope, kind):
+    """Without a slope it must be a ReLU by name: onnxruntime fuses no LeakyReLU into its int8 convolutions."""
+    network = CompactGenerator((4, 4), slope=slope)
+    assert [type(layer) for layer in network.body[1::2]] == [kind, kind]
