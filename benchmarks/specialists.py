@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/specialists"), help="(default runs/specialists)")
     given = parser.parse_args(argv)
     state = checkpoints.read(given.checkpoint)
-    recipe = Recipe(**state["recipe"])
+    recipe = Recipe(**{key: value for key, value in state["recipe"].items() if key != "averaged"})
     if recipe.scale != 2:
         parser.error(f"{given.checkpoint}: made for scale {recipe.scale}; scale 2 is what is tested here")
     given.out /= f"{recipe.name}-{state['commit'][:8]}-{state['step']}-{given.updates}"  # of these weights, no others

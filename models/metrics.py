@@ -40,6 +40,11 @@ def ssim(picture: Plane, truth: Plane, *, border: int, peak: float = 255.0) -> f
     x, y = _inside(picture, truth, border)
     if min(x.shape) <= 2 * SSIM_RADIUS:
         raise ValueError(f"a picture of {x.shape} inside its border is smaller than SSIM's window of 11x11")
+    return float(np.mean(ssim_map(x, y, peak=peak)))
+
+
+def ssim_map(x: Plane, y: Plane, *, peak: float = 255.0) -> Plane:
+    """The similarity at each place of the window (see `ssim`): two `(H, W)` arrays -> `(H-10, W-10)`."""
     mean_x, mean_y = _window_mean(x), _window_mean(y)
     variance_x = _window_mean(x * x) - mean_x**2
     variance_y = _window_mean(y * y) - mean_y**2
@@ -47,7 +52,7 @@ def ssim(picture: Plane, truth: Plane, *, border: int, peak: float = 255.0) -> f
     c1, c2 = (0.01 * peak) ** 2, (0.03 * peak) ** 2
     above = (2 * mean_x * mean_y + c1) * (2 * covariance + c2)
     below = (mean_x**2 + mean_y**2 + c1) * (variance_x + variance_y + c2)
-    return float(np.mean(above / below))
+    return np.asarray(above / below)
 
 
 def _inside(picture: Plane, truth: Plane, border: int) -> tuple[Plane, Plane]:

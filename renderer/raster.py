@@ -128,8 +128,11 @@ class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
         return self.matrix
 
 
-def to_primitive(part: Part) -> pyrender.Primitive:
-    """`part` on pyrender's terms. The vertex alpha is scaled so that the shader's cutoff of one half is the part's."""
+def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
+    """`part` on pyrender's terms, about `middle` `(3,)`: how far away it is then costs float32 no digits.
+
+    The vertex alpha is scaled so that the shader's cutoff of one half is the part's.
+    """
     colors = part.colors.astype(np.float32).copy()
     texture = None
     if part.alpha_cutoff:
@@ -151,7 +154,7 @@ def to_primitive(part: Part) -> pyrender.Primitive:
             ),
         )
     return pyrender.Primitive(
-        positions=part.vertices.astype(np.float32),
+        positions=(part.vertices - middle).astype(np.float32),
         indices=part.faces.astype(np.uint32),
         color_0=colors,
         texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
@@ -193,22 +196,23 @@ class Context:
         if scene is self._scene:
             return
         gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
-        gl_scene.add(pyrender.Mesh([to_primitive(part) for part in scene.parts]))
+        bounds = scene.bounds()
+        middle = bounds.mean(axis=0)
+        gl_scene.add(pyrender.Mesh([to_primitive(part, middle) for part in scene.parts]))
         camera = MatrixCamera(np.eye(4))
-        camera_node = gl_scene.add(camera)
-        distance = -scene.bounds()[:, 2]
+        gl_scene.add(camera)
+        distance = -bounds[:, 2]
         margin = 0.01 * float(distance[0] - distance[1]) + 1e-6 * abs(float(distance[0]))
-        self._gl_scene, self._camera, self._camera_node, self._scene = gl_scene, camera, camera_node, scene
+        self._gl_scene, self._camera, self._middle, self._scene = gl_scene, camera, middle, scene
         # A perspective camera can't see what is nearer than its near plane, which must lie in front of it.
         self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
         self.far = float(distance[0]) + margin
 
     def draw(self, drawing: Drawing) -> NDArray[np.uint8]:
         """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
-        self._camera.matrix = drawing.projection(self.near, self.far)
-        pose = np.eye(4)
-        pose[:2, 3] = drawing.place
-        self._gl_scene.set_pose(self._camera_node, pose)
+        from_camera = np.eye(4)
+        from_camera[:3, 3] = self._middle - (*drawing.place, 0.0)
+        self._camera.matrix = drawing.projection(self.near, self.far) @ from_camera  # in float64, as OpenGL can't
         self._sampler.viewport_width, self._sampler.viewport_height = drawing.width, drawing.height
         flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA
         pixels: NDArray[np.uint8] = self._sampler.render(self._gl_scene, flags)
@@ -275,12 +279,19 @@ class RasterBackend:
         if array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2:
             every = parse_views("all", array.pixels_v, array.pixels_u)
             return interleaved(self.views(scene, array, every, samples=samples, background=background), array)
-        return self._by_lens(scene, array, samples, background)
+        return self.by_lens(scene, array, samples=samples, background=background)
 
-    def _by_lens(
-        self, scene: Scene, array: LensArray, samples: int, background: tuple[int, int, int]
+    def by_lens(
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
     ) -> NDArray[np.uint8]:
-        """The EIA by one perspective render for each lens, or for each of the samples that stand for a lens."""
+        """The EIA by one perspective render for each lens, or for each of the samples that stand for a lens: the
+        field's usual way (elemental content by virtual cameras, ECVIR), and what `elemental` does with few lenses.
+        """
         check_samples(samples)
         height, width = array.pixels_v, array.pixels_u
         fine, projection = array.refined(samples), partial(perspective, array)

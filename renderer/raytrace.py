@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 RAYS_AT_ONCE = 1 << 16
 MAX_LAYERS = 32
 """Most cut-out surfaces that one ray may pass."""
+EXTENT = 100.0
+"""Half the scene's longest side as Embree has it: its float32 tests lose digits on tiny triangles."""
+STEP = 4e-6 * EXTENT
+"""How far past a surface that was cut away a ray goes on: some 50 spacings of float32 at `EXTENT`."""
 
 
 class PreparedScene:
@@ -35,8 +39,10 @@ class PreparedScene:
         first = np.cumsum([0] + [len(part.vertices) for part in parts])
         self.textures = [part.texture for part in parts]
         vertices = np.concatenate([part.vertices for part in parts])  # (n, 3)
-        # Embree's float32 tests lose digits on tiny triangles: it gets a scene of about 100 units, whatever the pitch.
-        self._scale = 100.0 / max(float(np.abs(vertices).max()), 1e-300)
+        # Embree gets the scene about its middle: how large it is, or how far away, then costs float32 no digits.
+        low, high = scene.bounds()
+        self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
+        self._radius = float(np.linalg.norm(high - low)) / 2
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
         self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
         self.uv = np.concatenate(
@@ -45,9 +51,14 @@ class PreparedScene:
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
         self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
         self._embree = EmbreeScene()
-        self._mesh = TriangleMesh(self._embree, (vertices * self._scale).astype(np.float32), self.faces)
+        self._mesh = TriangleMesh(self._embree, self._placed(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
         self._first_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+
+    def _placed(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Points of the scene `(n, 3)` where Embree has them."""
+        placed: NDArray[np.float32] = ((points - self._middle) * self._scale).astype(np.float32)
+        return placed
 
     def _first_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
@@ -60,13 +71,19 @@ class PreparedScene:
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
         """Colour that each ray meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, alpha 1 where it does.
 
-        `origins` and `directions`: `(n, 3)`, in the scene's coordinates.
+        `origins` and `directions`: `(n, 3)`, in the scene's coordinates. Surfaces closer than `STEP` behind one that
+        was cut away are passed with it.
         """
-        starts, along = (origins * self._scale).astype(np.float32), directions.astype(np.float32)
+        # From far away float32 would not aim so well: rays start where they enter the sphere about the scene.
+        squared = np.einsum("ni,ni->n", directions, directions)
+        nearest = np.einsum("ni,ni->n", self._middle - origins, directions) / squared
+        entry = np.maximum(nearest - self._radius / np.sqrt(squared), 0.0)
+        starts, along = self._placed(origins + entry[:, None] * directions), directions.astype(np.float32)
+        passed = np.zeros((len(origins), 1), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
         alive = np.arange(len(origins))
         for _ in range(MAX_LAYERS):
-            triangle, weights, distance = self._first_hits(starts, along)
+            triangle, weights, distance = self._first_hits(starts + along * passed, along)
             hit = triangle >= 0
             color, there = self._shade(triangle[hit], weights[hit])
             rgba[alive[hit][there], :3] = color[there]
@@ -74,10 +91,8 @@ class PreparedScene:
             if there.all():
                 return rgba
             onward = np.flatnonzero(hit)[~there]
-            # A step of a few float32 spacings past the surface that was cut away.
-            step = distance[onward, None] * np.float32(1 + 4e-6)
-            alive, starts = alive[onward], starts[onward] + along[onward] * step
-            along = along[onward]
+            passed = passed[onward] + distance[onward, None] + np.float32(STEP)
+            alive, starts, along = alive[onward], starts[onward], along[onward]
         return rgba
 
     def _shade(

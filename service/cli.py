@@ -105,6 +105,27 @@ def parser() -> argparse.ArgumentParser:
     add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
     add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
 
+    add = command("bench", "run time against error, by every method, as tables and pictures")
+    add.add_argument(
+        "inputs", metavar="INPUT", nargs="*", help="meshes, EIA pictures, folders of views (default: scenes)"
+    )
+    add.add_argument(
+        "-o", "--out", default="bench-out", metavar="DIR", help="folder for the results (default bench-out)"
+    )
+    add.add_argument("--lenses", nargs="+", default=[], metavar="N", help="of arrays N x N in front of a mesh")
+    add.add_argument("--rounds", metavar="N", help="times that each job is run (default 9, with --quick 3)")
+    add.add_argument("--only-views", action="store_true", help="leave out EIAs, inference engines and growth")
+    add.add_argument("--quick", action="store_true", help="one scene, two lens arrays: a few minutes")
+    _add_options(add, ("pixels", "pickup"))
+
+    add = command("stress", "the numerics under stress: what was bounded, the bound, and what was measured")
+    add.add_argument("--quick", action="store_true", help="a few sizes and rounds in place of all: half a minute")
+    add.add_argument(
+        "--only", nargs="+", default=[], metavar="GROUP", help="groups of cases, as docs/numerics.md has them"
+    )
+    add.add_argument("--model", nargs="+", default=[], metavar="NAME", help="networks (default: all that are shipped)")
+    add.add_argument("--json", metavar="FILE", help="write all results here too")
+
     _add_training(command)
     return top
 

@@ -48,8 +48,9 @@ class Run:
     def update(self, low: Tensor, high: Tensor) -> dict[str, Tensor | float]:
         """One step: LR `(N, 3, h, w)` and HR `(N, 3, H, W)`, float in [0, 1] -> its losses, `loss` their sum.
 
-        Raises `FloatingPointError` where the loss is no number, on CUDA within `LOOK_EVERY` steps, which the weights
-        then are no longer either; `ValueError` where the discriminator has saturated.
+        Raises `FloatingPointError` where the loss or its gradient's norm is no finite number, on CUDA within
+        `LOOK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
+        saturated.
         """
         low, high = self._placed(low), self._placed(high)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
@@ -61,8 +62,10 @@ class Run:
             raise FloatingPointError(f"step {self.step}: the loss is {loss.item()}; lower learning_rate or set clip")
         self.optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        if self.recipe.clip:
-            torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip)
+        # Looked at without a limit, too: Adam would divide by its infinite square, and stand still without a word.
+        norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
+        if self.looks and not torch.isfinite(norm):
+            raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
         rate = learning_rate(self.recipe, self.step)
         for group in self.optimiser.param_groups:
             group["lr"] = rate

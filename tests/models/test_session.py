@@ -134,3 +134,23 @@ def test_the_network_meets_only_sizes_that_it_takes(paper, sizes, monkeypatch):
         assert got.shape == (shape[0], 3, 2 * shape[2], 2 * shape[3])
     assert seen
     assert all(size == sizes.fitted(*size) for size in seen)
+
+
+def test_no_denormals_reach_the_network(monkeypatch):
+    """Its workers flush them to zero and the calling thread does not: two runs would differ in which did what."""
+    network = load("sparse-camera")
+    seen = []
+
+    class Session:
+        def run(self, names, feeds):
+            (images,) = feeds.values()
+            seen.append(images)
+            return [images.repeat(2, axis=2).repeat(2, axis=3)]
+
+    monkeypatch.setattr(network, "_session", Session())
+    images = np.full((1, 3, 8, 8), 1e-40, np.float32)
+    images[0, 0, 0, :3] = 0.5, 1 / 65535**2, session.FAINTEST
+    network(images)
+    assert seen[0][0, 0, 0, :3].tolist() == images[0, 0, 0, :3].tolist()
+    assert np.count_nonzero(seen[0]) == 3
+    assert images[0, 1, 0, 0] > 0  # the caller's own array stays as it is

@@ -280,6 +280,18 @@ def test_units_do_not_matter(name, pitch):
 
 
 @pytest.mark.parametrize("name", ["raster", "raytrace"])
+def test_distance_does_not_matter(name):
+    made = backend(name)
+    (placed,) = inputs(["hamburger"])
+    moved = np.eye(4)
+    moved[2, 3] = -1e7
+    (near,) = made.views(placed, ARRAY, [(7, 7)])
+    (far,) = made.views(placed.transformed(moved), ARRAY, [(7, 7)])
+    # In float32 a surface 1e7 away would be placed to a pitch: dozens of pixels would show another.
+    assert (np.abs(near.astype(int) - far).max(-1) > 3).sum() <= 1
+
+
+@pytest.mark.parametrize("name", ["raster", "raytrace"])
 def test_background_is_where_nothing_is(name):
     made = backend(name)
     (placed,) = inputs(["vase"])

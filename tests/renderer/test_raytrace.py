@@ -100,12 +100,13 @@ def test_lenslet_is_the_mean_of_the_finer_pinholes():
     assert np.abs(mean - expected).max() <= 0.5
 
 
-def test_a_ray_passes_cut_out_layers():
+@pytest.mark.parametrize("gap", [5.0, 1e-3])
+def test_a_ray_passes_cut_out_layers(gap):
     square = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     clear = np.tile(np.float32([1, 0, 0, 0.2]), (4, 1))
     solid = np.tile(np.float32([0, 1, 0, 1.0]), (4, 1))
-    layers = [Part(square - [0, 0, d], faces, clear, alpha_cutoff=0.5) for d in (1.0, 1.5, 100.0)]
-    scene = Scene((*layers, Part(square - [0, 0, 101.0], faces, solid)))
+    layers = [Part(square - [0, 0, 20 + gap * i], faces, clear, alpha_cutoff=0.5) for i in range(8)]
+    scene = Scene((*layers, Part(square - [0, 0, 20 + gap * 8], faces, solid)))
     (view,) = RaytraceBackend().views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
     np.testing.assert_array_equal(view, np.broadcast_to(np.uint8([0, 255, 0, 255]), view.shape))

@@ -138,7 +138,7 @@ def test_a_loss_that_is_not_a_number_stops_the_run(recipe, tmp_path, monkeypatch
     assert not (tmp_path / "checkpoint.pt").exists()
 
 
-def test_weights_that_are_not_numbers_replace_no_checkpoint(recipe, tmp_path, monkeypatch):
+def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path, monkeypatch):
     loss = torch.nn.functional.l1_loss
 
     def infinite_slope(output, high):
@@ -151,7 +151,7 @@ def test_weights_that_are_not_numbers_replace_no_checkpoint(recipe, tmp_path, mo
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "checkpoint.pt").write_bytes(good)
     monkeypatch.setattr("training.recipe.difference", lambda saved, recipe: "")
-    with pytest.raises(FloatingPointError, match="step 3: a weight is not a number"):
+    with pytest.raises(FloatingPointError, match="step 2: the gradient's norm is nan; lower learning_rate"):
         loop.train(replace(recipe, steps=3), tmp_path / "b")
     assert (tmp_path / "b" / "checkpoint.pt").read_bytes() == good
 

@@ -44,6 +44,24 @@ def test_the_running_mean(recipe):
     assert torch.equal(average.weight, network.weight)
 
 
+@pytest.mark.parametrize("clip", [0.0, 0.5])
+def test_a_gradient_too_long_for_float32_stops_the_run_before_a_weight_moves(recipe, clip):
+    made = Run(replace(recipe, loss="mse", clip=clip))
+    before = [weight.clone() for weight in made.trained]
+    # The loss is some 1e32, which float32 holds; the square of its gradient's norm is not.
+    with pytest.raises(FloatingPointError, match="step 0: the gradient's norm is inf; lower learning_rate"):
+        made.update(1e12 * torch.rand(2, 3, 12, 12), torch.full((2, 3, 24, 24), 1e16))
+    assert all(torch.equal(one, other) for one, other in zip(made.trained, before, strict=True))
+
+
+def test_no_limit_leaves_gradients_as_they_are(recipe):
+    low, high = torch.rand(2, 3, 12, 12), torch.rand(2, 3, 24, 24)
+    free, wide = (Run(replace(recipe, clip=clip)) for clip in (0.0, 1e30))
+    for made in (free, wide):
+        made.update(low, high)
+    assert all(torch.equal(one, other) for one, other in zip(free.trained, wide.trained, strict=True))
+
+
 @pytest.mark.parametrize("fields", [{"seed": 2}, {"steps": 9}, {"train": "t"}, {"clip": 0.0}, GAN])
 def test_another_recipes_checkpoint_is_not_continued(recipe, saved, fields):
     with pytest.raises(ValueError, match=rf"another recipe: {next(iter(fields))} is .* there and .* here") as caught:

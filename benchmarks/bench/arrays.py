@@ -1,0 +1,77 @@
+"""Elemental image arrays of a mesh by each route: a render for each lens, a render for each view, rays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.bench.timing import Times, in_turns
+from renderer.backends import open_backend
+from renderer.errors import BackendUnavailable
+from renderer.framing import frame
+from renderer.light_field import interleaved
+from renderer.views import parse_views
+from service.source import Input
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from renderer.lens_array import LensArray
+    from renderer.scene import Scene
+    from service.request import Options
+    from service.source import Source
+
+ECVIR, OBLIQUE, RAYS = "a perspective render for each lens (ECVIR)", "an oblique render for each view", "Embree's rays"
+
+
+@dataclass(frozen=True)
+class Route:
+    """One way to an elemental image array."""
+
+    name: str
+    times: Times
+    differ: float
+    """Share of pixels that differ from those of the rays by more than 3 levels in any channel."""
+
+
+def routes(source: Source, array: LensArray, options: Options, rounds: int) -> tuple[list[Route], str]:
+    """The routes to the array of a mesh, and why one is missing (empty: none is).
+
+    Scene and backends are there; the scene is new to the backend in each round, as it is for a user.
+    """
+    scene = Input(source).read_mesh(options)
+    matrix = frame(scene, array)
+    makers: dict[str, Callable[[Scene], NDArray[np.uint8]]] = {}
+    missing = ""
+    try:
+        raster = open_backend("raster")[0]
+        every = parse_views("all", array.pixels_v, array.pixels_u)
+        makers[ECVIR] = lambda placed: raster.by_lens(placed, array)  # type: ignore[attr-defined]  # the raster's own
+        makers[OBLIQUE] = lambda placed: interleaved(raster.views(placed, array, every), array)
+    except BackendUnavailable as error:
+        missing = str(error)
+    rays = open_backend("raytrace")[0]
+    makers[RAYS] = lambda placed: rays.elemental(placed, array)
+
+    def job(make: Callable[[Scene], NDArray[np.uint8]]) -> Callable[[], dict[str, float]]:
+        def run() -> dict[str, float]:
+            placed = scene.transformed(matrix)
+            begun = time.perf_counter()
+            make(placed)
+            return {"total": 1e3 * (time.perf_counter() - begun)}
+
+        return run
+
+    times = in_turns({name: job(make) for name, make in makers.items()}, rounds, reference=ECVIR)
+    placed = scene.transformed(matrix)
+    exact = makers[RAYS](placed).astype(int)
+    found = []
+    for name, make in makers.items():
+        far = np.abs(make(placed).astype(int) - exact).max(axis=-1) > 3
+        found.append(Route(name, times[name], float(far.mean())))
+    return found, missing

@@ -1,0 +1,147 @@
+"""What is benchmarked: an input, what a lens array sees of it, and the truth that upscaling aims at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from renderer.bundle import Bundle
+from renderer.errors import InvalidOption
+from renderer.light_field import LightField
+from renderer.pictures import encode_png
+from renderer.sampling import rounded_mean
+from renderer.scene import Scene
+from service.pipeline import reconstruct
+from service.request import Options
+from service.source import Input
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from renderer.pictures import Pixels
+    from service.report import Report
+    from service.request import Sampling
+    from service.source import Source
+
+SCALE = 2
+PIXELS = (15, 15)
+"""Under each lens of a mesh."""
+LEAST = 4
+"""Pixels: shorter views of a light field can't be halved for a `pinhole` array."""
+SAMPLINGS: tuple[Sampling, ...] = ("pinhole", "lenslet")
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """One input as one lens array sees it."""
+
+    name: str
+    kind: Literal["mesh", "light field"]
+    lenses: tuple[int, int]
+    sampling: Sampling
+    source: Source
+    options: Options
+    """What every method's job has in common; five views (`cross`)."""
+    truth: NDArray[np.uint8]
+    """`(n, 2*rows, 2*cols, 3)`: the views of the array of the same extent with half the pitch, each pixel averaged over
+    its own cell."""
+    object: NDArray[np.bool_] | None
+    """`(n, 2*rows, 2*cols)`: pixels that are at least half covered by the mesh; None where nothing is known of it."""
+
+
+class Kept:
+    """A sink that keeps the views, 8-bit RGB."""
+
+    def __init__(self) -> None:
+        self.views: list[NDArray[np.uint8]] = []
+
+    def begin(self, count: int) -> None:
+        """Any number is fine."""
+
+    def add(self, view: tuple[int, int], pixels: Pixels) -> str:
+        """Keeps a view."""
+        eight = pixels if pixels.dtype == np.uint8 else (pixels.astype(np.uint32) + 128) // 257
+        self.views.append(as_rgb(eight.astype(np.uint8)))
+        return f"{view}"
+
+    def finish(self, report: Report) -> None:
+        """Nothing is left to do."""
+
+
+def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """`(..., C)`, C from 1 to 4, as `(..., 3)`; alpha is left out."""
+    return np.repeat(pixels[..., :1], 3, axis=-1) if pixels.shape[-1] < 3 else pixels[..., :3]
+
+
+def views(source: Source, options: Options) -> NDArray[np.uint8]:
+    """The views that `options` ask for, `(n, H, W, 3)`."""
+    sink = Kept()
+    reconstruct(source, options, sink)
+    return np.stack(sink.views)
+
+
+def works(
+    source: Source, name: str, *, lenses: Sequence[int], samplings: Sequence[Sampling] = SAMPLINGS, array: Options
+) -> Iterator[Work]:
+    """Each piece of work that `source` gives: of a mesh one for each count of `lenses` and sampling; of an elemental
+    image array or a set of views one for each sampling, at half its own resolution.
+
+    `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`). Raises the input faults of
+    `renderer.errors`.
+    """
+    if isinstance(Input(source).read(array), Scene):
+        for count in lenses:
+            yield from _of_mesh(source, name, count, samplings)
+    else:
+        yield from _of_light_field(source, name, samplings, array)
+
+
+def _of_mesh(source: Source, name: str, count: int, samplings: Sequence[Sampling]) -> Iterator[Work]:
+    """The truth is cast by rays, the exact reference."""
+    options = Options(lenses=(count, count), pixels=PIXELS, views="cross", scale=SCALE)
+    direct = replace(options, strategy="direct", backend="raytrace")
+    truth = views(source, direct)
+    on_white = views(source, replace(direct, background=(255, 255, 255)))
+    covered = (on_white[..., 0].astype(int) - truth[..., 0]) < 128
+    for sampling in samplings:
+        asked = replace(options, sampling=sampling)
+        yield Work(name, "mesh", (count, count), sampling, source, asked, truth, covered)
+
+
+def _of_light_field(source: Source, name: str, samplings: Sequence[Sampling], array: Options) -> Iterator[Work]:
+    """The given views are the truth of those that a lens array with twice the pitch would see."""
+    every = views(source, replace(array, views="all", model="none", scale=1))
+    field = Input(source).read(array)
+    assert isinstance(field, LightField)  # noqa: S101 - a scene went to `_of_mesh`
+    grid = field.views.shape[:2]
+    if min(every.shape[1:3]) < LEAST:
+        raise InvalidOption(f"{name}: views of {every.shape[1]}x{every.shape[2]} pixels; give views of {LEAST} or more")
+    for sampling in samplings:
+        low, high = halved(every, sampling)
+        rows, cols = low.shape[1:3]
+        eia = LightField(low.reshape(*grid, *low.shape[1:])).to_eia()
+        file = Bundle.from_upload(f"{name}.png", encode_png(eia))
+        options = Options(lenses=(rows, cols), views="cross", scale=SCALE)
+        v, u = grid
+        chosen = list(dict.fromkeys([(0, u // 2), (v // 2, 0), (v // 2, u // 2), (v // 2, u - 1), (v - 1, u // 2)]))
+        truth = np.stack([high[row * u + col] for row, col in chosen])
+        yield Work(name, "light field", (rows, cols), sampling, file, options, truth, None)
+
+
+def halved(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
+
+    `lenslet`: LR is the mean of 2x2 pixels. `pinhole`: a point must be smaller than a pixel of the truth, so HR is the
+    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.degrade`).
+    """
+    cell = 2 * SCALE if sampling == "pinhole" else SCALE
+    rows, cols = (length // cell for length in pictures.shape[1:3])
+    cells = pictures[:, : rows * cell, : cols * cell].reshape(len(pictures), rows, cell, cols, cell, 3)
+    if sampling == "lenslet":
+        return rounded_mean(cells, axes=(2, 4)), cells.reshape(len(pictures), rows * cell, cols * cell, 3)
+    fine = cells.reshape(len(pictures), rows * SCALE, 2, cols * SCALE, 2, 3)
+    return rounded_mean(cells[:, :, 1:3, :, 1:3], axes=(2, 4)), rounded_mean(fine, axes=(2, 4))

@@ -1,0 +1,43 @@
+"""What a measurement was made on."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from models import processor
+from models.session import available_cores
+
+PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch", "openvino")
+
+
+def describe() -> dict[str, Any]:
+    """Processor, cores, system and versions; None for what is not installed."""
+    return {
+        "processor": processor_name(),
+        "cores": available_cores(),
+        "int8": not processor.against_int8(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "versions": {name: _version(name) for name in PACKAGES},
+    }
+
+
+def processor_name() -> str:
+    """As the system calls it."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:  # noqa: PTH123 - no file on a disk
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:  # no Linux: the platform module knows
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

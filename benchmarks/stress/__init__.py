@@ -1,0 +1,1 @@
+"""Numerical stress: what was bounded, the bound, and what was measured."""

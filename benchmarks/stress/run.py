@@ -1,0 +1,158 @@
+"""All cases, one after the other: what was bounded, the bound, what was measured, and whether it holds."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from benchmarks import machine
+from benchmarks.stress.case import Found, Skipped
+from models import catalogue
+from renderer.errors import InvalidOption
+from service.errors import one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from benchmarks.stress.case import Case, Effort
+
+GROUPS = {
+    "signals": "benchmarks.stress.signals",
+    "sizes": "benchmarks.stress.sizes",
+    "layers": "benchmarks.stress.layers",
+    "gain": "benchmarks.stress.gain",
+    "invariance": "benchmarks.stress.invariance",
+    "rounds": "benchmarks.stress.rounds",
+    "cliffs": "benchmarks.stress.cliffs",
+    "geometry": "benchmarks.stress.geometry",
+    "training": "benchmarks.stress.training",
+}
+"""Name -> the module whose `CASES` belong to it; imported when its turn comes."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one case found, or why it found nothing."""
+
+    group: str
+    case: str
+    result: Found | Skipped
+    seconds: float
+    """Since the case's last result, or its begin."""
+    failure: str = ""
+    """The exception that ended the case, in one line; empty where there was none."""
+
+    @property
+    def broken(self) -> bool:
+        """Whether a bound did not hold, or the case could not be ended."""
+        return isinstance(self.result, Found) and not self.result.holds
+
+    @property
+    def state(self) -> str:
+        """`ok`, `BROKEN` or `skipped`."""
+        if isinstance(self.result, Skipped):
+            return "skipped"
+        return "BROKEN" if self.broken else "ok"
+
+    def line(self) -> str:
+        """For people."""
+        if isinstance(self.result, Skipped):
+            return f"skipped  {self.result.what}: {self.result.why}"
+        bound, measured, where = f"{self.result.bound:.4g}", f"{self.result.measured:.4g}", self.result.where
+        return f"{self.state:7s}  {self.result.what:72s} {bound:>10s} {measured:>10s}  {self.failure or where}".rstrip()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, which has no NaN and no infinity: `bound` or `measured` is then null, and `_word` says which."""
+        plain: dict[str, Any] = {"group": self.group, "case": self.case, "what": self.result.what, "state": self.state}
+        if isinstance(self.result, Skipped):
+            return plain | {"why": self.result.why, "seconds": round(self.seconds, 3)}
+        for key, value in (("bound", self.result.bound), ("measured", self.result.measured)):
+            number = float(value)
+            plain |= {key: number} if math.isfinite(number) else {key: None, f"{key}_word": str(number)}
+        return plain | {
+            "where": self.result.where,
+            "holds": self.result.holds,
+            "failure": self.failure,
+            "seconds": round(self.seconds, 3),
+        }
+
+
+def chosen_groups(names: Sequence[str]) -> tuple[str, ...]:
+    """The groups to run, in the order of `GROUPS`; all where `names` is empty. Raises `InvalidOption` for others."""
+    for name in names:
+        if name not in GROUPS:
+            raise InvalidOption(f"--only: no group {name[:40]!r}; give some of {', '.join(GROUPS)}")
+    return tuple(name for name in GROUPS if not names or name in names)
+
+
+def chosen_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
+    """The networks to stress, all where `names` is empty, and those that this processor can't run.
+
+    Raises `InvalidOption` where a name is no network's.
+    """
+    networks = {entry.name: entry for entry in catalogue.entries() if entry.card is not None}
+    for name in names:
+        if name not in networks:
+            raise InvalidOption(f"--model: no network {name[:40]!r} here; give some of {', '.join(networks)}")
+    asked = [entry for name, entry in networks.items() if not names or name in names]
+    unsuited = [
+        Skipped(entry.name, f"{entry.unsuited}; another machine is needed") for entry in asked if entry.unsuited
+    ]
+    return tuple(entry.name for entry in asked if not entry.unsuited), unsuited
+
+
+def run(groups: Sequence[str], effort: Effort) -> Iterator[Outcome]:
+    """The outcomes of all cases of `groups`, as they come. An exception ends its case and counts as broken."""
+    for group in groups:
+        for case in importlib.import_module(GROUPS[group]).CASES:
+            yield from outcomes(group, case, effort)
+
+
+def outcomes(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
+    """What one case finds."""
+    begun = time.perf_counter()
+    results = case(effort)
+    while True:
+        failure = ""
+        try:
+            result = next(results)
+        except StopIteration:
+            return
+        except Exception as error:  # noqa: BLE001 - it is reported as broken, and the other cases go on
+            failure = one_line(f"{type(error).__name__}: {error}")
+            result = Found(f"{case.__name__} was ended by an exception", 0, math.nan)
+        ended = time.perf_counter()
+        yield Outcome(group, case.__name__, result, ended - begun, failure)
+        begun = ended
+        if failure:
+            return
+
+
+def stress(
+    groups: Sequence[str], effort: Effort, *, say: Callable[[str], object], skipped: Sequence[Skipped] = ()
+) -> dict[str, Any]:
+    """Runs `groups` and tells each line to `say`; returns all of it, ready for JSON. `skipped`: known before."""
+    begun = time.perf_counter()
+    say(f"{'':7s}  {'what was bounded':72s} {'bound':>10s} {'measured':>10s}  where")
+    found = [Outcome("", "", result, 0.0) for result in skipped]
+    for outcome in found:
+        say(outcome.line())
+    for outcome in run(groups, effort):
+        found.append(outcome)
+        say(outcome.line())
+    states = [outcome.state for outcome in found]
+    seconds = time.perf_counter() - begun
+    counts = {state: states.count(state) for state in ("ok", "BROKEN", "skipped")}
+    say(f"{counts['ok']} hold, {counts['BROKEN']} broken, {counts['skipped']} skipped, in {seconds:.0f} s")
+    return {
+        "broken": counts["BROKEN"],
+        "quick": effort.quick,
+        "models": list(effort.models),
+        "groups": list(groups),
+        "seconds": round(seconds, 1),
+        "machine": machine.describe(),
+        "results": [outcome.as_dict() for outcome in found],
+    }

@@ -1,0 +1,222 @@
+"""Training: losses and gradients stay finite at large step sizes, bfloat16 stays near float32, and NaN is caught."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from benchmarks.stress.case import Found, Skipped
+from renderer import pictures
+from renderer.modelling import noise, rgba
+from training import recipe as recipes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from torch import Tensor
+
+    from benchmarks.stress.case import Case, Effort
+    from training.data import Crops
+    from training.recipe import Recipe
+    from training.run import Run
+
+DESIGNS = {"fast": "fast", "quality": "quality", "paper": "paper", "gan": "gan", "paper's adversary": "paper-vgg"}
+"""What is trained -> its recipe, of which network, losses, clipping and precision are taken."""
+RATES = (1e-4, 1e-3, 1e-2)
+REFUSED = ("paper's adversary", 1e-2)
+"""MSE squares what Adam's steps of 1e-2 in sixteen layers come to: it diverges with clipping and without, and must be
+refused for that. No recipe goes on like this: the paper's step size is a hundredth."""
+UPDATES, QUICK_UPDATES = 200, 10
+CROP, BATCH = 24, 2
+LARGEST = math.sqrt(3.4028e38)
+"""A norm is the root of a sum of squares: beyond this the sum is infinite in float32."""
+ROUNDING = 2.0**-8
+"""The relative error of a rounding to bfloat16, whose significand has 8 bits."""
+LAYERS = 16
+"""Convolutions one after another: the paper's network has as many, and gan's with its discriminator."""
+
+
+def _skipped(what: str) -> Iterator[Skipped]:
+    """One where torch is not installed."""
+    if find_spec("torch") is None:
+        yield Skipped(what, "needs torch: make setup-training")
+
+
+def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
+    """The design's recipe from random weights on small crops, on the CPU, at a step size that hardly falls."""
+    folder = Path(recipes.__file__).parent / "recipes"
+    given = recipes.read(folder / f"{DESIGNS[design]}.toml")
+    return replace(
+        given,
+        initial="",
+        degradations={"bicubic": 1.0},
+        scenes=0,
+        perceptual="" if given.perceptual == "vgg19" else given.perceptual,  # its weights are not ours to ship
+        crop=CROP,
+        batch=BATCH,
+        learning_rate=rate,
+        warmup=0,
+        steps=10 * updates,
+        device="cpu",
+    )
+
+
+@contextmanager
+def _crops(recipe: Recipe) -> Iterator[Crops]:
+    """What the recipe draws from four generated pictures: smooth, rough, and cut by edges."""
+    from training.data import Crops
+
+    with tempfile.TemporaryDirectory() as folder:
+        y, x = np.mgrid[:96, :128] / 64.0
+        for seed in range(4):
+            points = np.stack([x, y, np.full_like(x, seed)], axis=-1)
+            colors = np.stack([noise(points, frequency=2.0**seed, octaves=4, seed=3 * seed + c) for c in range(3)], -1)
+            picture = rgba(0.5 + 0.5 * np.where(colors[..., :1] > 0.2, 1.0, colors))[..., :3]
+            (Path(folder) / f"{seed}.png").write_bytes(pictures.encode(picture, ".png"))
+        yield Crops(
+            Path(folder),
+            crop=recipe.crop,
+            scale=recipe.scale,
+            batch=recipe.batch,
+            seed=recipe.seed,
+            degradations=recipe.degradations,
+        )
+
+
+class Updated(NamedTuple):
+    """What one update came to."""
+
+    loss: float
+    gradient: list[Tensor]
+    """Of each weight of the generator, before clipping."""
+
+    @property
+    def norm(self) -> float:
+        """The gradient's norm; in float64, so that a large one is told from an infinite one."""
+        return math.sqrt(sum(float(part.double().square().sum()) for part in self.gradient))
+
+
+def _update(run: Run, low: Tensor, high: Tensor) -> Updated:
+    """One update of `run`, and its gradient as it was before it was clipped."""
+    gradient: list[Tensor] = []
+
+    def keep(weight: Tensor) -> None:
+        assert weight.grad is not None  # noqa: S101 - torch calls this once it is there
+        gradient.append(weight.grad.clone())
+
+    hooks = [weight.register_post_accumulate_grad_hook(keep) for weight in run.trained]
+    try:
+        losses = run.update(low, high)
+    finally:
+        for hook in hooks:
+            hook.remove()
+    return Updated(float(losses["loss"]), gradient)
+
+
+def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
+    """Loss and gradient norm over 200 updates from random weights, without a warm-up, at step sizes up to 1e-2."""
+    yield from (skipped := list(_skipped("200 updates")))
+    if skipped:
+        return
+    from training.run import Run
+
+    updates = QUICK_UPDATES if effort.quick else UPDATES
+    for design in ("gan",) if effort.quick else DESIGNS:
+        for rate in RATES[-1:] if effort.quick else RATES:
+            recipe = _recipe(design, rate=rate, updates=updates)
+            loss, norm, where = 0.0, 0.0, ""
+            with _crops(recipe) as crops:
+                run = Run(recipe)
+                try:
+                    for step in range(updates):
+                        updated = _update(run, *crops.at(step))
+                        loss, norm = max(loss, updated.loss), max(norm, updated.norm)
+                except FloatingPointError as error:
+                    loss = norm = math.nan
+                    where = str(error)
+            what = f"{design} at {rate:g}, {updates} updates"
+            if (design, rate) == REFUSED:
+                is_silent = not max(loss, norm) <= LARGEST and "lower learning_rate" not in where
+                yield Found(f"{what}: diverged without a word", 0.0, float(is_silent), where)
+                continue
+            yield Found(f"{what}: largest loss", LARGEST, loss, where)
+            yield Found(f"{what}: largest gradient norm", LARGEST, norm, where)
+
+
+def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
+    """The first update in bfloat16 against the same in float32: its loss, and its gradient as one long vector."""
+    yield from (skipped := list(_skipped("bfloat16 against float32")))
+    if skipped:
+        return
+    from training.run import Run
+
+    for design in ("fast",) if effort.quick else DESIGNS:
+        recipe = _recipe(design)
+        with _crops(recipe) as crops:
+            low, high = crops.at(0)
+        half, single = (_update(Run(replace(recipe, bfloat16=short)), low, high) for short in (True, False))
+        apart = Updated(0.0, [one - other for one, other in zip(half.gradient, single.gradient, strict=True)])
+        # Each layer's weights and outputs are rounded on the way forward; independent errors add as a root. Backward
+        # its weights and gradients are, too; twice that for samples on the other side of a ReLU, or of L1's kink.
+        forward, both = (math.sqrt(2 * LAYERS * ways) * ROUNDING for ways in (1, 2))
+        yield Found(f"{design}: loss, relative", forward, abs(half.loss - single.loss) / single.loss)
+        yield Found(f"{design}: gradient, relative", 2 * both, apart.norm / single.norm)
+
+
+def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
+    """NaN in a picture, a weight or the discriminator, or an infinite gradient, ends the run and is not saved."""
+    yield from (skipped := list(_skipped("NaN in training")))
+    if skipped:
+        return
+    import torch
+
+    from training.run import Run
+
+    recipe = _recipe("gan")
+    with _crops(recipe) as crops:
+        low, high = crops.at(0)
+    far = torch.full_like(high, 1e16)  # its loss is still a number, the square of its gradient's norm is not
+    run = Run(replace(recipe, loss="mse"))
+    yield Found(
+        "an infinite gradient, let through", 0.0, _let_through(run, 1e12 * low, far, "the gradient's norm is inf")
+    )
+    broken = low.clone()
+    broken[0, 1, 2, 3] = torch.nan
+    yield Found("NaN in a picture, let through", 0.0, _let_through(Run(recipe), broken, high))
+    run = Run(recipe)
+    assert run.objective.adversary is not None  # noqa: S101 - the recipe has one
+    for what, network in (("a weight", run.network), ("the discriminator", run.objective.adversary.network)):
+        weight = next(network.parameters())
+        kept = weight.detach().clone()
+        weight.data[(0,) * weight.ndim] = torch.nan
+        yield Found(f"NaN in {what}, let through", 0.0, _let_through(run, low, high))
+        weight.data.copy_(kept)
+    run.average.load_state_dict(run.network.state_dict())
+    next(run.average.parameters()).data.fill_(torch.nan)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "checkpoint.pt"
+        try:
+            run.save(path)
+            saved = 1.0
+        except FloatingPointError as error:
+            saved = float("a weight is not a number" not in str(error) or path.exists())
+    yield Found("NaN in a checkpoint's weight, saved", 0.0, saved)
+
+
+def _let_through(run: Run, low: Tensor, high: Tensor, words: str = "the loss is nan") -> float:
+    """0 where the update is refused in one line that names the step and says `words`; 1 otherwise."""
+    try:
+        run.update(low, high)
+    except FloatingPointError as error:
+        return float(f"step 0: {words}" not in str(error) or "\n" in str(error))
+    return 1.0
+
+
+CASES: tuple[Case, ...] = (stays_finite, bfloat16, guards)

@@ -1,0 +1,264 @@
+"""Each case of the networks holds for a network that does what it should, and breaks for one that doesn't."""
+
+import numpy as np
+import pytest
+
+from benchmarks.stress import (
+    cliffs,
+    gain,
+    in_torch,
+    invariance,
+    layers,
+    networks,
+    patterns,
+    rounds,
+    signals,
+    sizes,
+)
+from benchmarks.stress.case import Effort, Skipped
+from models import catalogue
+from models.baselines import Bicubic, Nearest
+
+QUICK = Effort(("sparse-camera",), quick=True)
+
+
+@pytest.fixture(autouse=True)
+def no_scenes(monkeypatch):
+    """Rendering the shipped scenes takes seconds, and what they show is not the point here."""
+    monkeypatch.setattr(patterns, "views", lambda side: {"view": patterns.natural(side, side, seed=9)})
+
+
+@pytest.fixture
+def put(monkeypatch):
+    """Puts a function in place of every network."""
+
+    class Model(Nearest):
+        def __init__(self, compute):
+            super().__init__(2)
+            object.__setattr__(self, "compute", compute)
+
+        def __call__(self, images):
+            return np.clip(self.compute(images), 0, 1)
+
+    def replace(compute):
+        monkeypatch.setattr(networks, "raw", lambda name, threads=None: compute)
+        load = catalogue.load
+        monkeypatch.setattr(catalogue, "load", lambda name, **more: load(name) if name == "bicubic" else Model(compute))
+
+    return replace
+
+
+def nearest(images):
+    return images.repeat(2, axis=2).repeat(2, axis=3)
+
+
+def states(case, effort=QUICK):
+    return [found.holds for found in case(effort)]
+
+
+def test_a_difference_from_torch_breaks(monkeypatch):
+    pytest.importorskip("torch", reason="needs the training extra")
+    raw = networks.raw
+    assert states(signals.against_torch) == [True]
+    assert states(sizes.against_torch) == [True]
+
+    def off(name, threads=None):
+        def run(images):
+            result = raw(name)(images)
+            result[0, 1, 0, 1] += 2e-5
+            return result
+
+        return run
+
+    monkeypatch.setattr(networks, "raw", off)
+    (found,) = signals.against_torch(QUICK)
+    assert not found.holds
+    assert found.where == "view"
+    assert states(sizes.against_torch) == [False]
+
+
+def test_without_torch_it_is_said(monkeypatch):
+    monkeypatch.setattr(in_torch, "missing", lambda: "needs torch: make setup-training")
+    for case in (signals.against_torch, sizes.against_torch, gain.gradient_search):
+        (skipped,) = case(QUICK)
+        assert isinstance(skipped, Skipped)
+        assert "make setup-training" in skipped.why
+
+
+def test_int8_that_is_not_its_twin_breaks(monkeypatch):
+    monkeypatch.setattr(networks, "twins", lambda effort: [("float", "int8")])
+    plain = Bicubic(2)
+    for coarse, holds in (
+        (lambda x: np.round(plain(x) * 128) / 128, [True, True, True]),
+        (lambda x: plain(x) + 3 / 255, [False, True, False]),
+    ):
+        by_name = {"float": plain, "int8": coarse}
+        monkeypatch.setattr(networks, "raw", by_name.__getitem__)
+        assert states(signals.against_float) == holds
+    by_name["int8"] = Nearest(2)
+    monkeypatch.setattr(catalogue, "load", by_name.__getitem__)
+    assert states(sizes.against_float) == [False]
+
+
+def test_what_is_no_picture_is_refused(put, monkeypatch):
+    monkeypatch.setattr(in_torch, "missing", lambda: "needs torch")
+    for case in (signals.outside_the_range, signals.not_numbers):
+        assert all(found.holds for found in case(QUICK) if not isinstance(found, Skipped))
+    put(nearest)
+    for case in (signals.outside_the_range, signals.not_numbers):
+        assert not any(found.holds for found in case(QUICK) if not isinstance(found, Skipped))
+
+
+def test_denormals(put):
+    assert states(signals.denormals) == [True]
+    put(lambda images: nearest(images + (images > 0)))
+    assert states(signals.denormals) == [False]
+
+
+def test_flat_pictures_and_batches(put):
+    put(nearest)
+    assert states(sizes.flat) == [True, True]
+    assert states(sizes.batches) == [True]
+    put(lambda images: np.pad(nearest(images)[:, :, 1:, :], ((0, 0), (0, 0), (1, 0), (0, 0))))  # a black frame
+    assert states(sizes.flat) == [True, False]
+    put(lambda images: images)
+    assert states(sizes.flat)[0] is False
+    put(lambda images: nearest(images) + np.float32(1e-6 * len(images)))
+    assert states(sizes.batches) == [False]
+
+
+def test_tiles_that_show(monkeypatch):
+    assert states(sizes.in_tiles) == [True]
+    monkeypatch.setattr(catalogue.load("sparse-camera"), "radius", 1)
+    assert states(sizes.in_tiles) == [False]
+
+
+def test_growth_of_activations(monkeypatch):
+    found = list(layers.activations(QUICK))
+    assert [each.holds for each in found] == [True, True]
+    assert found[0].where.count(",") == 2  # a value for each of three layers
+    monkeypatch.setattr(layers, "FLOAT16", 64.0)
+    assert states(layers.activations)[0] is False
+
+
+def test_growth_is_counted_from_the_layer_before():
+    nodes = [
+        networks.Node("Conv", ("image", "w"), ("a",)),
+        networks.Node("Relu", ("a",), ("b",)),
+        networks.Node("Conv", ("b", "w"), ("c",)),
+        networks.Node("Conv", ("image", "w"), ("d",)),
+    ]
+    assert layers._before(nodes, ["a", "c", "d"]) == {"a": "", "c": "a", "d": ""}
+
+
+def test_saturation(monkeypatch):
+    effort = Effort(("fast-int8",), quick=True)
+    assert states(layers.saturation, effort) == [True, True]
+    inside = networks.looking_inside
+
+    def saturated(weights, names):
+        run = inside(weights, names)
+
+        def ran(images):
+            return {name: np.full_like(values, 255) if values.ndim else values for name, values in run(images).items()}
+
+        return ran
+
+    monkeypatch.setattr(networks, "looking_inside", saturated)
+    assert states(layers.saturation, effort) == [False, False]
+
+
+def test_gain(put):
+    put(nearest)
+    for case in (gain.noise, gain.worst_direction):
+        (found,) = case(QUICK)
+        assert found.holds
+        assert found.measured == pytest.approx(1, rel=1e-3)
+    put(lambda images: 40 * nearest(images))
+    for case in (gain.noise, gain.worst_direction):
+        (found,) = case(QUICK)
+        assert not found.holds
+        assert found.measured == pytest.approx(40, rel=1e-2)
+
+
+def test_gradient_search_finds_what_noise_does_not(monkeypatch):
+    """Of a network that repeats pixels and multiplies a checkerboard by 10, the search finds the checkerboard."""
+    torch = pytest.importorskip("torch", reason="needs the training extra")
+    y, x = np.mgrid[: gain.SEARCH_SIDE, : gain.SEARCH_SIDE]
+    board = torch.from_numpy((1.0 - 2 * ((x + y) % 2)).astype(np.float32)) / gain.SEARCH_SIDE
+
+    def network(images):
+        share = (images * board).sum(dim=(2, 3), keepdim=True) * board
+        return (images + 9 * share).repeat_interleave(2, dim=2).repeat_interleave(2, dim=3)
+
+    monkeypatch.setattr(in_torch, "network", lambda weights: network)
+    (found,) = gain.gradient_search(QUICK)
+    assert found.measured == pytest.approx(10, rel=0.01)
+
+
+def test_shifts_turns_and_order(put):
+    put(nearest)
+    for case in (invariance.shifts, invariance.turns, invariance.order, invariance.threads, invariance.tile_sizes):
+        assert all(states(case)), case.__name__
+
+    def depends_on_place(images):
+        return nearest(images) * np.linspace(1, 1.01, 2 * images.shape[3], dtype=np.float32)
+
+    put(depends_on_place)
+    assert states(invariance.shifts) == [False]
+    assert states(invariance.tile_sizes) == [False]
+    put(lambda images: np.roll(nearest(images), 3, axis=3))
+    assert states(invariance.turns) == [False]
+    random = np.random.default_rng(0)
+    put(lambda images: nearest(images) + np.float32(1e-7) * random.random())
+    assert states(invariance.order) == [False, False]
+
+
+def test_threads_that_matter(monkeypatch):
+    def raw(name, threads=None):
+        return lambda images: nearest(images) * np.float32(1 + 1e-4 * threads)
+
+    monkeypatch.setattr(networks, "raw", raw)
+    assert states(invariance.threads) == [False]
+
+
+def test_rounds(put, monkeypatch):
+    monkeypatch.setattr(rounds, "DRIFT_KNOWN", {})
+    monkeypatch.setattr(rounds, "RINGING_KNOWN", {})
+    put(nearest)
+    assert states(rounds.rounds) == [True, True]
+    put(lambda images: nearest(images) + np.float32(1.5 / 255))
+    assert states(rounds.rounds) == [False, True]
+
+    def sharpens(images):
+        return nearest(np.float32(1.6) * images - np.float32(0.6) * np.roll(images, 1, axis=3))
+
+    put(sharpens)
+    faint = patterns.patterns(rounds.SIDE, rounds.SIDE)["faint noise"]
+    monkeypatch.setattr(patterns, "pictures", lambda side: {"faint noise": faint})
+    assert states(rounds.rounds)[1] is False
+
+
+def test_variation_is_the_mean_step_between_neighbours():
+    ramp = np.broadcast_to(np.arange(4, dtype=np.float32), (1, 3, 4, 4))
+    assert rounds.variation(ramp).tolist() == [1]
+
+
+@pytest.mark.parametrize("case", cliffs.CASES, ids=lambda case: case.__name__)
+def test_cliffs(case, put):
+    put(Bicubic(2))
+    assert states(case) == [True, True]
+    assert [found.measured for found in case(QUICK)] == [0, 0]
+
+
+def test_a_cliff_shows(put):
+    bicubic = Bicubic(2)
+
+    def gives_up_on_dark(images):
+        dark = images.mean(axis=(1, 2, 3), keepdims=True) < 0.1
+        return np.where(dark, 0, bicubic(images))
+
+    put(gives_up_on_dark)
+    assert states(cliffs.brightness) == [False, False]
+    put(lambda images: 0 * bicubic(images))
+    assert states(cliffs.noise)[0] is False

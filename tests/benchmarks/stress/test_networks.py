@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from benchmarks.stress import networks
+from benchmarks.stress.case import Effort
+
+
+def noise(*shape):
+    return np.random.default_rng(5).random(shape, dtype=np.float32)
+
+
+def test_nodes_are_what_onnx_reads():
+    onnx = pytest.importorskip("onnx", reason="needs the training extra")
+    for name in ("fast", "quality-int8", "paper"):
+        weights = networks.weights(name)
+        graph = onnx.load_from_string(weights).graph
+        expected = [(node.op_type, tuple(node.input), tuple(node.output)) for node in graph.node]
+        assert [tuple(node) for node in networks.nodes(weights)] == expected
+
+
+def test_looking_inside_changes_nothing():
+    images = noise(2, 3, 9, 11)
+    weights = networks.weights("sparse-camera")
+    nodes = networks.nodes(weights)
+    inside = networks.looking_inside(weights, [node.outputs[0] for node in nodes])(images)
+    assert [len(values) for values in inside.values()] == [2] * len(nodes)
+    assert np.array_equal(inside[nodes[-1].outputs[0]], networks.raw("sparse-camera")(images))
+    assert (inside["relu"] == np.maximum(inside["conv2d"], 0)).all()
+
+
+def test_measures():
+    images = np.zeros((2, 3, 2, 2), np.float32)
+    images[1, 0, 0, 0] = -12
+    assert networks.peak(images).tolist() == [0, 12]
+    assert networks.rms(images).tolist() == [0, pytest.approx(12**0.5 * 1.0)]
+    assert networks.worst(networks.peak(images), ["first", "second"]) == (12, "second")
+    images[0] = np.nan
+    assert networks.worst(networks.peak(images), ["first", "second"])[1] == "first"
+    assert networks.rms(np.full((1, 3, 2, 2), 1e-30, np.float32))[0] == pytest.approx(1e-30)
+
+
+def test_box_is_the_mean_of_each_four():
+    images = np.arange(16, dtype=np.float32).reshape(1, 1, 4, 4)
+    assert networks.box(images).tolist() == [[[[2.5, 4.5], [10.5, 12.5]]]]
+
+
+def test_many_pictures_go_in_parts():
+    images = noise(networks.TOGETHER + 1, 3, 8, 8)
+    run = networks.raw("sparse-camera")
+    assert np.array_equal(run(images)[-1:], run(images[-1:]))
+
+
+def test_twins():
+    effort = Effort(("fast", "fast-int8", "gan"))
+    assert list(networks.twins(effort)) == [("fast", "fast-int8")]
+    assert list(networks.floats(effort)) == ["fast", "gan"]

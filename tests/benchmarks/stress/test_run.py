@@ -1,0 +1,138 @@
+import json
+import math
+
+import pytest
+
+from benchmarks.stress import run as stress
+from benchmarks.stress.case import Effort, Found, Skipped
+from models import processor
+from service.cli import main
+
+
+def good(effort):
+    yield Found("small enough", 2.0, 1.0, "here")
+    yield Skipped("torch", "needs torch: make setup-training")
+
+
+def broken(effort):
+    yield Found("too large", 1.0, math.inf, "there")
+
+
+def raises(effort):
+    yield Found("before", 1.0, 0.5)
+    raise ArithmeticError("first line\nsecond line")
+
+
+@pytest.fixture
+def cases(monkeypatch):
+    """Groups `fine` and `bad`, in place of all."""
+
+    class Module:
+        def __init__(self, *cases):
+            self.CASES = cases
+
+    modules = {"fine": Module(good), "bad": Module(raises, broken)}
+    monkeypatch.setattr(stress, "GROUPS", {name: name for name in modules})
+    monkeypatch.setattr(stress.importlib, "import_module", modules.__getitem__)
+
+
+def results(groups):
+    lines = []
+    found = stress.stress(groups, Effort(("fast",)), say=lines.append)
+    return found, lines
+
+
+def test_what_holds(cases):
+    found, lines = results(["fine"])
+    assert found["broken"] == 0
+    assert lines[1].startswith("ok       small enough")
+    assert lines[1].split()[-3:] == ["2", "1", "here"]
+    assert lines[2] == "skipped  torch: needs torch: make setup-training"
+    assert lines[-1].startswith("1 hold, 0 broken, 1 skipped")
+    assert [result["state"] for result in found["results"]] == ["ok", "skipped"]
+
+
+def test_what_breaks_and_what_raises_do_not_stop_the_others(cases):
+    found, lines = results(["bad", "fine"])
+    assert found["broken"] == 2
+    by_state = [(result["state"], result["case"]) for result in found["results"]]
+    assert by_state == [
+        ("ok", "raises"),
+        ("BROKEN", "raises"),
+        ("BROKEN", "broken"),
+        ("ok", "good"),
+        ("skipped", "good"),
+    ]
+    assert found["results"][1]["failure"] == "ArithmeticError: first line second line"
+    assert "ArithmeticError: first line second line" in lines[2]
+    assert "\n" not in lines[2]
+
+
+def test_json_has_no_infinity_but_says_what_it_was(cases):
+    found, _ = results(["bad"])
+    text = json.dumps(found, allow_nan=False)
+    assert [result["measured"] for result in json.loads(text)["results"]] == [0.5, None, None]
+    assert found["results"][1]["measured_word"] == "nan"
+    assert found["results"][2]["measured_word"] == "inf"
+    assert found["machine"]["cores"] >= 1
+
+
+def test_the_command(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(
+        stress, "outcomes", lambda group, case, effort: iter([stress.Outcome(group, "x", Found("x", 1, 0), 0)])
+    )
+    out = tmp_path / "results.json"
+    assert main(["stress", "--quick", "--only", "rounds", "--model", "fast", "--json", str(out)]) == 0
+    written = json.loads(out.read_text())
+    assert (written["quick"], written["models"], written["groups"]) == (True, ["fast"], ["rounds"])
+    assert "1 hold, 0 broken" in capsys.readouterr().out
+
+
+def test_the_command_ends_with_1_where_a_bound_breaks(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(
+        stress, "outcomes", lambda group, case, effort: iter([stress.Outcome(group, "x", Found("x", 1, 2), 0)])
+    )
+    out = tmp_path / "results.json"
+    with pytest.raises(SystemExit) as ended:
+        main(["stress", "--only", "rounds", "--model", "fast", "--json", str(out)])
+    assert ended.value.code == 1
+    assert json.loads(out.read_text())["broken"] == 1
+    assert "BROKEN" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "named"),
+    [
+        ("--only", "nothing", "geometry"),
+        ("--model", "bicubic", "fast"),
+        ("--json", "", "--json"),
+        ("--json", ".", "folder"),
+    ],
+)
+def test_options_are_checked_before_any_work(option, value, named, capsys):
+    assert main(["stress", option, value]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert named in line
+
+
+def test_int8_is_skipped_where_the_processor_gets_it_wrong(monkeypatch):
+    monkeypatch.setattr(processor, "against_int8", lambda: "this processor has no VNNI")
+    chosen, skipped = stress.chosen_models(["fast", "fast-int8"])
+    assert chosen == ("fast",)
+    assert [(each.what, "VNNI" in each.why) for each in skipped] == [("fast-int8", True)]
+
+
+def test_all_groups_have_cases_that_say_what_they_stress():
+    names = set()
+    for group, module in stress.GROUPS.items():
+        cases = stress.importlib.import_module(module).CASES
+        assert cases
+        assert all((case.__doc__ or "").strip() for case in cases)
+        names |= {(group, case.__name__) for case in cases}
+        assert len({case.__name__ for case in cases}) == len(cases)
+
+
+def test_the_page_explains_every_group():
+    page = (stress.catalogue.SHIPPED.parents[1] / "docs" / "numerics.md").read_text(encoding="utf-8")
+    assert [name for name in stress.GROUPS if f"`{name}`" not in page] == []
