@@ -1,8 +1,10 @@
+import re
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
 
+from models import catalogue
 from training import recipe as recipes
 
 SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
@@ -81,11 +83,27 @@ def test_every_field_is_documented(name):
     assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
 
 
+def legs(folder):
+    """The recipes that a checkpoint's folder comes from: its own, or those of a mean that a recipe's words make."""
+    said = " ".join(path.read_text(encoding="utf-8") for path in SHIPPED).replace("\\\n#", " ")
+    means = {
+        out: re.findall(r"runs/([\w-]+)/", of)
+        for of, out in re.findall(r"training\.average (.*?) -o runs/([\w-]+)/", said)
+    }
+    return [leg for name in means[folder] for leg in legs(name)] if folder in means else [folder]
+
+
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_a_shipped_recipe_goes_on_from_a_shipped_one(path):
+def test_a_shipped_recipe_goes_on_from_shipped_ones(path):
     """Of the same network; a slope shows in no weight, and only `fast-second` changes it on purpose."""
     this = recipes.read(path)
-    if this.initial:
-        before = recipes.read(path.with_name(f"{Path(this.initial).parent.name}.toml"))
+    for leg in legs(Path(this.initial).parent.name) if this.initial else []:
+        before = recipes.read(path.with_name(f"{leg}.toml"))
         assert (before.network, before.scale) == (this.network, this.scale)
         assert before.options == this.options or path.stem == "fast-second"
+
+
+@pytest.mark.parametrize("name", ["fast", "quality"])
+def test_what_ships_is_the_mean_that_its_recipe_makes(name):
+    averaged = catalogue.load(name).card.training.recipe["averaged"]
+    assert sorted(legs(f"{name}-shipped")) == sorted(leg for path in averaged for leg in legs(Path(path).parent.name))
