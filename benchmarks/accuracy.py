@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.bench.work import views
 from models import catalogue
 from models.baselines import Bicubic
 from models.metrics import luma, psnr
 from models.pixels import upscale_pixels
 from renderer.bundle import Bundle
 from renderer.scenes import SCENES
-from service.pipeline import reconstruct
 from service.request import Options
 from training.evaluate import upscaler
 
@@ -33,35 +33,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from renderer.pictures import Pixels
-    from service.report import Report
     from service.request import Sampling
     from service.source import Source
-
-
-class Kept:
-    """A sink that keeps the views."""
-
-    def __init__(self) -> None:
-        self.views: list[NDArray[np.uint8]] = []
-
-    def begin(self, count: int) -> None:
-        """Any number is fine."""
-
-    def add(self, view: tuple[int, int], pixels: Pixels) -> str:
-        """Keeps a view."""
-        self.views.append(pixels.astype(np.uint8))  # a rendered view has 8 bits
-        return f"{view}"
-
-    def finish(self, report: Report) -> None:
-        """Nothing is left to do."""
-
-
-def views(source: Source, options: Options) -> list[NDArray[np.uint8]]:
-    """The views that `options` ask for."""
-    sink = Kept()
-    reconstruct(source, options, sink)
-    return sink.views
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -91,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
         truth = views(source, asked)
         for sampling, rows in scores.items():
             as_seen = replace(asked, strategy="upscale", sampling=sampling, model="none", scale=1)
-            low = np.stack(views(source, as_seen))
+            low = views(source, as_seen)
             rows.append(np.array([score(upscale_pixels(model, low), truth) for model in (*models, above)]))
             write(name, sampling, [f"{value:.2f}" for value in rows[-1][:-1]])
     for sampling, rows in scores.items():
@@ -101,7 +74,7 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def score(made: Iterable[NDArray[np.uint8]], truth: Sequence[NDArray[np.uint8]]) -> float:
+def score(made: Iterable[NDArray[np.uint8]], truth: Iterable[NDArray[np.uint8]]) -> float:
     """Mean Y-PSNR in dB."""
     return float(np.mean([psnr(luma(a), luma(b), border=0) for a, b in zip(made, truth, strict=True)]))
 

@@ -68,22 +68,22 @@ class PreparedScene:
         u, v = hit["u"], hit["v"]
         return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
 
-    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Colour that each ray meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, alpha 1 where it does.
+    def cast(self, origins: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Colour that each of parallel rays meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, else alpha 1.
 
-        `origins` and `directions`: `(n, 3)`, in the scene's coordinates. Surfaces closer than `STEP` behind one that
-        was cut away are passed with it.
+        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. Surfaces closer than `STEP` behind one
+        that was cut away are passed with it.
         """
         # From far away float32 would not aim so well: rays start where they enter the sphere about the scene.
-        squared = np.einsum("ni,ni->n", directions, directions)
-        nearest = np.einsum("ni,ni->n", self._middle - origins, directions) / squared
-        entry = np.maximum(nearest - self._radius / np.sqrt(squared), 0.0)
-        starts, along = self._placed(origins + entry[:, None] * directions), directions.astype(np.float32)
-        passed = np.zeros((len(origins), 1), np.float32)
+        squared = float(direction @ direction)
+        entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
+        starts = self._placed(origins + np.maximum(entry, 0.0)[:, None] * direction)
+        along = np.broadcast_to(direction.astype(np.float32), starts.shape)
+        onset, passed = starts, np.zeros((len(origins), 1), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
         alive = np.arange(len(origins))
         for _ in range(MAX_LAYERS):
-            triangle, weights, distance = self._first_hits(starts + along * passed, along)
+            triangle, weights, distance = self._first_hits(onset, along)
             hit = triangle >= 0
             color, there = self._shade(triangle[hit], weights[hit])
             rgba[alive[hit][there], :3] = color[there]
@@ -93,6 +93,7 @@ class PreparedScene:
             onward = np.flatnonzero(hit)[~there]
             passed = passed[onward] + distance[onward, None] + np.float32(STEP)
             alive, starts, along = alive[onward], starts[onward], along[onward]
+            onset = starts + along * passed
         return rgba
 
     def _shade(
@@ -138,7 +139,7 @@ class RaytraceBackend:
             for start in range(0, len(rgba), RAYS_AT_ONCE):
                 row, col = np.divmod(np.arange(start, min(start + RAYS_AT_ONCE, len(rgba))), fine.cols)
                 origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
-                colors = prepared.cast(origins, np.broadcast_to(direction, origins.shape))
+                colors = prepared.cast(origins, direction)
                 rgba[start : start + RAYS_AT_ONCE] = colors * 255.0 + 0.5
             rgba[rgba[:, 3] == 0, :3] = background
             yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)

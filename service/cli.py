@@ -113,7 +113,7 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--out", default="bench-out", metavar="DIR", help="folder for the results (default bench-out)"
     )
     add.add_argument("--lenses", nargs="+", default=[], metavar="N", help="of arrays N x N in front of a mesh")
-    add.add_argument("--rounds", metavar="N", help="times that each job is run (default 9, with --quick 3)")
+    add.add_argument("--rounds", metavar="N", help="times that each job is run (default 11, with --quick 3)")
     add.add_argument("--only-views", action="store_true", help="leave out EIAs, inference engines and growth")
     add.add_argument("--quick", action="store_true", help="one scene, two lens arrays: a few minutes")
     _add_options(add, ("pixels", "pickup"))

@@ -22,7 +22,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from tqdm import tqdm
 
-from training.pictures import read_rgb
+from training.pictures import find, read_rgb
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -115,12 +115,14 @@ def gather(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[
     """Writes the tiles of up to `at_most` different pictures of each folder as PNG into `out`; how many tiles.
 
     `apart`: folders of test pictures; what looks like one of them is left out. Which pictures are taken depends on the
-    files' contents and places alone. Raises `ValueError` where nothing was found.
+    files' contents and places alone. Raises `ValueError` where a folder holds no picture or two have one name.
     """
     Image.MAX_IMAGE_PIXELS = 2**29
     out.mkdir(parents=True, exist_ok=True)
-    tested = [path for of in apart for path in sorted(of.glob("*HR.png"))]
+    tested = [path for of in apart for path in find(of) if not path.name.endswith("_LR.png")]
     known = [thumbnail(read_rgb(path)) for path in tested]
+    if len({folder.resolve().name for folder in folders}) < len(folders):
+        raise ValueError("two folders have the same name, after which tiles are called; rename one")
     written = 0
     for folder in folders:
         places = list(pictures(folder))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
     from benchmarks.bench.growth import Line
     from benchmarks.bench.results import Point, Result
@@ -32,7 +33,7 @@ COLOURS = ("#0b63b5", "#d55e00", "#1b8a5a", "#b0006e", "#6b6b6b", "#a07800")
 
 
 def pareto(points: Sequence[Point], path: Path, *, title: str) -> None:
-    """Time against error, a panel for each sampling (across) and count of lenses (down), the frontier drawn.
+    """Time against error, a panel for each sampling (across) and its counts of lenses (down), the frontier drawn.
 
     `points`: means over scenes. The line joins the methods that
     need no mesh and that no other beats in both.
@@ -40,18 +41,19 @@ def pareto(points: Sequence[Point], path: Path, *, title: str) -> None:
     from matplotlib.figure import Figure
 
     across = sorted({point.sampling for point in points}, reverse=True)
-    down = sorted({point.lenses for point in points})
+    counts = {sampling: sorted({p.lenses for p in points if p.sampling == sampling}) for sampling in across}
+    down = range(max(len(some) for some in counts.values()))
     figure = Figure(figsize=(8.2 * len(across), 5.0 * len(down) + 0.9), layout="constrained", facecolor="white")
     panels = figure.subplots(len(down), len(across), squeeze=False)
-    for row, lenses in enumerate(down):
+    for row in down:
         for column, sampling in enumerate(across):
-            here = [point for point in points if point.sampling == sampling and point.lenses == lenses]
             panel = panels[row][column]
-            panel.set_title(f"{lenses} lenses, {sampling}", fontsize=12, color=INK)
-            if here:
-                _panel(panel, here)
-            else:
+            if row >= len(counts[sampling]):
                 panel.set_axis_off()
+                continue
+            lenses = counts[sampling][row]
+            panel.set_title(f"{lenses} lenses, {sampling}", fontsize=12, color=INK)
+            _panel(panel, [point for point in points if point.sampling == sampling and point.lenses == lenses])
     figure.suptitle(title, fontsize=13, color=INK)
     figure.savefig(path, dpi=80)
 
@@ -64,7 +66,7 @@ def _panel(panel: Axes, points: Sequence[Point]) -> None:
     heights = {point.method: point.rmse if point.kind != DIRECT else edge for point in points}
     panel.set_xscale("log")
     panel.set_yscale("log")
-    panel.set_xlim(left / 1.15, right * (right / left) ** 0.75 * 1.5)
+    panel.set_xlim(left / 1.15, right * (right / left) ** 0.6 * 1.6)
     panel.set_ylim(edge * (low / high) ** 0.05, high * (high / low) ** 0.1)
     best = frontier(points)
     panel.step(
@@ -83,9 +85,16 @@ def _panel(panel: Axes, points: Sequence[Point]) -> None:
     panel.grid(visible=True, which="both", color="#e8e8e8", linewidth=0.6)
     panel.spines[["top", "right"]].set_visible(False)
     for axis in (panel.xaxis, panel.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}")
-        axis.set_tick_params(which="minor", labelsize=7)
+        _round_ticks(axis)
+
+
+def _round_ticks(axis: Axis) -> None:
+    """1, 2, 5, 10, 20, ...: a logarithmic axis that can be read over less than a decade too."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _label(
@@ -133,7 +142,7 @@ def growth(lines: Sequence[Line], path: Path, *, title: str) -> None:
         panel.set_ylabel("milliseconds", color=INK)
         panel.set_xticks(some[0].counts, [f"{count:,}" for count in some[0].counts], rotation=30, fontsize=8)
         panel.minorticks_off()
-        panel.yaxis.set_major_formatter("{x:g}")
+        _round_ticks(panel.yaxis)
         panel.grid(visible=True, color="#e8e8e8", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
         panel.legend(fontsize=8, frameon=False)

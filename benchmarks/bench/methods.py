@@ -52,6 +52,12 @@ class Method:
         """What comes out, `(n, H, W, 3)`, for the views of `work.truth`."""
         return views(work.source, replace(work.options, **self.options))
 
+    def backend(self, work: Work) -> str | None:
+        """What renders the mesh: `auto` goes by triangles and samples."""
+        asked = replace(work.options, views="center", **self.options)
+        found: str | None = reconstruct(work.source, asked, FileSink(io.BytesIO(), None))["plan"]["backend"]
+        return found
+
     def job(self, work: Work) -> dict[str, float]:
         """One whole job, the centre view from bytes to encoded PNG: milliseconds of each stage and of all by the
         wall clock (`total`)."""

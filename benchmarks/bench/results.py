@@ -33,6 +33,8 @@ class Result:
     on_object: dict[str, Error] = field(default_factory=dict)
     """On the object alone; empty where there is none."""
     times: dict[str, Times] = field(default_factory=dict)
+    backends: dict[str, str | None] = field(default_factory=dict)
+    """What rendered the mesh; None where nothing did."""
     faults: dict[str, str] = field(default_factory=dict)
     """Method -> why it has no result."""
 
@@ -68,6 +70,7 @@ def measured(work: Work, methods: Sequence[Method], rounds: int) -> Result:
         result.errors[method.name] = compare(made, work.truth)
         if work.object is not None and work.object.any():
             result.on_object[method.name] = compare(made, work.truth, work.object)
+        result.backends[method.name] = method.backend(work)
     jobs = {method.name: partial(method.job, work) for method in able}
     result.times = in_turns(jobs, rounds, reference=PAPER)
     return result
@@ -81,7 +84,7 @@ def points(results: Sequence[Result], methods: Sequence[Method]) -> list[Point]:
             here = [r for r in results if r.work.sampling == sampling and r.work.lenses[0] == lenses]
             for method in methods:
                 some = [result for result in here if method.name in result.times]
-                if some:
+                if some and len(some) == len(here):  # a mean without the scenes that failed would flatter
                     times = [math.log(result.times[method.name].median) for result in some]
                     errors = [result.errors[method.name].rmse ** 2 for result in some]
                     time, rmse = math.exp(float(np.mean(times))), float(np.mean(errors)) ** 0.5
@@ -103,6 +106,7 @@ def as_rows(results: Sequence[Result], methods: Sequence[Method]) -> list[dict[s
                 "sampling": work.sampling,
                 "method": method.name,
                 "kind": method.kind,
+                "backend": result.backends.get(method.name),
                 "gmacs": None
                 if method.macs_per_output_pixel is None
                 else method.macs_per_output_pixel * 4 * work.lenses[0] * work.lenses[1] / 1e9,

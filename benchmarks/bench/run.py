@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from benchmarks.bench.work import Work
     from service.request import Sampling
     from service.source import Source
 
 LENSES = (25, 50, 100, 200)
-ROUNDS = 9
+ROUNDS = 11
 CROP_COLUMNS = ("nearest", "bicubic", "paper", "fast-int8", "fast", "quality", "gan")
 
 
@@ -74,11 +75,12 @@ def bench(asked: Asked, out: Path) -> dict[str, Any]:
     }
     rows = as_rows(results, every)
     lines = _heading(found)
-    lines += ["## One view, from bytes to PNG", "", _explained(asked), ""]
+    lines += ["## One view, from bytes to PNG", "", _explained(asked, [result.work for result in results]), ""]
     lines += tables.main_tables(rows, {method.name: method.what for method in every})
     lines += [f"- `{name}`: left out: {why}" for name, why in missing.items()]
     own = _alone(asked, every, results)
-    lines += ["", "## In a process of its own", "", OWN, "", *tables.alone_table(own)]
+    if own:
+        lines += ["", "## In a process of its own", "", OWN, "", *tables.alone_table(own)]
     means = points(results, every)
     out.mkdir(parents=True, exist_ok=True)
     title = f"x{SCALE} from the views of a lens array; mean of {', '.join(asked.sources)}; {_machine(found)}"
@@ -121,7 +123,12 @@ def _alone(asked: Asked, every: Sequence[Method], results: Sequence[Result]) -> 
     for work in tqdm(works_, disable=None, unit="array", desc="processes", file=sys.stderr):
         of = found.setdefault(f"{work.name}, {work.lenses[0]}x{work.lenses[1]}", {})
         for method in every:
-            options = {"lenses": work.lenses, "pixels": PIXELS, "sampling": work.sampling, **method.options}
+            options = {
+                "lenses": work.lenses,
+                "pixels": work.options.pixels,
+                "sampling": work.sampling,
+                **method.options,
+            }
             try:
                 of[method.name] = alone(asked.places[work.name], options)
             except RuntimeError as fault:
@@ -164,17 +171,26 @@ ENGINES = (
     "generator in torch (eager, as its authors would run it), or in onnxruntime where torch is absent. Differences are "
     "to the float network in onnxruntime: an int8 twin's are what int8 costs on this picture at its worst pixel."
 )
-GROWTH = "Exponents: the power law through the upper half of the counts, where start-up costs weigh least."
+GROWTH = (
+    "Views are of scene:hamburger with one sample a pixel, threads those of one call. Exponents: the power law through "
+    "the upper half of the counts, where start-up costs weigh least."
+)
 
 
-def _explained(asked: Asked) -> str:
+def _explained(asked: Asked, works: Sequence[Work]) -> str:
+    truths = {
+        "mesh": "the view of an array with half the pitch, each pixel the mean of 4x4 rays over its own cell",
+        "light field": "the given views themselves, which were halved to make the input (`lenslet`: the mean of 2x2 "
+        "pixels; `pinhole`: points, of views at half size)",
+    }
+    truth = "; ".join(words for kind, words in truths.items() if any(work.kind == kind for work in works))
     return (
-        f"Milliseconds: medians of {asked.rounds} rounds in which methods take turns in one warm process: decoding or "
-        "rendering, upscaling and PNG together (`upscale ms`: the network alone). x paper's: how many times faster the "
-        "whole job is than with the paper's generator in float onnxruntime. Errors are on Y, against the view of an "
-        "array with half the pitch, cast by rays: PSNR in dB, SSIM, and the mean length of the gradients' difference "
-        "(all pixels / the worst 1 %, levels a pixel), over five views. Means over the inputs; of PSNR without what is "
-        "exact."
+        f"Milliseconds: medians of {asked.rounds} round(s) in which methods take turns in one warm process: decoding "
+        "or rendering (`by`: what `auto` took), upscaling and PNG together; `upscale ms`: the network alone. x paper's: "
+        "how many times faster the whole job is than with the paper's generator in float onnxruntime. Errors are on Y, "
+        f"against {truth}: PSNR in dB, SSIM, and the mean length of the gradients' difference (all pixels / the worst "
+        "1 %, levels a pixel), over five views. Arithmetic means over the inputs, of PSNR without what is exact; "
+        "pareto.png has geometric means of times and root mean squares of errors."
     )
 
 

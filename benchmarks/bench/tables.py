@@ -53,6 +53,7 @@ def mean(values: Sequence[float | None]) -> float | None:
 
 MAIN = (
     "method",
+    "by",
     "ms (quartiles)",
     "upscale ms",
     "x paper's",
@@ -93,9 +94,11 @@ def main_tables(rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, str]) -> 
                 else "-"
                 for where in ("all", "object")
             ]
+            backends = ", ".join(dict.fromkeys(row["backend"] or "-" for row in some))
             body.append(
                 (
-                    f"`{method}`", times, number(got["ms_upscale"], 1) if got["ms_upscale"] else "-",
+                    f"`{method}`", backends, times,
+                    number(got["ms_upscale"], 1) if got["ms_upscale"] else "-",
                     number(got["times_faster_than_paper"], 2), number(got["gmacs"], 2) if got["gmacs"] else "-",
                     errors[0], errors[1], slopes[0], errors[2], errors[3], slopes[1],
                 )

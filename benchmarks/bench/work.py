@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SCALE = 2
 PIXELS = (15, 15)
-"""Under each lens of a mesh."""
+"""Under each lens of a mesh where nothing else is asked for."""
 LEAST = 4
 """Pixels: shorter views of a light field can't be halved for a `pinhole` array."""
 SAMPLINGS: tuple[Sampling, ...] = ("pinhole", "lenslet")
@@ -90,19 +90,21 @@ def works(
     """Each piece of work that `source` gives: of a mesh one for each count of `lenses` and sampling; of an elemental
     image array or a set of views one for each sampling, at half its own resolution.
 
-    `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`). Raises the input faults of
-    `renderer.errors`.
+    `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`); a mesh is seen through its `pixels`.
+    Raises the input faults of `renderer.errors`.
     """
     if isinstance(Input(source).read(array), Scene):
         for count in lenses:
-            yield from _of_mesh(source, name, count, samplings)
+            yield from _of_mesh(source, name, count, samplings, array.pixels or PIXELS)
     else:
         yield from _of_light_field(source, name, samplings, array)
 
 
-def _of_mesh(source: Source, name: str, count: int, samplings: Sequence[Sampling]) -> Iterator[Work]:
+def _of_mesh(
+    source: Source, name: str, count: int, samplings: Sequence[Sampling], pixels: tuple[int, int]
+) -> Iterator[Work]:
     """The truth is cast by rays, the exact reference."""
-    options = Options(lenses=(count, count), pixels=PIXELS, views="cross", scale=SCALE)
+    options = Options(lenses=(count, count), pixels=pixels, views="cross", scale=SCALE)
     direct = replace(options, strategy="direct", backend="raytrace")
     truth = views(source, direct)
     on_white = views(source, replace(direct, background=(255, 255, 255)))

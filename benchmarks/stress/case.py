@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -24,7 +23,7 @@ class Found:
     @property
     def holds(self) -> bool:
         """Whether the bound holds."""
-        return not math.isnan(self.measured) and self.measured <= self.bound
+        return bool(self.measured <= self.bound)  # NaN is not; numpy's own truth is no JSON
 
 
 @dataclass(frozen=True)

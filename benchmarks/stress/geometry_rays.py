@@ -77,6 +77,6 @@ def by_embree(scene: Scene) -> Sight:
     prepared = PreparedScene(scene)
 
     def sight(origins: Values, direction: Values) -> Values:
-        return prepared.cast(origins, np.broadcast_to(direction, origins.shape)).astype(np.float64) * 255.0
+        return prepared.cast(origins, direction).astype(np.float64) * 255.0
 
     return sight

@@ -68,9 +68,11 @@ def _conv(inputs: Inputs, attributes: Attributes) -> Tensor:
     image, weight, *bias = inputs
     top, left, bottom, right = attributes["pads"]
     _check(attributes["dilations"], [1, 1], "Conv: dilations")
-    padded = functional.pad(image, (left, right, top, bottom))
-    stride = attributes["strides"]
-    return functional.conv2d(padded, weight, bias[0] if bias else None, stride, groups=attributes["group"])
+    own = (top, left)
+    if own != (bottom, right):  # torch's own padding is quicker, and the same at both ends
+        image, own = functional.pad(image, (left, right, top, bottom)), (0, 0)
+    stride, groups = attributes["strides"], attributes["group"]
+    return functional.conv2d(image, weight, bias[0] if bias else None, stride, own, groups=groups)
 
 
 def _conv_transpose(inputs: Inputs, attributes: Attributes) -> Tensor:

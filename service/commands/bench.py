@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 def run(args: argparse.Namespace) -> None:
     """Measures and writes; says where."""
     to = out.folder(args.out, what="the results")
+    if to.is_file():
+        raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
     asked = _asked(args)
     from benchmarks.bench.run import bench
 
@@ -44,7 +46,7 @@ def _asked(args: argparse.Namespace) -> Asked:
         sources: dict[str, Source] = {name: common.source(text) for name, text in places.items()}
         asked = replace(asked, sources=sources, places=places)
     if args.lenses:
-        asked = replace(asked, lenses=_counts("--lenses", args.lenses, 1, 1000))
+        asked = replace(asked, lenses=_counts("--lenses", args.lenses, 2, 1000))
     if args.rounds is not None:
         asked = replace(asked, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
     if args.only_views:

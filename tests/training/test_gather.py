@@ -84,6 +84,12 @@ def test_each_picture_is_taken_once_and_test_pictures_never(tmp_path, capsys):
 def test_faults_are_one_line(tmp_path, capsys):
     with pytest.raises(ValueError, match="no picture of 160 pixels or more"):
         gather.gather([tmp_path], tmp_path / "out", at_most=1)
+    with pytest.raises(ValueError, match="no picture in it"):  # a guard that guards nothing is a fault
+        gather.gather([tmp_path], tmp_path / "out", at_most=1, apart=[tmp_path])
+    (tmp_path / "a" / "images").mkdir(parents=True)
+    (tmp_path / "b" / "images").mkdir(parents=True)
+    with pytest.raises(ValueError, match="two folders have the same name"):
+        gather.gather([tmp_path / "a" / "images", tmp_path / "b" / "images"], tmp_path / "out", at_most=1)
     with pytest.raises(SystemExit):
         gather.main([str(tmp_path / "gone"), "-o", str(tmp_path / "out")])
     assert "gone: no such folder" in capsys.readouterr().err

@@ -60,8 +60,12 @@ def test_a_method_that_fails_is_printed_as_such():
     assert rows[1]["ms_median"] is None
     text = "\n".join(tables.main_tables(rows, {"nearest": "", "gone": ""}))
     assert "not computed: UnknownModel" in text
-    assert "| `gone` | not computed" in text
+    assert "| `gone` | - | not computed" in text
     assert [p.method for p in points([result], methods)] == ["nearest"]
+    whole = measured(work, methods[:1], 1)
+    whole.times["gone"], whole.errors["gone"] = whole.times["nearest"], whole.errors["nearest"]
+    # Where it failed on one of two, a mean over the other would flatter.
+    assert [p.method for p in points([result, whole], methods)] == ["nearest"]
 
 
 def test_exponents_are_of_the_upper_half():
