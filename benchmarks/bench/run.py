@@ -186,7 +186,7 @@ def _explained(asked: Asked, works: Sequence[Work]) -> str:
     truth = "; ".join(words for kind, words in truths.items() if any(work.kind == kind for work in works))
     return (
         f"Milliseconds: medians of {asked.rounds} round(s) in which methods take turns in one warm process: decoding "
-        "or rendering (`by`: what `auto` took), upscaling and PNG together; `upscale ms`: the network alone. x paper's: "
+        "or rendering (`by`: what `auto` took), upscaling and PNG together; `upscale ms`: the network. x paper's: "
         "how many times faster the whole job is than with the paper's generator in float onnxruntime. Errors are on Y, "
         f"against {truth}: PSNR in dB, SSIM, and the mean length of the gradients' difference (all pixels / the worst "
         "1 %, levels a pixel), over five views. Arithmetic means over the inputs, of PSNR without what is exact; "
