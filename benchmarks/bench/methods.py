@@ -7,7 +7,9 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.bench.work import SCALE, views
+import numpy as np
+
+from benchmarks.bench.work import SCALE, Kept
 from models import catalogue
 from service.outputs import FileSink
 from service.pipeline import reconstruct
@@ -15,7 +17,6 @@ from service.pipeline import reconstruct
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from benchmarks.bench.work import Work
@@ -48,15 +49,12 @@ class Method:
         """Whether it can do this work."""
         return work.kind == "mesh" or self.kind != "direct rendering"
 
-    def pictures(self, work: Work) -> NDArray[np.uint8]:
-        """What comes out, `(n, H, W, 3)`, for the views of `work.truth`."""
-        return views(work.source, replace(work.options, **self.options))
-
-    def backend(self, work: Work) -> str | None:
-        """What renders the mesh: `auto` goes by triangles and samples."""
-        asked = replace(work.options, views="center", **self.options)
-        found: str | None = reconstruct(work.source, asked, FileSink(io.BytesIO(), None))["plan"]["backend"]
-        return found
+    def made(self, work: Work) -> tuple[NDArray[np.uint8], str | None]:
+        """What comes out, `(n, H, W, 3)`, for the views of `work.truth`; and what rendered a mesh, which `auto` chooses
+        by triangles and samples."""
+        sink = Kept()
+        reconstruct(work.source, replace(work.options, **self.options), sink)
+        return np.stack(sink.views), sink.report["plan"]["backend"]
 
     def job(self, work: Work) -> dict[str, float]:
         """One whole job, the centre view from bytes to encoded PNG: milliseconds of each stage and of all by the

@@ -61,7 +61,7 @@ def measured(work: Work, methods: Sequence[Method], rounds: int) -> Result:
         if not method.suits(work):
             continue
         try:
-            made = method.pictures(work)
+            made, backend = method.made(work)
         except Exception as fault:  # noqa: BLE001 - whatever it is, it is printed in the place of the result
             result.faults[method.name] = f"{type(fault).__name__}: {fault}"
             continue
@@ -70,7 +70,7 @@ def measured(work: Work, methods: Sequence[Method], rounds: int) -> Result:
         result.errors[method.name] = compare(made, work.truth)
         if work.object is not None and work.object.any():
             result.on_object[method.name] = compare(made, work.truth, work.object)
-        result.backends[method.name] = method.backend(work)
+        result.backends[method.name] = backend
     jobs = {method.name: partial(method.job, work) for method in able}
     result.times = in_turns(jobs, rounds, reference=PAPER)
     return result

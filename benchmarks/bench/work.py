@@ -54,10 +54,11 @@ class Work:
 
 
 class Kept:
-    """A sink that keeps the views, 8-bit RGB."""
+    """A sink that keeps the views, 8-bit RGB, and the report."""
 
     def __init__(self) -> None:
         self.views: list[NDArray[np.uint8]] = []
+        self.report: Report = {}
 
     def begin(self, count: int) -> None:
         """Any number is fine."""
@@ -69,7 +70,8 @@ class Kept:
         return f"{view}"
 
     def finish(self, report: Report) -> None:
-        """Nothing is left to do."""
+        """Keeps the report."""
+        self.report = report
 
 
 def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

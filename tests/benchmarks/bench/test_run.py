@@ -41,6 +41,13 @@ def test_json_holds_the_same_and_is_strict(done):
     assert math.isfinite(found["seconds"])
 
 
+def test_rows_say_what_rendered_them(done):
+    """`auto` casts so few rays; only what asks for OpenGL by name gets it."""
+    assert {(row["method"] == "direct-raster", row["backend"]) for row in done[0]["rows"]} == {
+        (True, "raster"), (False, "raytrace"),
+    }  # fmt: skip
+
+
 def test_the_paper_is_the_unit_of_the_ratios(done):
     rows = done[0]["rows"]
     assert {row["times_faster_than_paper"] for row in rows if row["method"] == "paper"} == {1.0}

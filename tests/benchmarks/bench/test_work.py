@@ -41,8 +41,8 @@ def test_a_mesh_gives_one_work_for_each_count_and_sampling():
 def test_direct_rays_are_the_truth_and_nearest_is_the_view_itself():
     work = next(works("vase", "vase", lenses=(8,), array=Options()))
     by_name = {method.name: method for method in methods()[0]}
-    np.testing.assert_array_equal(by_name["direct-rays"].pictures(work), work.truth)
-    nearest = by_name["nearest"].pictures(work)
+    np.testing.assert_array_equal(by_name["direct-rays"].made(work)[0], work.truth)
+    nearest = by_name["nearest"].made(work)[0]
     np.testing.assert_array_equal(nearest[:, ::2, ::2], nearest[:, 1::2, 1::2])
 
 
@@ -53,7 +53,7 @@ def test_a_light_field_is_its_own_truth():
     np.testing.assert_array_equal(lenslet.truth[2], views[1, 1])  # cross: upper, left, centre, ...
     np.testing.assert_array_equal(lenslet.truth[0], views[0, 1])
     nearest = next(method for method in methods()[0] if method.name == "nearest")
-    low = nearest.pictures(lenslet)[2, ::2, ::2].astype(float)
+    low = nearest.made(lenslet)[0][2, ::2, ::2].astype(float)
     mean = views[1, 1].astype(float).reshape(12, 2, 10, 2, 3).mean((1, 3))
     assert np.abs(low - mean).max() <= 0.5  # rounded to the nearest
 
