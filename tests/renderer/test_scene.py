@@ -1,0 +1,29 @@
+"""What a scene says of itself: its extent and its triangles, and how it moves."""
+
+import numpy as np
+
+from renderer.scene import Part, Scene
+
+SQUARE = np.array([[0, 0, 0], [2, 0, -1], [0, 3, 0], [2, 3, -1]], float)
+FACES = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+
+
+def part(vertices):
+    return Part(vertices, FACES, np.ones((len(vertices), 4), np.float32))
+
+
+def test_bounds_are_of_the_vertices_that_triangles_use():
+    # Files hold control points and left-overs far from the object: it would be framed as a speck.
+    stray = part(np.concatenate([SQUARE, [[-50.0, 0, 0], [0, 0, 900]]]))
+    np.testing.assert_array_equal(Scene((stray,)).bounds(), [[0, 0, -1], [2, 3, 0]])
+    np.testing.assert_array_equal(Scene((stray, part(SQUARE + 1))).bounds(), [[0, 0, -1], [3, 4, 1]])
+
+
+def test_triangles_are_those_of_all_parts():
+    assert Scene((part(SQUARE), part(SQUARE))).triangles == 4
+
+
+def test_what_is_moved_has_moved_bounds():
+    matrix = np.diag([2.0, 2, 2, 1])
+    matrix[:3, 3] = (1, 0, -5)
+    np.testing.assert_array_equal(Scene((part(SQUARE),)).transformed(matrix).bounds(), [[1, 0, -7], [5, 6, -5]])
