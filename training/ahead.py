@@ -12,11 +12,16 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    Batch = tuple[Tensor, Tensor]
+    from training.run import Inputs
+
+    Batch = tuple[Inputs, Tensor]
+    """What the network takes, and what it should make of it."""
 
 
-def batches(at: Callable[[int], Batch], start: int, stop: int, *, threads: int) -> Generator[Batch]:
+def batches(at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0) -> Generator[Batch]:
     """`at(start)`, `at(start + 1)`, ... up to `stop`, in order, with `threads` of them in the making; 0: none is.
+
+    `ready`: how many may wait for their turn, where some take longer than others.
 
     `at` must depend on its argument alone, as `training.data.Crops.at` does: threads then change nothing but the time.
     """
@@ -27,7 +32,7 @@ def batches(at: Callable[[int], Batch], start: int, stop: int, *, threads: int) 
         coming: deque[Future[Batch]] = deque()
         for step in range(start, stop):
             coming.append(pool.submit(at, step))
-            if len(coming) > threads:
+            if len(coming) > max(threads, ready):
                 yield coming.popleft().result()
         while coming:
             yield coming.popleft().result()

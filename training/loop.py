@@ -10,15 +10,21 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from training import validation
+from training import validation, view_validation
 from training.ahead import batches
 from training.data import Crops
 from training.interrupt import Interrupts, Stopped
 from training.logs import Log, Means
 from training.progress import Progress
 from training.run import Run, learning_rate
+from training.view_crops import USES, ViewCrops
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from torch import nn
+
+    from training.ahead import Batch
     from training.recipe import Recipe
 
 THREADS = {"cpu": 0, "cuda": 8}
@@ -47,7 +53,7 @@ def train(recipe: Recipe, out: Path) -> Path:
         run.start_from(Path(recipe.initial))
     if run.step == recipe.steps:
         return checkpoint
-    pairs, crops = validation.pairs(Path(recipe.validate), recipe.scale), _crops(recipe)
+    score, batch_of = _task(recipe)
 
     out.mkdir(parents=True, exist_ok=True)
     tell(recipe, run.step)
@@ -55,7 +61,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     since, at = time.monotonic(), run.step
     with (
         Progress(run.step, recipe.steps, run.psnr) as progress,
-        closing(batches(crops.at, run.step, recipe.steps, threads=THREADS[run.device.type])) as coming,
+        closing(batches(batch_of, run.step, recipe.steps, **_ahead(recipe, run))) as coming,
         Interrupts() as interrupts,
     ):
         for low, high in coming:
@@ -67,7 +73,7 @@ def train(recipe: Recipe, out: Path) -> Path:
             if due:
                 row = means.take()  # waits for the GPU
                 pace = (time.monotonic() - since) / (run.step - at)
-                run.psnr = validation.validate(run.average, pairs, recipe.scale)
+                run.psnr = score(run.average)
                 row |= {"step": run.step, "learning_rate": learning_rate(recipe, run.step - 1), "psnr": run.psnr}
                 log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
                 progress.validated(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
@@ -92,6 +98,33 @@ def tell(recipe: Recipe, step: int) -> None:
             f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never comes to learning_rate",
             file=sys.stderr,
         )
+
+
+def _ahead(recipe: Recipe, run: Run) -> dict[str, int]:
+    """Scenes are made by a thread of their own, on a CPU too: that is as much work as the network's, in blocks."""
+    threads = THREADS[run.device.type]
+    return {"threads": max(1, threads), "ready": 2 * USES} if recipe.light_field else {"threads": threads}
+
+
+def _task(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
+    """How a network is scored while it is trained, and the batch of a step."""
+    if recipe.light_field:
+        fields = view_validation.fields(Path(recipe.validate), recipe.scale)
+        return lambda network: view_validation.validate(network, fields), _view_crops(recipe).at
+    pairs = validation.pairs(Path(recipe.validate), recipe.scale)
+    return lambda network: validation.validate(network, pairs, recipe.scale), _crops(recipe).at
+
+
+def _view_crops(recipe: Recipe) -> ViewCrops:
+    return ViewCrops(
+        Path(recipe.train),
+        crop=recipe.crop,
+        scale=recipe.scale,
+        batch=recipe.batch,
+        seed=recipe.seed,
+        degradations=recipe.degradations,
+        meshes=recipe.meshes,
+    )
 
 
 def _crops(recipe: Recipe) -> Crops:

@@ -13,14 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 from tqdm import tqdm
 
+from models.windows import SIDE as SIDE_OF_WINDOW
 from renderer import inputs, meshes
 from renderer.bundle import Bundle
 from renderer.framing import frame
 from renderer.kinds import MESHES
 from renderer.lens_array import LensArray
-from training.rendered import SIDE, seen
+from renderer.raytrace import RaytraceBackend
+from training.field import Field
+from training.layered import LUMA
+from training.rendered import SAMPLES, SIDE, seen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,6 +89,32 @@ def pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Seen, Seen
     all_seen = seen(placed, array, views, background=(red, green, blue), scale=scale)
     pinhole, lenslet, truth = (_side_by_side(np.stack(of)) for of in zip(*all_seen, strict=True))
     return (pinhole, truth), (lenslet, truth)
+
+
+def window(mesh: Scene, *, seed: int, index: int) -> Field:
+    """Light field number `index`: what arrays of 48x48 and 96x96 lenses see of the mesh by 5x5 neighbouring pixels, and
+    the truth of the middle one.
+    """
+    random = np.random.default_rng((seed, index, 3))
+    side = LENSES[1 + index % 2]
+    array = LensArray(side, side, PIXELS, PIXELS)
+    placed = mesh.transformed(turned(random))
+    nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
+    placed = placed.transformed(nearer @ frame(placed, array))
+    top, left = (int(number) for number in random.integers(0, PIXELS - SIDE_OF_WINDOW + 1, 2))
+    views = [(top + v, left + u) for v in range(SIDE_OF_WINDOW) for u in range(SIDE_OF_WINDOW)]
+    red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
+    middle = len(views) // 2
+    colours, lumas = {}, {}
+    backend = RaytraceBackend()
+    for kind, samples in (("pinhole", 1), ("lenslet", SAMPLES)):
+        made = backend.views(placed, array, views, samples=samples, background=(red, green, blue))
+        pictures = np.stack([view[..., :3] for view in made])
+        colours[kind] = torch.from_numpy(pictures[middle].copy()).permute(2, 0, 1)
+        lumas[kind] = torch.from_numpy(np.rint(pictures @ np.array(LUMA)).astype(np.uint8))
+    fine = backend.views(placed, array.refined(2), [views[middle]], samples=SAMPLES, background=(red, green, blue))
+    high = torch.from_numpy(next(fine)[..., :3].copy()).permute(2, 0, 1)
+    return Field(lumas, colours, high)
 
 
 def _side_by_side(views: NDArray[np.uint8]) -> NDArray[np.uint8]:

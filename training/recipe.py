@@ -61,6 +61,10 @@ class Recipe:
     """Largest standard deviation of a Gaussian blur of LR, in LR pixels; each crop draws its own up to it."""
     jpeg: int = 0
     """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own from it up; 0: none does."""
+    light_field: bool = False
+    """Whether the network upscales a view with the help of those around it: `train` then holds the textures of layered
+    scenes (`training.view_crops`), `validate` the views of a light field; `scenes`, `noise`, `blur`, `jpeg` play no
+    part."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""

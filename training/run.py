@@ -19,9 +19,14 @@ from training.networks import make
 from training.objective import Objective
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from torch import Tensor, nn
 
     from training.recipe import Recipe
+
+    Inputs = Tensor | tuple[Tensor, ...]
+    """A picture, or all that a network takes where that is more."""
 
 LOOK_EVERY = {"cpu": 1, "cuda": 50}
 """Steps between looks at the loss: each makes the CPU wait for the GPU."""
@@ -45,16 +50,17 @@ class Run:
         self.objective = Objective(recipe, self.device)
         self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, commit()
 
-    def update(self, low: Tensor, high: Tensor) -> dict[str, Tensor | float]:
-        """One step: LR `(N, 3, h, w)` and HR `(N, 3, H, W)`, float in [0, 1] -> its losses, `loss` their sum.
+    def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
+        """One step: LR `(N, 3, h, w)`, or all that the network takes, and HR `(N, 3, H, W)`, float in [0, 1] -> its
+        losses, `loss` their sum.
 
         Raises `FloatingPointError` where the loss or its gradient's norm is no finite number, on CUDA within
         `LOOK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
         saturated.
         """
-        low, high = self._placed(low), self._placed(high)
+        inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
-            output = self.network(low)
+            output = self.network(*inputs)
         output = output.float()
         terms = self.objective.generator(output, high)
         loss = torch.stack(list(terms.values())).sum()
@@ -83,7 +89,8 @@ class Run:
     def _placed(self, image: Tensor) -> Tensor:
         if self.device.type == "cuda":
             image = image.pin_memory()
-        return image.to(self.device, non_blocking=True, memory_format=torch.channels_last)
+        layout = torch.channels_last if image.ndim == 4 else torch.preserve_format
+        return image.to(self.device, non_blocking=True, memory_format=layout)
 
     def save(self, path: Path) -> None:
         """Writes the checkpoint; raises as `checkpoints.save`."""
@@ -125,22 +132,34 @@ class Run:
     def start_from(self, path: Path) -> None:
         """Takes the weights of another run's checkpoint. Raises `ValueError` where its network is another.
 
-        Options that no weight shows, a slope, may differ: a line on stderr names both.
+        Options that no weight shows, a slope, may differ: a line on stderr names both. From a single-picture
+        generator's checkpoint a light-field network takes the weights of the one that it holds.
         """
         try:
             state = checkpoints.read(path)
         except (OSError, ValueError) as error:
             raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
         there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
+        is_single = recipe_of_single(self.recipe, state["recipe"])
         try:
-            self.network.load_state_dict(state["network"])
+            (self.network.single if is_single else self.network).load_state_dict(state["network"])  # type: ignore[union-attr]
         except RuntimeError as error:  # torch's message is a page
             raise ValueError(
                 f"initial: {path} holds {there}, which is not this recipe's {here}; name another"
             ) from error
-        if there != here:
+        if there != here and not is_single:
             tqdm.write(f"initial: {path} holds {there}, and goes on as {here}", file=sys.stderr)
         self.average.load_state_dict(self.network.state_dict())
+
+
+def recipe_of_single(recipe: Recipe, other: dict[str, Any]) -> bool:
+    """Whether `recipe` is a light-field network's and `other` a single-picture one's."""
+    return recipe.light_field and not other.get("light_field", False)
+
+
+def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
+    """What a network is called with."""
+    return (inputs,) if isinstance(inputs, torch.Tensor) else inputs
 
 
 def choose(name: str) -> torch.device:

@@ -6,6 +6,7 @@ import pytest
 
 from models import catalogue
 from training import recipe as recipes
+from training.networks import make
 
 SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'
@@ -95,10 +96,18 @@ def legs(folder):
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_recipe_goes_on_from_shipped_ones(path):
-    """Of the same network; a slope shows in no weight, and only `fast-second` changes it on purpose."""
+    """Of the same network; a slope shows in no weight, and only `fast-second` changes it on purpose.
+
+    A light-field network may go on from the single-picture one that it holds.
+    """
     this = recipes.read(path)
     for leg in legs(Path(this.initial).parent.name) if this.initial else []:
         before = recipes.read(path.with_name(f"{leg}.toml"))
+        if this.light_field > before.light_field:
+            held = make(this.network, this.options).single.state_dict()
+            alone = make(before.network, before.options).state_dict()
+            assert {name: weight.shape for name, weight in held.items()} == {k: w.shape for k, w in alone.items()}
+            continue
         assert (before.network, before.scale) == (this.network, this.scale)
         assert before.options == this.options or path.stem == "fast-second"
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from training.networks.compact import CompactGenerator
 from training.networks.fsrcnn import FSRCNN
+from training.networks.light_field import LightFieldGenerator
 from training.networks.lite import LiteGenerator
 from training.networks.rdn import RDN
 from training.networks.rrdb import RRDBGenerator
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 NETWORKS: dict[str, Callable[..., nn.Module]] = {
     "compact": CompactGenerator,
+    "light_field": LightFieldGenerator,
     "lite": LiteGenerator,
     "srgan": SRGANGenerator,
     "srcnn": SRCNN,

@@ -60,7 +60,7 @@ def settled(network: nn.Module) -> nn.Module:
 
 
 def test_every_network_is_tested():
-    assert SMALL.keys() == NETWORKS.keys()
+    assert SMALL.keys() | {"light_field"} == NETWORKS.keys()  # which takes more than a picture: see test_light_field
 
 
 @each_network

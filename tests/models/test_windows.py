@@ -1,0 +1,29 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.windows import SIDE, axis
+
+
+@given(st.integers(1, 40).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
+def test_a_window_holds_the_view_and_as_many_of_the_nearest_as_there_are(at):
+    position, count = at
+    views, (offsets, present) = axis(position, count)
+    assert len(views) == SIDE
+    assert all(0 <= view < count for view in views)
+    np.testing.assert_array_equal(offsets, np.array(views) - position)
+    there = [view for view, is_there in zip(views, present, strict=True) if is_there]
+    assert len(set(there)) == len(there) == min(SIDE, count)
+    assert position in there
+    left_out = set(range(count)) - set(there)
+    reach = max(abs(view - position) for view in there)
+    if SIDE // 2 <= position < count - SIDE // 2:
+        assert reach == SIDE // 2
+        assert all(abs(view - position) > SIDE // 2 for view in left_out)
+
+
+@pytest.mark.parametrize("position", [-1, 3])
+def test_a_view_outside_the_grid_is_named(position):
+    with pytest.raises(ValueError, match=f"view {position} of 3: give 0 to 2"):
+        axis(position, 3)

@@ -1,0 +1,242 @@
+"""Training crops for light-field networks: a view, the window of views around it, and its truth.
+
+Layered scenes (`training.layered`) are made as the run goes; views of meshes (`training.mesh_views`) before it. A part
+of the crops is there so that no harm is learnt: windows of another scene, noise, disparities that no plane matches.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from tqdm import tqdm
+
+from models.windows import SIDE, axis
+from training import degrade, layered
+from training.data import RENDERED
+from training.field import Inputs
+from training.layered import LUMA
+from training.pictures import MEMORY, Pictures
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from training.field import Field
+    from training.pictures import Picture
+
+USES = 6
+"""Steps that take their crops from the same scenes, at other places, turned and degraded otherwise."""
+ROOM = 12
+"""LR pixels by which scenes are larger than crops."""
+GRIDS = ((9, 4, 0.6), (9, 1, 0.12), (9, 0, 0.12), (3, 1, 0.08), (3, 0, 0.08))
+"""Views along a side of the grid, the number of the view that is looked for, and the share of such windows."""
+STRANGE = 0.04
+"""Share of crops whose other views show another scene."""
+NOISE = 0.02
+"""Share of crops that are mostly noise, in each view another."""
+GRAIN = (0.15, 2 / 255)
+"""Share of crops whose LR views are grainy as a camera's, and the largest standard deviation of that."""
+
+
+class Window(NamedTuple):
+    """Where the views of a window stand, `(2, SIDE)` each: see `models.windows.Axis.place`."""
+
+    rows: Tensor
+    cols: Tensor
+
+
+def _window(down: tuple[int, int], across: tuple[int, int]) -> Window:
+    """The windows about `(number, of how many)` views along each side of a grid."""
+    rows, cols = (torch.from_numpy(axis(*at).place) for at in (down, across))
+    return Window(rows, cols)
+
+
+CENTRED = _window((4, 9), (4, 9))
+
+
+class ViewCrops:
+    """Random crops of light fields with their truth. The batch of step `s` depends only on the seed and `s`."""
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        crop: int,
+        scale: int,
+        batch: int,
+        seed: int,
+        degradations: Mapping[str, float],
+        meshes: Sequence[str | Path] = (),
+        memory: int = MEMORY,
+    ) -> None:
+        """`folder`: pictures for the sheets of scenes; those smaller than `layered.TEXTURE` are left out.
+
+        `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.degrade.KINDS`, and with `meshes` of
+        `training.data.RENDERED`. Raises `ValueError` where one of these is at fault.
+        """
+        if scale != 2 or crop % scale:
+            raise ValueError(f"a crop of {crop} pixels at scale {scale}: light fields want scale 2 and an even crop")
+        known = (*degrade.KINDS, *RENDERED) if meshes else degrade.KINDS
+        for kind in degradations:
+            if kind not in known:
+                raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")
+        self.side, self.batch, self.seed = crop // scale, batch, seed
+        self.pictures = _Large(Pictures(folder, memory=memory))
+        self.kinds = list(degradations)
+        weights = np.array(list(degradations.values()), float)
+        self.shares = weights / weights.sum()
+        self.meshes = _rendered(meshes, seed, self.side)
+        self._lock = threading.Lock()
+        self._blocks: dict[int, tuple[Window, Tensor, Tensor]] = {}
+
+    def at(self, step: int) -> tuple[Inputs, Tensor]:
+        """The inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
+        random = np.random.default_rng((self.seed, step))
+        rendered = [kind for kind in self.kinds if kind in RENDERED]
+        share = sum(self.shares[self.kinds.index(kind)] for kind in rendered)
+        if random.random() < share:
+            window, image, around, high = self._of_meshes(random)
+        else:
+            window, image, around, high = self._of_scenes(random, step)
+        image, around = _spoilt(random, image, around, window)
+        return _turned(random, image, around, high, window)
+
+    def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Window, Tensor, Tensor, Tensor]:
+        window, views, colours = self._made(step // USES)
+        kinds = [kind for kind in self.kinds if kind not in RENDERED]
+        shares = np.array([self.shares[self.kinds.index(kind)] for kind in kinds])
+        crops = []
+        for scene in range(self.batch):
+            y, x = (layered.FINE * int(random.integers(ROOM + 1)) for _ in range(2))
+            extent = layered.FINE * self.side
+            part = (slice(None), slice(y, y + extent), slice(x, x + extent))
+            kind = kinds[int(random.choice(len(kinds), p=shares / shares.sum()))]
+            around, _ = _small(kind, views[scene][part])
+            image, high = _small(kind, colours[scene][part])
+            crops.append((image, around, high))
+        image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
+        return window, image, around, high
+
+    def _of_meshes(self, random: np.random.Generator) -> tuple[Window, Tensor, Tensor, Tensor]:
+        rendered = [kind for kind in self.kinds if kind in RENDERED]
+        shares = np.array([self.shares[self.kinds.index(kind)] for kind in rendered])
+        crops = []
+        for _ in range(self.batch):
+            kind = rendered[int(random.choice(len(rendered), p=shares / shares.sum()))]
+            field = self.meshes[int(random.integers(len(self.meshes)))]
+            y, x = (int(random.integers(length - self.side + 1)) for length in field.views[kind].shape[1:])
+            rows, cols = slice(y, y + self.side), slice(x, x + self.side)
+            around, high = degrade.cut(field.views[kind], field.high, 2, rows, cols)
+            crops.append((field.colours[kind][:, rows, cols], around, high))
+        image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
+        return CENTRED, image, around, high
+
+    def _made(self, block: int) -> tuple[Window, Tensor, Tensor]:
+        """The scenes of a block of steps, as 8 bits."""
+        with self._lock:
+            if block not in self._blocks:
+                random = np.random.default_rng((self.seed, block, 1))
+                window = _window(_grid(random), _grid(random))
+                rows, cols = (place[0].numpy() for place in window)
+                side = self.side + ROOM
+                made = layered.scenes(random, self.pictures, self.batch, side=side, rows=rows, cols=cols)
+                views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
+                self._blocks = {**dict(list(self._blocks.items())[-1:]), block: (window, views, colours)}
+            return self._blocks[block]
+
+
+class _Large:
+    """The pictures that a sheet's texture can be cut from."""
+
+    def __init__(self, pictures: Pictures) -> None:
+        self._pictures = pictures
+        self._large = [number for number, size in enumerate(pictures.sizes) if min(size) >= layered.TEXTURE]
+        if not self._large:
+            raise ValueError(f"train: no picture is as large as {layered.TEXTURE}x{layered.TEXTURE}; name others")
+
+    def __len__(self) -> int:
+        return len(self._large)
+
+    def __getitem__(self, index: int) -> Picture:
+        return self._pictures[self._large[index]]
+
+
+def _grid(random: np.random.Generator) -> tuple[int, int]:
+    """A number and of how many, by the shares of `GRIDS`."""
+    count, number, _ = GRIDS[int(random.choice(len(GRIDS), p=[share for _, _, share in GRIDS]))]
+    return number, count
+
+
+def _small(kind: str, fine: Tensor) -> degrade.Pair:
+    """LR and truth of what was sampled `layered.FINE` times as finely as LR, 8 bit `(C, H, W)`."""
+    if kind == "point":
+        return degrade.pair(kind, fine, 2)
+    high = degrade.box(fine[None].float().div(255), layered.FINE // 2)[0]
+    return degrade.pair(kind, high.mul(255).round().byte(), 2)
+
+
+def _luma(image: Tensor) -> Tensor:
+    return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
+
+
+def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, window: Window) -> tuple[Tensor, Tensor]:
+    """Some crops with the views of another, some of noise, some grainy; the view itself stays the same in both."""
+
+    def share(of: float) -> Tensor:
+        return torch.from_numpy(random.random(len(image)) < of)[:, None, None, None]
+
+    def normal(like: Tensor) -> Tensor:
+        return torch.from_numpy(random.standard_normal(like.shape, np.float32))
+
+    around = torch.where(share(STRANGE), around.roll(1, 0), around)
+    noisy = share(NOISE)
+    image = torch.where(noisy, (image + 0.3 * normal(image)).clamp(0, 1), image)
+    around = torch.where(noisy, (around + 0.3 * normal(around)).clamp(0, 1), around)
+    often, most = GRAIN
+    grain = share(often) * torch.from_numpy(random.uniform(0, most, (len(image), 1, 1, 1)).astype(np.float32))
+    image = (image + grain * normal(image)).clamp(0, 1)
+    around = (around + grain * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
+    own = (window.rows[0][:, None] == 0) & (window.cols[0][None] == 0)
+    return image, torch.where(own.flatten()[None, :, None, None], _luma(image), around)
+
+
+def _turned(
+    random: np.random.Generator, image: Tensor, around: Tensor, high: Tensor, window: Window
+) -> tuple[Inputs, Tensor]:
+    """All crops of a batch upside down, left to right, and with rows for columns, each half of the time."""
+    rows, cols = window
+    around = around.reshape(-1, SIDE, SIDE, *around.shape[2:])
+    if random.random() < 0.5:
+        image, around, high, rows = image.flip(2), around.flip(1, 3), high.flip(2), _opposite(rows)
+    if random.random() < 0.5:
+        image, around, high, cols = image.flip(3), around.flip(2, 4), high.flip(3), _opposite(cols)
+    if random.random() < 0.5:
+        image, high, around = image.transpose(2, 3), high.transpose(2, 3), around.transpose(1, 2).transpose(3, 4)
+        rows, cols = cols, rows
+    return Inputs(image.contiguous(), around.flatten(1, 2).contiguous(), rows, cols), high.contiguous()
+
+
+def _opposite(place: Tensor) -> Tensor:
+    return torch.stack([-place[0], place[1]]).flip(1)
+
+
+def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]:
+    """Light fields of the meshes in files, as `training.mesh_views.fields` makes them."""
+    if not meshes:
+        return []
+    from training import mesh_views
+
+    models = [mesh_views.read(path) for path in meshes]
+    tqdm.write(f"rendering light fields of {len(models)} meshes: minutes for ten", file=sys.stderr)
+    made = []
+    for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):
+        for index in range(mesh_views.PICTURES):
+            seen = mesh_views.window(model, seed=seed, index=number * mesh_views.PICTURES + index)
+            if min(seen.high.shape[1:]) >= 2 * side:
+                made.append(seen)
+    return made
