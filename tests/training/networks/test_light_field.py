@@ -1,0 +1,99 @@
+"""The plane sweep against slow loops, and what the light-field generator makes of views that do and don't belong."""
+
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import numpy as np
+import torch
+
+from models.windows import axis
+from training.networks.compact import CompactGenerator
+from training.networks.light_field import LightFieldGenerator
+from training.networks.plane_sweep import MOST, NEAR, PHASE, REACH, SIDE, PlaneSweep
+
+PLACES = [axis(*at).place for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
+
+
+def slow_sweep(views, rows, cols, planes):
+    """Each view's samples put where they lie in the view that is looked for, one by one; `(25, H, W)`."""
+    _, height, width = views.shape
+    mean, spread = np.zeros((planes, 4, height, width)), np.zeros((planes, height, width))
+    for plane, disparity in enumerate(np.linspace(-MOST, MOST, planes)):
+        for y in range(height):
+            for x in range(width):
+                variances = []
+                for phase, (a, b) in enumerate((i, j) for i in (-PHASE, PHASE) for j in (-PHASE, PHASE)):
+                    of, values = [], []
+                    for v in range(SIDE):
+                        for u in range(SIDE):
+                            for down in range(-REACH, REACH + 1):
+                                for across in range(-REACH, REACH + 1):
+                                    near = [
+                                        max(0.0, 1 - abs(step - disparity * place[0, i] - off) / NEAR) * place[1, i]
+                                        for step, place, i, off in ((down, rows, v, a), (across, cols, u, b))
+                                    ]
+                                    row = min(max(y + down, 0), height - 1)
+                                    col = min(max(x + across, 0), width - 1)
+                                    of.append(near[0] * near[1])
+                                    values.append(views[v * SIDE + u, row, col])
+                    of, values = np.array(of) / sum(of), np.array(values)
+                    mean[plane, phase, y, x] = of @ values
+                    variances.append((of @ values**2, (of @ values) ** 2))
+                squares, means = np.mean(variances, 0)
+                spread[plane, y, x] = np.sqrt(max(0.0, squares - means) + 1e-6)
+    return mean, spread
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(0, 1), (3, 2), (4, 5)])
+def test_the_sweep_is_the_slow_one(rows, cols):
+    rows, cols = PLACES[rows], PLACES[cols]
+    views = torch.rand(2, SIDE * SIDE, 3, 4, generator=torch.Generator().manual_seed(1))
+    mean, spread = PlaneSweep(5)(views, torch.from_numpy(rows), torch.from_numpy(cols))
+    for one in range(2):
+        wanted = slow_sweep(views[one].double().numpy(), rows, cols, 5)
+        np.testing.assert_allclose(mean[one].numpy(), wanted[0], atol=1e-6)
+        # The root of what is left of two squares of about 0.3: their float32 steps, over the smallest spread here.
+        np.testing.assert_allclose(spread[one].numpy(), wanted[1], atol=1e-4)
+
+
+def of_a_sheet(disparity, place, side=24):
+    """What a window at `place` sees of a smooth sheet `(1, 25, side, side)`, and the truth, twice as large."""
+    waves = np.random.default_rng(2).normal(size=(6, 3))
+
+    def sheet(y, x):
+        return 0.5 + sum(0.06 * np.sin(0.3 * a * y + 0.3 * b * x + 3 * c) for a, b, c in waves)
+
+    at = np.arange(side, dtype=float)
+    views = [sheet((at - disparity * v)[:, None], at - disparity * u) for v in place[0] for u in place[0]]
+    fine = (np.arange(2 * side) - 0.5) / 2
+    return torch.from_numpy(np.stack(views))[None].float(), torch.from_numpy(sheet(fine[:, None], fine)).float()
+
+
+@pytest.mark.parametrize("place", PLACES[:3])
+@pytest.mark.parametrize("disparity", [-1.0, -0.25, 0.0, 0.5, 1.25])
+def test_views_agree_at_their_disparity_and_make_the_finer_picture(place, disparity):
+    views, truth = of_a_sheet(disparity, place)
+    mean, spread = PlaneSweep(17)(views, torch.from_numpy(place), torch.from_numpy(place))
+    inner = (slice(None), slice(10, 14), slice(10, 14))
+    right = int(spread[0][inner].mean((1, 2)).argmin())
+    assert right == round((disparity + MOST) / 0.25)
+    fine = torch.nn.functional.pixel_shuffle(mean[0, right][None], 2)[0, 0]
+    off = (fine - truth)[20:28, 20:28].abs().max()
+    # Whole shifts bring no samples in between: the view's own, a quarter of a pixel away, is all there is.
+    assert off <= (0.01 if disparity % 1 else 0.04)
+
+
+def test_views_that_are_not_there_play_no_part():
+    network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
+    generator = torch.Generator().manual_seed(3)
+    image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
+    rows, cols = (torch.from_numpy(axis(1, 3).place), torch.from_numpy(axis(0, 4).place))
+    other = around.clone().reshape(1, SIDE, SIDE, 9, 7)
+    other[:, 3:] = 0.7
+    other[:, :, 4:] = 0.1
+    assert torch.equal(network(image, around, rows, cols), network(image, other.reshape(1, 25, 9, 7), rows, cols))
+
+
+def test_the_single_picture_generator_of_a_checkpoint_fits():
+    network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
+    network.single.load_state_dict(CompactGenerator((8, 8), slope=0.0).state_dict())
