@@ -107,6 +107,13 @@ class Card:
     float_twin: str = ""
     """Of an int8 network: the name of the float one that it was made from."""
     sizes: Sizes = Sizes()
+    further: tuple[Tensor, ...] = ()
+    """Inputs beside `input`: of a light-field network, the window of views around the one that is upscaled."""
+
+    @property
+    def is_light_field(self) -> bool:
+        """Whether it upscales a view with the help of those around it: see `models.light_field`."""
+        return bool(self.further)
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
@@ -132,6 +139,8 @@ _PLAIN: dict[str, tuple[type, ...]] = {
 }
 _NESTED: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy, "Sizes": Sizes}
 
+_LISTS: dict[str, type] = {"tuple[Accuracy, ...]": Accuracy, "tuple[Tensor, ...]": Tensor}
+
 
 def _build(kind: type, table: object, where: str) -> Any:
     """An instance of the dataclass `kind` from parsed JSON, every key and type checked."""
@@ -148,8 +157,8 @@ def _build(kind: type, table: object, where: str) -> Any:
         annotation, place = known[key], f"{where}: {key}"
         if annotation in _NESTED:
             values[key] = _build(_NESTED[annotation], value, place)
-        elif annotation == "tuple[Accuracy, ...]" and isinstance(value, list):
-            values[key] = tuple(_build(Accuracy, item, place) for item in value)
+        elif annotation in _LISTS and isinstance(value, list):
+            values[key] = tuple(_build(_LISTS[annotation], item, place) for item in value)
         elif isinstance(value, _PLAIN.get(annotation, ())) and isinstance(value, bool) == (annotation == "bool"):
             values[key] = tuple(value) if isinstance(value, list) else value
         else:

@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING
 from models import card as cards
 from models import processor
 from models.baselines import SCALES, Bicubic, Nearest
-from models.errors import UnknownModel, UnsupportedScale
+from models.errors import UnknownModel, UnsuitedModel, UnsupportedScale
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from models.light_field import LightFieldNetwork
     from models.upscaler import Upscaler
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
 DEFAULT = "fast"
-"""The model that is used where none is named."""
+"""The model that is used for single pictures where none is named."""
+FIELD = "field"
+"""The one that is used for views of a light field where none is named."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Name -> constructor from a scale."""
 
@@ -38,6 +41,11 @@ class Entry:
     """None for interpolation, which was not trained."""
 
     @property
+    def is_light_field(self) -> bool:
+        """Whether it upscales a view with the help of those around it, and so not a single picture."""
+        return self.card is not None and self.card.is_light_field
+
+    @property
     def unsuited(self) -> str:
         """Why it can't run on this machine, in words; empty where it can."""
         return processor.against_int8() if self.card is not None and self.card.precision == "int8" else ""
@@ -52,11 +60,17 @@ def entries() -> list[Entry]:
 
 
 def names() -> list[str]:
-    """The names that `load` takes, in the order of `entries`."""
+    """The names of `entries`, in their order."""
     return [entry.name for entry in entries()]
 
 
+def singles() -> list[str]:
+    """The names that `load` takes, in the order of `entries`."""
+    return [entry.name for entry in entries() if not entry.is_light_field]
+
+
 _loaded: dict[tuple[str, int, int | None], Upscaler] = {}
+_fields: dict[tuple[str, int | None], LightFieldNetwork] = {}
 _lock = threading.Lock()
 
 
@@ -65,8 +79,8 @@ def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
 
     `threads`: cores for each call of a network, all of the process's where None.
 
-    Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedProcessor` for an int8 network on a processor that gets those
-    wrong, or `BadCard` where the installation is damaged.
+    Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedModel` for a light-field network, `UnsuitedProcessor` for an
+    int8 network on a processor that gets those wrong, or `BadCard` where the installation is damaged.
     """
     key = (name, scale, threads)
     with _lock:
@@ -75,15 +89,41 @@ def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
         return _loaded[key]
 
 
-def _make(name: str, scale: int, threads: int | None) -> Upscaler:
-    if name in BASELINES:
-        return BASELINES[name](scale)
+def load_light_field(name: str = FIELD, *, scale: int = 2, threads: int | None = None) -> LightFieldNetwork:
+    """The light-field network `name`, made once; may be called from several threads. See `models.views`.
+
+    Raises as `load`, and `UnsuitedModel` where the model takes single pictures.
+    """
+    with _lock:
+        entry = _entry(name, scale)
+        if (name, threads) not in _fields:
+            if not entry.is_light_field:
+                raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
+            from models.light_field import LightFieldNetwork
+
+            _fields[name, threads] = LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads)
+        return _fields[name, threads]
+
+
+def _entry(name: str, scale: int) -> Entry:
+    """Raises `UnknownModel` or `UnsupportedScale`."""
     known = {entry.name: entry for entry in entries()}
     if name not in known:
         raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
     if scale not in known[name].scales:
         scales = ", ".join(map(str, known[name].scales))
         raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
+    return known[name]
+
+
+def _make(name: str, scale: int, threads: int | None) -> Upscaler:
+    if name in BASELINES:
+        return BASELINES[name](scale)
+    if _entry(name, scale).is_light_field:
+        raise UnsuitedModel(
+            f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
+            f"{DEFAULT} for single pictures"
+        )
     from models.session import Network  # not before a network is asked for: `ciir models` needs none
 
     return Network(SHIPPED / f"{name}.json", threads=threads)

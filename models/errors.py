@@ -5,6 +5,7 @@
     ModelError              the model that was asked for or its input is at fault; the message is one line
     ├── UnknownModel        no model of that name
     ├── UnsupportedScale    the model doesn't upscale by that factor
+    ├── UnsuitedModel       for single pictures where views of a light field are given, or the other way round
     ├── UnsuitedProcessor   the network is an int8 one, which this machine's processor gets wrong
     ├── InvalidImage        not an array of pictures of the shape, type and range that models take
     └── BadCard             a card, or the network beside it, is missing, incomplete or doesn't fit
@@ -24,6 +25,10 @@ class UnknownModel(ModelError):  # noqa: N818 - the cause is the name
 
 class UnsupportedScale(ModelError):  # noqa: N818
     """The model doesn't upscale by that factor."""
+
+
+class UnsuitedModel(ModelError):  # noqa: N818
+    """The model takes single pictures where a light field's views are given, or the other way round."""
 
 
 class UnsuitedProcessor(ModelError):  # noqa: N818 - the cause is the processor

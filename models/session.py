@@ -30,8 +30,8 @@ FAINTEST = np.float32(1e-20)
 not, so that two runs would differ in which thread did which part. No picture of 16 bits holds any."""
 
 
-class Network:
-    """A shipped network as an `Upscaler`; calls from several threads share one session and run side by side."""
+class Shipped:
+    """A network and its card, opened; calls from several threads share one session and run side by side."""
 
     def __init__(self, path: Path, *, threads: int | None = None) -> None:
         """`path`: the card; its `.onnx` lies beside it. `threads`: for each call, all of the process's cores if None.
@@ -44,6 +44,16 @@ class Network:
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or available_cores()
         self._session = open_session(_read(path.with_suffix(".onnx"), self.card), self.threads)
+
+    def run(self, **inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The network's output for its inputs by name, as it comes."""
+        kept = {name: np.where(np.abs(part) < FAINTEST, np.float32(0), part) for name, part in inputs.items()}
+        (output,) = self._session.run([self.card.output.name], kept)
+        return np.asarray(output)
+
+
+class Network(Shipped):
+    """A shipped network as an `Upscaler`."""
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
@@ -62,9 +72,7 @@ class Network:
         return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        images = np.where(images < FAINTEST, np.float32(0), images)
-        (output,) = self._session.run([self.card.output.name], {self.card.input.name: images})
-        return np.asarray(output)
+        return self.run(**{self.card.input.name: images})
 
 
 def available_cores() -> int:

@@ -1,0 +1,62 @@
+"""Light-field networks on the CPU: one view upscaled with the help of the window of views around it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models import tiles
+from models.errors import InvalidImage
+from models.session import BATCH, WINDOW, Shipped
+from models.upscaler import check, finish
+from models.windows import SIDE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+"""ITU-R BT.601's weights of red, green and blue: what is looked at of the views around."""
+
+
+class LightFieldNetwork(Shipped):
+    """A shipped light-field network; see `training.networks.light_field` for what it computes."""
+
+    def __call__(
+        self,
+        image: NDArray[np.float32],
+        around: NDArray[np.float32],
+        rows: NDArray[np.float32],
+        cols: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """`image`: views as RGB in [0, 1], `(N, 3, H, W)`; `around`: the luma of the windows about them, row by row,
+        `(N, 25, H, W)`; `rows` and `cols`: where all those windows stand (`models.windows.Axis.place`).
+
+        Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]. Large views run in tiles, small ones several
+        at a time.
+
+        Raises as `Upscaler.__call__`.
+        """
+        check(image)
+        _check_around(image, around)
+        both = np.concatenate([image, around], axis=1)
+        padded, kept = tiles.padded(both, *self.card.sizes.fitted(*image.shape[2:]), scale=self.scale)
+
+        def run(part: NDArray[np.float32]) -> NDArray[np.float32]:
+            return self.run(image=part[:, :3], around=part[:, 3:], rows=rows, cols=cols)
+
+        result = tiles.apply(run, padded, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH, colours=3)
+        return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
+
+
+def luma(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`(H, W, C)` in [0, 1], grey or RGB -> `(H, W)`."""
+    return picture[..., 0] if picture.shape[-1] == 1 else picture @ LUMA
+
+
+def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:
+    wanted = (len(image), SIDE * SIDE, *image.shape[2:])
+    if around.dtype != np.float32 or around.shape != wanted:
+        raise InvalidImage(f"views around of {around.dtype} and shape {around.shape}: give float32 of {wanted}")
+    if around.size and not (around.min() >= 0.0 and around.max() <= 1.0):  # a NaN fails too
+        raise InvalidImage("views around: values that are not finite or out of range; give them in [0, 1]")

@@ -1,0 +1,94 @@
+"""Views of a light field upscaled together: which others each one needs, and what comes out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import InvalidImage
+from models.light_field import luma
+from models.session import BATCH
+from models.windows import axis
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from models.light_field import LightFieldNetwork
+    from models.windows import Axis
+
+    View = tuple[int, int]
+    Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
+    """Every view (v, u) of the windows about `wanted`, in a grid of `grid` views, row by row and each once."""
+    found = {
+        (row, col) for v, u in wanted for row in axis(v, grid[0]).views for col in axis(u, grid[1]).views
+    }  # a window's missing rows and columns repeat the view's own
+    return sorted(found)
+
+
+def upscale_views(
+    network: LightFieldNetwork, views: Mapping[View, Pixels], wanted: Sequence[View], grid: tuple[int, int]
+) -> Pixels:
+    """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`.
+
+    `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of `needed`.
+    Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest.
+
+    Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
+    """
+    first = views[wanted[0]]
+    _check(first)
+    peak = np.float32(np.iinfo(first.dtype).max)
+    lumas: dict[View, NDArray[np.float32]] = {}
+    for view in needed(wanted, grid):
+        picture = views[view]
+        if picture.shape != first.shape or picture.dtype != first.dtype:
+            raise InvalidImage(
+                f"view {view[0]},{view[1]}: {picture.shape} of {picture.dtype}, where view {wanted[0][0]},"
+                f"{wanted[0][1]} is {first.shape} of {first.dtype}; give views of one size and depth"
+            )
+        lumas[view] = np.clip(luma(picture.astype(np.float32) / peak), 0, 1)
+    height, width, channels = first.shape
+    result = np.empty((len(wanted), height * network.scale, width * network.scale, channels), first.dtype)
+    for rows, cols, numbers in _alike(wanted, grid, together=max(1, BATCH // (height * width))):
+        image = np.stack([_colour(views[wanted[number]]) for number in numbers]) / peak
+        around = np.stack(
+            [
+                [lumas[row, col] for row in axis(v, grid[0]).views for col in axis(u, grid[1]).views]
+                for v, u in (wanted[number] for number in numbers)
+            ]
+        )
+        large = network(image, around, rows.place, cols.place).transpose(0, 2, 3, 1)
+        if channels == 1:
+            large = large.mean(axis=3, keepdims=True)
+        result[numbers] = np.floor(large * peak + np.float32(0.5)).astype(first.dtype)
+    return result
+
+
+def _alike(wanted: Sequence[View], grid: tuple[int, int], *, together: int) -> Iterator[tuple[Axis, Axis, list[int]]]:
+    """The numbers of views whose windows stand alike, up to `together` at a time."""
+    groups: dict[bytes, list[int]] = {}
+    for number, (v, u) in enumerate(wanted):
+        key = axis(v, grid[0]).place.tobytes() + axis(u, grid[1]).place.tobytes()
+        groups.setdefault(key, []).append(number)
+    for numbers in groups.values():
+        v, u = wanted[numbers[0]]
+        for begin in range(0, len(numbers), together):
+            yield axis(v, grid[0]), axis(u, grid[1]), numbers[begin : begin + together]
+
+
+def _colour(picture: Pixels) -> NDArray[np.float32]:
+    """`(H, W, 1 or 3)` -> `(3, H, W)` float, not scaled."""
+    return np.broadcast_to(picture, (*picture.shape[:2], 3)).transpose(2, 0, 1).astype(np.float32)
+
+
+def _check(picture: Pixels) -> None:
+    if picture.ndim != 3 or picture.shape[2] not in (1, 3) or picture.dtype not in (np.uint8, np.uint16):
+        raise InvalidImage(
+            f"views of shape {picture.shape} and {picture.dtype}: give (H, W, C), grey or RGB, of 8 or 16 bit"
+        )

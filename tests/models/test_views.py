@@ -1,0 +1,87 @@
+"""Which views are looked at, and that each comes out where it was asked for."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.errors import InvalidImage
+from models.views import needed, upscale_views
+from models.windows import SIDE, axis
+
+
+class Told:
+    """A stand-in for a network: repeats each view's pixels and notes what it was called with."""
+
+    scale = 2
+
+    def __init__(self):
+        self.calls = []
+
+    def __call__(self, image, around, rows, cols):
+        self.calls.append((image, around, rows, cols))
+        return image.repeat(2, axis=2).repeat(2, axis=3)
+
+
+def field(grid, shape=(3, 4, 3), dtype=np.uint8):
+    random = np.random.default_rng(0)
+    most = np.iinfo(dtype).max
+    return {(v, u): random.integers(0, most + 1, shape).astype(dtype) for v in range(grid[0]) for u in range(grid[1])}
+
+
+def test_a_view_needs_its_window_and_no_more():
+    assert needed([(4, 4)], (9, 9)) == [(v, u) for v in range(2, 7) for u in range(2, 7)]
+    assert needed([(0, 8)], (9, 9)) == [(v, u) for v in range(5) for u in range(4, 9)]
+    assert needed([(1, 1)], (3, 3)) == [(v, u) for v in range(3) for u in range(3)]
+
+
+grids = st.tuples(st.integers(1, 7), st.integers(1, 7))
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.data(), grids, st.sampled_from([1, 3]), st.sampled_from([np.uint8, np.uint16]))
+def test_each_view_comes_out_in_its_place(data, grid, channels, dtype):
+    views = field(grid, (3, 4, channels), dtype)
+    wanted = data.draw(st.lists(st.sampled_from(sorted(views)), min_size=1, max_size=12))
+    got = upscale_views(Told(), {view: views[view] for view in needed(wanted, grid)}, wanted, grid)
+    assert got.dtype == dtype
+    for view, picture in zip(wanted, got, strict=True):
+        np.testing.assert_array_equal(picture, views[view].repeat(2, axis=0).repeat(2, axis=1))
+
+
+def test_the_network_is_given_the_luma_of_the_window_row_by_row():
+    views, network = field((6, 7)), Told()
+    upscale_views(network, views, [(0, 3)], (6, 7))
+    ((image, around, rows, cols),) = network.calls
+    np.testing.assert_allclose(image[0], views[0, 3].transpose(2, 0, 1) / 255, atol=1e-7)
+    np.testing.assert_array_equal(rows[0], [0, 1, 2, 3, 4])
+    np.testing.assert_array_equal(cols[0], [-2, -1, 0, 1, 2])
+    for slot, (v, u) in enumerate((v, u) for v in axis(0, 6).views for u in axis(3, 7).views):
+        wanted = views[v, u] @ np.array([0.299, 0.587, 0.114]) / 255
+        np.testing.assert_allclose(around[0, slot], wanted, atol=1e-6)  # float32
+
+
+def test_views_whose_windows_stand_alike_go_together():
+    network = Told()
+    wanted = [(v, u) for v in range(7) for u in range(7)]
+    upscale_views(network, field((7, 7)), wanted, (7, 7))
+    assert len(network.calls) == SIDE * SIDE
+    assert max(len(call[0]) for call in network.calls) == 9
+
+
+@pytest.mark.parametrize(
+    ("odd", "words"),
+    [
+        (np.zeros((3, 5, 3), np.uint8), r"view 0,1: \(3, 5, 3\) of uint8, where view 0,0 is \(3, 4, 3\)"),
+        (np.zeros((3, 4, 3), np.uint16), "give views of one size and depth"),
+    ],
+)
+def test_views_that_differ_are_named(odd, words):
+    views = field((3, 3)) | {(0, 1): odd}
+    with pytest.raises(InvalidImage, match=words):
+        upscale_views(Told(), views, [(0, 0)], (3, 3))
+
+
+def test_alpha_is_refused():
+    with pytest.raises(InvalidImage, match=r"\(H, W, C\), grey or RGB"):
+        upscale_views(Told(), field((3, 3), (3, 4, 4)), [(0, 0)], (3, 3))
