@@ -19,20 +19,21 @@ class Axis(NamedTuple):
     """The rows, or the columns, of a window."""
 
     views: tuple[int, ...]
-    """Their `SIDE` numbers in the grid; where the grid has fewer, the rest repeat the view's own."""
+    """Their `SIDE` numbers in the grid; beyond its border the view's own again."""
     place: NDArray[np.float32]
-    """`(2, SIDE)`: how far each stands from the view's own, in views; and 1, or 0 where it only fills the window."""
+    """`(2, SIDE)`: how far each stands from the view's own, in views; and 1, or 0 beyond the border."""
 
 
 def axis(position: int, count: int) -> Axis:
-    """The window about number `position` of `count`: those nearest to it, pushed inwards at the border of the grid.
+    """The window about number `position` of `count`: two to each side, as far as there are any.
+
+    It isn't pushed inwards at the border: views further away see the scene too differently to be of use.
 
     Raises `ValueError` where there is no such number.
     """
     if not 0 <= position < count:
         raise ValueError(f"view {position} of {count}: give 0 to {count - 1}")
-    size = min(count, SIDE)
-    first = min(max(position - SIDE // 2, 0), count - size)
-    views = (*range(first, first + size), *[position] * (SIDE - size))
-    present = [1.0] * size + [0.0] * (SIDE - size)
-    return Axis(views, np.array([[view - position for view in views], present], np.float32))
+    offsets = range(-(SIDE // 2), SIDE // 2 + 1)
+    present = [0 <= position + offset < count for offset in offsets]
+    views = tuple(position + offset * there for offset, there in zip(offsets, present, strict=True))
+    return Axis(views, np.array([offsets, present], np.float32))

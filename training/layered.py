@@ -17,7 +17,6 @@ from torch.nn import functional
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem
-    from numpy.typing import NDArray
 
     from training.pictures import Picture
 
@@ -48,16 +47,15 @@ def scenes(
     count: int,
     *,
     side: int,
-    rows: NDArray[np.float32],
-    cols: NDArray[np.float32],
+    window: int,
 ) -> tuple[Tensor, Tensor]:
     """`count` scenes as the views of a window see them.
 
     `pictures`: 8-bit RGB `(H, W, 3)` of at least `TEXTURE` pixels a side. `side`: LR pixels along each side of a view.
-    `rows`, `cols`: how many views down and to the right of the one that is looked for each view stands; both hold a 0.
+    `window`: views along each side, an odd number.
 
-    Returns luma of all views, row by row, `(count, len(rows)*len(cols), FINE*side, FINE*side)`, and the view at (0, 0)
-    in colour, `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset`.
+    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the middle one in colour,
+    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the middle to a view.
     """
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:
@@ -75,8 +73,9 @@ def scenes(
     threshold = uniform(-0.3, 0.6, count, most)
     steepness = torch.exp(uniform(math.log(4), math.log(60), count, most))
     numbers = random.integers(LAYERS[0], most + 1, count)
-    offsets = torch.tensor([(float(v), float(u)) for v in rows for u in cols])  # (V, 2)
-    own = int((offsets.abs().sum(1) == 0).nonzero()[0])
+    steps = torch.arange(window) - window // 2
+    offsets = torch.cartesian_prod(steps, steps).float()  # (V, 2): down, right
+    own = len(offsets) // 2
     along = (torch.arange(side * FINE) + 0.5) / FINE - side / 2
     pixels = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)  # (h, w, 2): y, x in LR pixels
     weights = torch.tensor(LUMA)[:, None, None]

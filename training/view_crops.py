@@ -33,8 +33,8 @@ USES = 6
 """Steps that take their crops from the same scenes, at other places, turned and degraded otherwise."""
 ROOM = 12
 """LR pixels by which scenes are larger than crops."""
-GRIDS = ((9, 4, 0.6), (9, 1, 0.12), (9, 0, 0.12), (3, 1, 0.08), (3, 0, 0.08))
-"""Views along a side of the grid, the number of the view that is looked for, and the share of such windows."""
+GRIDS = ((4, 9, 0.7), (1, 9, 0.08), (0, 9, 0.1), (1, 3, 0.06), (0, 3, 0.06))
+"""The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
 STRANGE = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = 0.02
@@ -48,15 +48,6 @@ class Window(NamedTuple):
 
     rows: Tensor
     cols: Tensor
-
-
-def _window(down: tuple[int, int], across: tuple[int, int]) -> Window:
-    """The windows about `(number, of how many)` views along each side of a grid."""
-    rows, cols = (torch.from_numpy(axis(*at).place) for at in (down, across))
-    return Window(rows, cols)
-
-
-CENTRED = _window((4, 9), (4, 9))
 
 
 class ViewCrops:
@@ -92,7 +83,7 @@ class ViewCrops:
         self.shares = weights / weights.sum()
         self.meshes = _rendered(meshes, seed, self.side)
         self._lock = threading.Lock()
-        self._blocks: dict[int, tuple[Window, Tensor, Tensor]] = {}
+        self._blocks: dict[int, tuple[Tensor, Tensor]] = {}
 
     def at(self, step: int) -> tuple[Inputs, Tensor]:
         """The inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
@@ -100,14 +91,15 @@ class ViewCrops:
         rendered = [kind for kind in self.kinds if kind in RENDERED]
         share = sum(self.shares[self.kinds.index(kind)] for kind in rendered)
         if random.random() < share:
-            window, image, around, high = self._of_meshes(random)
+            image, around, high = self._of_meshes(random)
         else:
-            window, image, around, high = self._of_scenes(random, step)
+            image, around, high = self._of_scenes(random, step)
+        window = _window(random)
         image, around = _spoilt(random, image, around, window)
         return _turned(random, image, around, high, window)
 
-    def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Window, Tensor, Tensor, Tensor]:
-        window, views, colours = self._made(step // USES)
+    def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Tensor, Tensor, Tensor]:
+        views, colours = self._made(step // USES)
         kinds = [kind for kind in self.kinds if kind not in RENDERED]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in kinds])
         crops = []
@@ -120,9 +112,9 @@ class ViewCrops:
             image, high = _small(kind, colours[scene][part])
             crops.append((image, around, high))
         image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
-        return window, image, around, high
+        return image, around, high
 
-    def _of_meshes(self, random: np.random.Generator) -> tuple[Window, Tensor, Tensor, Tensor]:
+    def _of_meshes(self, random: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
         rendered = [kind for kind in self.kinds if kind in RENDERED]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in rendered])
         crops = []
@@ -134,19 +126,16 @@ class ViewCrops:
             around, high = degrade.cut(field.views[kind], field.high, 2, rows, cols)
             crops.append((field.colours[kind][:, rows, cols], around, high))
         image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
-        return CENTRED, image, around, high
+        return image, around, high
 
-    def _made(self, block: int) -> tuple[Window, Tensor, Tensor]:
+    def _made(self, block: int) -> tuple[Tensor, Tensor]:
         """The scenes of a block of steps, as 8 bits."""
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
-                window = _window(_grid(random), _grid(random))
-                rows, cols = (place[0].numpy() for place in window)
-                side = self.side + ROOM
-                made = layered.scenes(random, self.pictures, self.batch, side=side, rows=rows, cols=cols)
+                made = layered.scenes(random, self.pictures, self.batch, side=self.side + ROOM, window=SIDE)
                 views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
-                self._blocks = {**dict(list(self._blocks.items())[-1:]), block: (window, views, colours)}
+                self._blocks = {**dict(list(self._blocks.items())[-1:]), block: (views, colours)}
             return self._blocks[block]
 
 
@@ -166,10 +155,11 @@ class _Large:
         return self._pictures[self._large[index]]
 
 
-def _grid(random: np.random.Generator) -> tuple[int, int]:
-    """A number and of how many, by the shares of `GRIDS`."""
-    count, number, _ = GRIDS[int(random.choice(len(GRIDS), p=[share for _, _, share in GRIDS]))]
-    return number, count
+def _window(random: np.random.Generator) -> Window:
+    """Which of the views around are there, by the shares of `GRIDS`."""
+    shares = [share for _, _, share in GRIDS]
+    rows, cols = (axis(*GRIDS[int(random.choice(len(GRIDS), p=shares))][:2]) for _ in range(2))
+    return Window(torch.from_numpy(rows.place), torch.from_numpy(cols.place))
 
 
 def _small(kind: str, fine: Tensor) -> degrade.Pair:

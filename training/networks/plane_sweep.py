@@ -19,12 +19,14 @@ SIDE = 5
 MOST = 2.0
 """Largest disparity that is looked for, LR pixels from one view to the next."""
 REACH = 4
-"""Taps to each side of a pixel: what views two away are shifted by at most. Where a view of a lopsided window would
-have to be shifted further, it takes no part in that plane."""
+"""Taps to each side of a pixel: what views two away are shifted by at most."""
 PHASE = 0.25
 """A fine sample's distance from the coarse one that it is a part of, in LR pixels, at scale 2."""
 NEAR = 0.5
 """How far from a fine sample a view's sample counts, falling linearly, in LR pixels: there is one of each view."""
+DOUBT = 0.03
+"""Standard deviation that a sample alone is taken to have."""
+SURE = 0.01
 LEAST = 1e-6
 """Added to the variance, whose root has no slope at zero."""
 
@@ -64,8 +66,11 @@ class PlaneSweep(nn.Module):
         mean = self._shifted(columns, down, across, (count, height, width))
         square = self._shifted(columns * columns, down.mean(1, keepdim=True), across.mean(1, keepdim=True), mean.shape)
         mean = mean.reshape(count, planes, 4, height, width)
-        variance = square.reshape(count, planes, height, width) - (mean * mean).mean(2)
-        return mean, (variance.clamp(min=0) + LEAST).sqrt()
+        variance = (square.reshape(count, planes, height, width) - (mean * mean).mean(2)).clamp(min=0)
+        # Few samples agree by chance, and one with itself for certain.
+        few = ((down**2).sum((2, 3)).mean(1) * (across**2).sum((2, 3)).mean(1))[:, None, None]
+        variance = (variance + few * DOUBT**2) / (1 - few + SURE)
+        return mean, (variance + LEAST).sqrt()
 
     @staticmethod
     def _shifted(columns: Tensor, down: Tensor, across: Tensor, shape: tuple[int, ...]) -> Tensor:
