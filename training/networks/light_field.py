@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 SHARPNESS = 60.0
 """How strongly disagreement speaks against a plane before anything is learnt, for each unit of standard deviation."""
-DOUBT = 0.03
-"""Standard deviation above which no plane is the better choice before anything is learnt."""
+DOUBT = 0.15
+"""Standard deviation above which no plane is the better choice before anything is learnt. High on purpose: at 0.03 no
+plane was chosen wherever there was texture, and training hardly came to use the other views."""
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
 CHOSEN = 5
