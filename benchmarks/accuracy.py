@@ -48,15 +48,16 @@ def main(argv: list[str] | None = None) -> int:
     sources: dict[str, Source] = {name: name for name in SCENES}
     sources |= {path.stem: Bundle.from_path(path) for path in given.mesh}
     names = given.model or [entry.name for entry in catalogue.entries() if given.scale in entry.scales]
-    models = [upscaler(name, scale=given.scale) for name in names]
-    wide = max(12, *(len(model.name) + 2 for model in models))
+    fields = {entry.name for entry in catalogue.entries() if entry.is_light_field}
+    models = {name: None if name in fields else upscaler(name, scale=given.scale) for name in names}
+    wide = max(12, *(len(Path(name).stem) + 2 for name in models))
     lenses, pixels = (given.lenses, given.lenses), (15, 15)
 
     def write(scene: str, sampling: str, words: Sequence[str]) -> None:
         sys.stdout.write(f"{scene:14s}{sampling:10s}" + "".join(f"{word:>{wide}s}" for word in words) + "\n")
         sys.stdout.flush()
 
-    write("scene", "sampling", [model.name for model in models])
+    write("scene", "sampling", [Path(name).stem for name in models])
     scores: dict[Sampling, list[NDArray[np.float64]]] = {"pinhole": [], "lenslet": []}
     above = Bicubic(given.scale)
     for name, source in sources.items():
@@ -65,7 +66,11 @@ def main(argv: list[str] | None = None) -> int:
         for sampling, rows in scores.items():
             as_seen = replace(asked, strategy="upscale", sampling=sampling, model="none", scale=1)
             low = views(source, as_seen)
-            rows.append(np.array([score(upscale_pixels(model, low), truth) for model in (*models, above)]))
+            made = [
+                upscale_pixels(model, low) if model else views(source, replace(as_seen, model=name, scale=given.scale))
+                for name, model in (models | {"": above}).items()
+            ]
+            rows.append(np.array([score(pictures, truth) for pictures in made]))
             write(name, sampling, [f"{value:.2f}" for value in rows[-1][:-1]])
     for sampling, rows in scores.items():
         mean = np.mean(rows, axis=0)

@@ -31,7 +31,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=15, help="times that each is run (default 15)")
     parser.add_argument("--on", type=Path, nargs="*", default=SETS, help="test sets (default: Set5, Set14, BSD100)")
     given = parser.parse_args(argv)
-    twins = [entry.card for entry in catalogue.entries() if entry.card is not None and entry.card.float_twin]
+    twins = [
+        entry.card for entry in catalogue.entries() if entry.card and entry.card.float_twin and not entry.is_light_field
+    ]
     for card in twins:
         for threads in sorted({1, available_cores()}):
             pair = [catalogue.load(name, threads=threads) for name in (card.float_twin, card.name)]

@@ -24,6 +24,7 @@ LOOKS = {
     "interpolation": ("#6b6b6b", "o"),
     "float network": ("#0b63b5", "s"),
     "int8 network": ("#d55e00", "^"),
+    "light-field network": ("#7a3aa8", "P"),
     "direct rendering": ("#1b8a5a", "D"),
 }
 """Kind of method -> colour and marker; told apart without colours too."""

@@ -43,7 +43,7 @@ class Method:
     macs_per_output_pixel: float | None
     """Multiply-adds of the network; None where there is none."""
     kind: str
-    """`interpolation`, `float network`, `int8 network` or `direct rendering`."""
+    """`interpolation`, `float network`, `int8 network`, `light-field network` or `direct rendering`."""
 
     def suits(self, work: Work) -> bool:
         """Whether it can do this work."""
@@ -78,6 +78,7 @@ def methods() -> tuple[list[Method], dict[str, str]]:
         else:
             card = entry.card
             kind = "interpolation" if card is None else "int8 network" if card.precision == "int8" else "float network"
+            kind = "light-field network" if entry.is_light_field else kind
             cost = card.macs_per_output_pixel if card is not None else None
             found.append(Method(entry.name, WORDS.get(entry.name, entry.kind), {"model": entry.name}, cost, kind))
     found.sort(key=lambda method: (method.macs_per_output_pixel or 0.0, method.name != "nearest", method.name))

@@ -91,9 +91,12 @@ def chosen_groups(names: Sequence[str]) -> tuple[str, ...]:
 def chosen_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
     """The networks to stress, all where `names` is empty, and those that this processor can't run.
 
+    Those that take single pictures: what light-field networks do with odd windows, `benchmarks.light_fields` shows.
+
     Raises `InvalidOption` where a name is no network's.
     """
-    networks = {entry.name: entry for entry in catalogue.entries() if entry.card is not None}
+    singles = catalogue.singles()
+    networks = {entry.name: entry for entry in catalogue.entries() if entry.card is not None and entry.name in singles}
     for name in names:
         if name not in networks:
             raise InvalidOption(f"--model: no network {name[:40]!r} here; give some of {', '.join(networks)}")
