@@ -37,6 +37,8 @@ TEXELS = (0.45, 1.6)
 """Texels for each fine sample."""
 FLAT = 0.12
 """Share of sheets of one colour."""
+PLAIN = 0.3
+"""Share of scenes before a plain background, half of them before black, as rendered objects stand."""
 MASK = 24
 LUMA = (0.299, 0.587, 0.114)
 
@@ -87,6 +89,8 @@ def scenes(
         for layer in range(int(numbers[scene])):
             at = _meet(pixels, offsets, disparity[scene, layer], slope[scene, layer])  # (V, h, w, 2)
             texture = _texture(random, pictures)
+            if layer == 0 and random.random() < PLAIN:
+                texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
             place = at @ turn[scene, layer].T + begin[scene, layer]
             new = _sample((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
             new_colour = _sample(texture, place[own : own + 1], "reflection")[0]

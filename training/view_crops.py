@@ -35,10 +35,13 @@ ROOM = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.7), (1, 9, 0.08), (0, 9, 0.1), (1, 3, 0.06), (0, 3, 0.06))
 """The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
+EASED = 3000
+"""Steps over which windows at the border, and all that is strange, come in: from the start they keep a network from
+finding out what the other views are good for."""
 STRANGE = 0.04
 """Share of crops whose other views show another scene."""
-NOISE = 0.02
-"""Share of crops that are mostly noise, in each view another."""
+NOISE = (0.01, 0.1)
+"""Share of crops under heavy noise, in each view another, and its standard deviation. Its loss is far above others'."""
 GRAIN = (0.15, 2 / 255)
 """Share of crops whose LR views are grainy as a camera's, and the largest standard deviation of that."""
 
@@ -94,8 +97,9 @@ class ViewCrops:
             image, around, high = self._of_meshes(random)
         else:
             image, around, high = self._of_scenes(random, step)
-        window = _window(random)
-        image, around = _spoilt(random, image, around, window)
+        ease = min(1.0, step / EASED)
+        window = _window(random) if random.random() < ease else _window(random, GRIDS[:1])
+        image, around = _spoilt(random, image, around, window, ease)
         return _turned(random, image, around, high, window)
 
     def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -155,10 +159,10 @@ class _Large:
         return self._pictures[self._large[index]]
 
 
-def _window(random: np.random.Generator) -> Window:
-    """Which of the views around are there, by the shares of `GRIDS`."""
-    shares = [share for _, _, share in GRIDS]
-    rows, cols = (axis(*GRIDS[int(random.choice(len(GRIDS), p=shares))][:2]) for _ in range(2))
+def _window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]] = GRIDS) -> Window:
+    """Which of the views around are there, by the shares of `grids`."""
+    shares = np.array([share for _, _, share in grids])
+    rows, cols = (axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
     return Window(torch.from_numpy(rows.place), torch.from_numpy(cols.place))
 
 
@@ -174,8 +178,13 @@ def _luma(image: Tensor) -> Tensor:
     return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
 
 
-def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, window: Window) -> tuple[Tensor, Tensor]:
-    """Some crops with the views of another, some of noise, some grainy; the view itself stays the same in both."""
+def _spoilt(
+    random: np.random.Generator, image: Tensor, around: Tensor, window: Window, ease: float
+) -> tuple[Tensor, Tensor]:
+    """Some crops with the views of another, some noisy, some grainy; the view itself stays the same in both.
+
+    `ease`: how much of the shares, up to 1.
+    """
 
     def share(of: float) -> Tensor:
         return torch.from_numpy(random.random(len(image)) < of)[:, None, None, None]
@@ -183,12 +192,13 @@ def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, window: 
     def normal(like: Tensor) -> Tensor:
         return torch.from_numpy(random.standard_normal(like.shape, np.float32))
 
-    around = torch.where(share(STRANGE), around.roll(1, 0), around)
-    noisy = share(NOISE)
-    image = torch.where(noisy, (image + 0.3 * normal(image)).clamp(0, 1), image)
-    around = torch.where(noisy, (around + 0.3 * normal(around)).clamp(0, 1), around)
+    around = torch.where(share(STRANGE * ease), around.roll(1, 0), around)
+    seldom, strong = NOISE
+    noisy = share(seldom * ease)
+    image = torch.where(noisy, (image + strong * normal(image)).clamp(0, 1), image)
+    around = torch.where(noisy, (around + strong * normal(around)).clamp(0, 1), around)
     often, most = GRAIN
-    grain = share(often) * torch.from_numpy(random.uniform(0, most, (len(image), 1, 1, 1)).astype(np.float32))
+    grain = share(often * ease) * torch.from_numpy(random.uniform(0, most, (len(image), 1, 1, 1)).astype(np.float32))
     image = (image + grain * normal(image)).clamp(0, 1)
     around = (around + grain * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
     own = (window.rows[0][:, None] == 0) & (window.cols[0][None] == 0)
