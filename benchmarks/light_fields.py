@@ -130,7 +130,7 @@ def moved(low: Views, shift: int) -> Views:
 
 
 def parallax(folder: Path, models: Sequence[str], write: Callable[[str], object]) -> None:
-    """Median and 90 % quantile of how far disparity is off, over textured patches, right and down of the middle view."""
+    """Median and 90 % quantile of how far disparity is off, over textured patches, right and down of the middle."""
     views = light_fields.read(folder, grid=(7, 7))
     for kind in degrade.KINDS:
         low, high = light_fields.degraded(views, kind, 2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from models import tiles
 from models.errors import InvalidImage
-from models.session import BATCH, WINDOW, Shipped
+from models.session import Shipped
 from models.upscaler import check, finish
 from models.windows import SIDE
 
@@ -32,20 +32,17 @@ class LightFieldNetwork(Shipped):
         """`image`: views as RGB in [0, 1], `(N, 3, H, W)`; `around`: the luma of the windows about them, row by row,
         `(N, 25, H, W)`; `rows` and `cols`: where all those windows stand (`models.windows.Axis.place`).
 
-        Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]. Large views run in tiles, small ones several
-        at a time.
+        Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]. All goes in one run: `models.views` cuts
+        large views into tiles.
 
         Raises as `Upscaler.__call__`.
         """
         check(image)
         _check_around(image, around)
-        both = np.concatenate([image, around], axis=1)
-        padded, kept = tiles.padded(both, *self.card.sizes.fitted(*image.shape[2:]), scale=self.scale)
-
-        def run(part: NDArray[np.float32]) -> NDArray[np.float32]:
-            return self.run(image=part[:, :3], around=part[:, 3:], rows=rows, cols=cols)
-
-        result = tiles.apply(run, padded, scale=self.scale, radius=self.radius, window=WINDOW, batch=BATCH, colours=3)
+        size = self.card.sizes.fitted(*image.shape[2:])
+        image, kept = tiles.padded(image, *size, scale=self.scale)
+        around, _ = tiles.padded(around, *size, scale=self.scale)
+        result = self.run(image=image, around=around, rows=rows, cols=cols)
         return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
 

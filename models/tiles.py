@@ -108,16 +108,15 @@ def apply(
     window: int,
     batch: int,
     multiple: int = 1,
-    colours: int | None = None,
 ) -> NDArray[np.float32]:
     """`run` over `(N, C, H, W)` in tiles of at most `window` input pixels; the result is a new array.
 
     Small pictures go several at a time, up to `batch` input pixels together. `run` takes `(n, C, h, w)` and gives
-    `(n, colours, scale*h, scale*w)`, with C for `colours` where nothing is said. `radius` is how far it sees, in input
-    pixels, and `multiple` what the sides of a tile are multiples of where those of the pictures are.
+    `(n, C, scale*h, scale*w)`; `radius` is how far it sees, in input pixels, and `multiple` what the sides of a tile
+    are multiples of where those of the pictures are.
     """
     count, channels, height, width = images.shape
-    result = np.empty((count, colours or channels, height * scale, width * scale), np.float32)
+    result = np.empty((count, channels, height * scale, width * scale), np.float32)
     together = max(1, batch // (height * width))
     for tile in split(height, width, radius=radius, window=window, multiple=multiple):
         span, source, target = tile.window, tile.source(scale), tile.target(scale)

@@ -8,7 +8,8 @@ import numpy as np
 
 from models.errors import InvalidImage
 from models.light_field import luma
-from models.session import BATCH
+from models.session import BATCH, WINDOW
+from models.tiles import split
 from models.windows import axis
 
 if TYPE_CHECKING:
@@ -37,36 +38,41 @@ def upscale_views(
     """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of `needed`.
-    Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest.
+    Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
+    made in tiles, of all views one place after the other: what is held beside input and result stays small.
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
     first = views[wanted[0]]
     _check(first)
-    peak = np.float32(np.iinfo(first.dtype).max)
-    lumas: dict[View, NDArray[np.float32]] = {}
-    for view in needed(wanted, grid):
-        picture = views[view]
-        if picture.shape != first.shape or picture.dtype != first.dtype:
+    every = needed(wanted, grid)
+    for view in every:
+        if views[view].shape != first.shape or views[view].dtype != first.dtype:
             raise InvalidImage(
-                f"view {view[0]},{view[1]}: {picture.shape} of {picture.dtype}, where view {wanted[0][0]},"
+                f"view {view[0]},{view[1]}: {views[view].shape} of {views[view].dtype}, where view {wanted[0][0]},"
                 f"{wanted[0][1]} is {first.shape} of {first.dtype}; give views of one size and depth"
             )
-        lumas[view] = np.clip(luma(picture.astype(np.float32) / peak), 0, 1)
+    scale, peak = network.scale, np.float32(np.iinfo(first.dtype).max)
     height, width, channels = first.shape
-    result = np.empty((len(wanted), height * network.scale, width * network.scale, channels), first.dtype)
-    for rows, cols, numbers in _alike(wanted, grid, together=max(1, BATCH // (height * width))):
-        image = np.stack([_colour(views[wanted[number]]) for number in numbers]) / peak
-        around = np.stack(
-            [
-                [lumas[row, col] for row in axis(v, grid[0]).views for col in axis(u, grid[1]).views]
-                for v, u in (wanted[number] for number in numbers)
-            ]
-        )
-        large = network(image, around, rows.place, cols.place).transpose(0, 2, 3, 1)
-        if channels == 1:
-            large = large.mean(axis=3, keepdims=True)
-        result[numbers] = np.floor(large * peak + np.float32(0.5)).astype(first.dtype)
+    result = np.empty((len(wanted), height * scale, width * scale, channels), first.dtype)
+    for tile in split(height, width, radius=network.radius, window=WINDOW):
+        source, target = tile.source(scale), tile.target(scale)
+        parts = {view: views[view][tile.window].astype(np.float32) / peak for view in every}
+        lumas = {view: np.clip(luma(part), 0, 1) for view, part in parts.items()}
+        together = max(1, BATCH // lumas[wanted[0]].size)
+        for rows, cols, numbers in _alike(wanted, grid, together=together):
+            image = np.stack([_colour(parts[wanted[number]]) for number in numbers])
+            around = np.stack(
+                [
+                    [lumas[row, col] for row in axis(v, grid[0]).views for col in axis(u, grid[1]).views]
+                    for v, u in (wanted[number] for number in numbers)
+                ]
+            )
+            large = network(image, around, rows.place, cols.place)[:, :, *source].transpose(0, 2, 3, 1)
+            if channels == 1:
+                large = large.mean(axis=3, keepdims=True)
+            for number, picture in zip(numbers, large, strict=True):
+                result[number][target] = np.floor(picture * peak + np.float32(0.5)).astype(first.dtype)
     return result
 
 
@@ -82,9 +88,9 @@ def _alike(wanted: Sequence[View], grid: tuple[int, int], *, together: int) -> I
             yield axis(v, grid[0]), axis(u, grid[1]), numbers[begin : begin + together]
 
 
-def _colour(picture: Pixels) -> NDArray[np.float32]:
-    """`(H, W, 1 or 3)` -> `(3, H, W)` float, not scaled."""
-    return np.broadcast_to(picture, (*picture.shape[:2], 3)).transpose(2, 0, 1).astype(np.float32)
+def _colour(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`(H, W, 1 or 3)` -> `(3, H, W)`."""
+    return np.broadcast_to(picture, (*picture.shape[:2], 3)).transpose(2, 0, 1)
 
 
 def _check(picture: Pixels) -> None:

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from typing import IO, TYPE_CHECKING, Any
 
 import anyio
+import numpy as np
 from anyio import to_thread
 from fastapi import FastAPI, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
@@ -23,11 +24,13 @@ from starlette.staticfiles import StaticFiles
 
 from models import catalogue
 from renderer.bundle import Bundle
-from service import listing, multipart, pipeline, problems, upload
+from renderer.views import parse_views
+from service import enlarging, listing, multipart, pipeline, problems, upload
 from service.body_limit import BodyLimit
 from service.errors import NotReady
 from service.outputs import FileSink
-from service.plan import NO_MODEL
+from service.plan import Plan
+from service.request import AUTO_TAKES, NO_MODEL
 from service.settings import Settings
 
 if TYPE_CHECKING:
@@ -40,6 +43,8 @@ MEDIA_TYPES = {"png": "image/png", "zip": "application/zip", "npz": "application
 CHUNK = 2**18
 MEMORY_BYTES = 8 * 2**20
 """An answer up to this size stays in memory; a larger one goes through a temporary file."""
+WARM_GRID, WARM_VIEW = (3, 3), np.zeros((32, 32, 3), np.uint8)
+"""What models are first run on: the least of a light field."""
 WATCH_SECONDS = 0.5
 """How often it is asked whether a client is still there: nobody waits for a reconstruction that nobody will get."""
 _log = logging.getLogger("uvicorn.error")
@@ -87,10 +92,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _warm_up() -> None:
-    import numpy as np
-
-    upscaler = catalogue.load(catalogue.DEFAULT)
-    upscaler(np.zeros((1, 3, 32, 32), np.float32))
+    """Runs what the model `auto` may take once."""
+    for model, is_light_field in ((catalogue.DEFAULT, False), (catalogue.FIELD, True)):
+        if model in catalogue.names():
+            run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), WARM_GRID)
+            run(dict.fromkeys(parse_views("all", *WARM_GRID), WARM_VIEW), [(1, 1)])
 
 
 def _log_failure(warm: asyncio.Task[None]) -> None:
@@ -212,7 +218,11 @@ def _add_service(app: FastAPI) -> None:
         503: {"description": "starting", "content": {problems.MEDIA_TYPE: {"schema": problems.SCHEMA}}}
     }
 
-    @app.get("/v1/models", summary="The models that can be named, with their cards")
+    @app.get(
+        "/v1/models",
+        summary="The models that can be named, with their cards",
+        description=f"`default` is the one for single pictures. Where no model is named: {AUTO_TAKES}.",
+    )
     def list_models() -> list[dict[str, Any]]:
         return listing.models()
 

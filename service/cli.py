@@ -16,6 +16,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
+from models.catalogue import DEFAULT, FIELD
 from renderer.errors import InvalidOption
 from service.errors import FAULTS, meaning, one_line
 from service.request import HELP, NAMES
@@ -55,9 +56,10 @@ class Parser(argparse.ArgumentParser):
         sys.stdout.flush()
 
 
-def _add_options(parser: argparse.ArgumentParser, names: Sequence[str]) -> None:
+def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], **texts: str) -> None:
+    """Options of `service.request`; `texts`: help in place of what stands there."""
     for name in names:
-        metavar, text = HELP[name]
+        metavar, text = HELP[name][0], texts.get(name, HELP[name][1])
         parser.add_argument(f"--{name}", metavar=metavar, help=text, default=argparse.SUPPRESS, dest=f"option_{name}")
 
 
@@ -89,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
     add = command("upscale", "any picture, or a folder of them, upscaled")
     add.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
     add.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture's name, or a folder")
-    _add_options(add, ("model", "scale"))
+    _add_options(add, ("model", "scale"), model=f"a listed model that takes pictures (default {DEFAULT})")
     add.add_argument("--report", metavar="FILE", help="write the report (JSON) here")
 
     add = command("models", "the models that can be named")
@@ -132,15 +134,23 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
     """The commands of `service.commands.training`."""
-    add = command("evaluate", "a model's accuracy on folders of *_LR.png and *_HR.png pairs", "training")
-    add.add_argument("model", metavar="MODEL", help="a name that `ciir models` lists, or an exported network's .json")
-    add.add_argument("folders", nargs="+", metavar="FOLDER", help="pairs, or any pictures with --degradation")
+    add = command("evaluate", "a model's accuracy on folders of *_LR.png and *_HR.png pairs, or on views", "training")
+    add.add_argument(
+        "words",
+        nargs="*",
+        metavar=("MODEL", "FOLDER"),
+        help="a name that `ciir models` lists, or an exported network's .json; then folders of pairs, or of any "
+        f"pictures with --degradation, or none with --light-field (and the model {FIELD} where none is named)",
+    )
     add.add_argument(
         "--degradation",
         choices=("bicubic", "box", "point"),
         default="",
-        help="make LR this way out of the folder's *_HR.png, or of any pictures where it has none",
+        help="make LR this way out of the folder's *_HR.png, or of any pictures where it has none, or of views "
+        "(default for views: bicubic)",
     )
+    add.add_argument("--light-field", metavar="FOLDER", help="views of a light field, in place of pictures")
+    add.add_argument("--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)")
     _add_options(add, ("scale",))
 
     add = command("train", "a network, from a recipe", "training")
@@ -190,7 +200,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> None:
-    args = parser().parse_args(_joined(argv))
+    args = _parsed(_joined(argv))
     if args.version:
         from importlib.metadata import version
 
@@ -201,6 +211,17 @@ def _run(argv: Sequence[str]) -> None:
         with _terminable(args.command):
             importlib.import_module(f"service.commands.{args.module}").run(args)
     sys.stdout.flush()
+
+
+def _parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """What was asked for; before Python 3.12.7 argparse takes no words of `evaluate` from behind an option."""
+    whole = parser()
+    args, rest = whole.parse_known_args(argv)
+    if args.command == "evaluate" and not any(word.startswith("-") for word in rest):
+        args.words += rest
+    elif rest:
+        whole.error(f"unrecognized arguments: {' '.join(rest)}")
+    return args
 
 
 def _joined(argv: Sequence[str]) -> list[str]:

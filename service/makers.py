@@ -17,11 +17,10 @@ if TYPE_CHECKING:
     from renderer.light_field import LightField
     from renderer.pictures import Pixels
     from renderer.scene import Scene
+    from renderer.views import View
     from service.plan import Plan
     from service.report import Clock, Report
     from service.request import Options
-
-View = tuple[int, int]
 
 
 class MeshViews:
@@ -70,10 +69,10 @@ class MeshViews:
         )
         return map(self._opaque, pictures)
 
-    def batch(self, pictures: Iterator[NDArray[Any]], count: int) -> Pixels:
-        """The next `count` of `make`, `(count, H, W, 3)`."""
+    def take(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+        """The next `count` of `make`, `(H, W, 3)` each."""
         with self._clock.stage("render"):
-            return np.stack(list(islice(pictures, count)))
+            return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
 
     def elemental(self) -> NDArray[np.uint8]:
         """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
@@ -119,10 +118,10 @@ class PictureViews:
         """Each view, `(rows, cols, channels)`, in the light field's memory."""
         return (self._field.views[v, u] for v, u in views)
 
-    def batch(self, pictures: Iterator[NDArray[Any]], count: int) -> Pixels:
-        """The next `count` of `make`, copied together: `(count, rows, cols, channels)`."""
+    def take(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+        """The next `count` of `make`; those of an elemental image array are copied out of it."""
         with self._clock.stage("map"):
-            return np.stack(list(islice(pictures, count)))
+            return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
 
 
 def _described(lenses: tuple[int, int], pixels: tuple[int, int], pitch: float | None, delta: float | None) -> Report:

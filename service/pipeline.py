@@ -6,23 +6,27 @@ The command line and the HTTP routes call `reconstruct` and add nothing to it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from renderer.light_field import LightField
 from renderer.scene import Scene
 from renderer.views import parse_views
 from service import plan as plans
+from service.choice import Job
+from service.enlarging import describe_model, opened
 from service.makers import MeshViews, PictureViews
-from service.plan import NO_MODEL, Plan
+from service.plan import Plan
 from service.report import Clock, Report, versions
+from service.request import NO_MODEL
 from service.source import Input, Source
+from service.turns import turns
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Iterable
 
-    from models.upscaler import Upscaler
     from renderer.pictures import Pixels
+    from renderer.views import View
+    from service.enlarging import Enlarge
     from service.outputs import Sink
     from service.request import Options
 
@@ -43,8 +47,8 @@ def reconstruct(
 ) -> Report:
     """Puts the views that `options` ask for into `sink`, and returns the report that `sink` got too.
 
-    `max_pixels`: most output pixels, and samples of a mesh, of all views together. A mesh's views are RGB; pictures
-    keep channels and depth.
+    `max_pixels`: most output pixels of all views together; and samples of a mesh, where those views count too that are
+    rendered only to help others. A mesh's views are RGB; pictures keep channels and depth.
 
     Raises the input faults of `renderer.errors` and `models.errors`, and `BackendUnavailable`; what the input's
     header and the options show is raised before `sink.begin`, so before anything is written.
@@ -53,33 +57,37 @@ def reconstruct(
     given = Input(source)
     with clock.stage("decode"):
         content = given.read(options)
-    plan = plans.make(options, name=given.name, is_mesh=isinstance(content, Scene))
+    job = _job(given.name, content, options)
+    plan = plans.make(options, job)
     maker = _maker(content, options, plan, clock)
-    plans.check_views(options.views, maker.pixels)
-    views = parse_views(options.views, *maker.pixels)
     rows, cols = maker.lenses
-    plans.check_size(rows, cols, plan.enlarge, len(views), max_pixels)
-    plans.check_work(maker.samples, len(views), max_pixels)
-    upscaler = _load(plan, clock)
-    sink.begin(len(views))
+    plans.check_size(rows, cols, plan.enlarge, len(job.wanted), max_pixels)
+    together = max(1, BATCH_PIXELS // (rows * cols * plan.enlarge**2))
+    in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
+    made = [view for turn in in_order for view in turn.new]
+    plans.check_work(maker.samples, len(made), max_pixels, further=len(made) - len(job.wanted))
+    enlarge = _load(plan, job.grid, clock)
+    sink.begin(len(job.wanted))
     maker.start()
 
     written: list[dict[str, Any]] = []
-    together = max(1, BATCH_PIXELS // (rows * cols * plan.enlarge**2))
-    in_turn = maker.make(views)
-    for first in range(0, len(views), together):
-        part = views[first : first + together]
-        pictures = maker.batch(in_turn, len(part))
-        if upscaler is not None:
+    kept: dict[View, Pixels] = {}
+    pictures = maker.make(made)
+    for turn in in_order:
+        kept.update(zip(turn.new, maker.take(pictures, len(turn.new)), strict=True))
+        finished: Iterable[Pixels] = [kept[view] for view in turn.wanted]
+        if enlarge is not None:
             with clock.stage("upscale"):
-                pictures = enlarge(upscaler, pictures)
+                finished = enlarge(kept, turn.wanted)
+        for view in turn.done:
+            del kept[view]
         with clock.stage("encode"):
-            for view, picture in zip(part, pictures, strict=True):
+            for view, picture in zip(turn.wanted, finished, strict=True):
                 height, width = picture.shape[:2]
                 name = sink.add(view, picture)
                 written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width})
         if progress is not None:
-            progress(len(part))
+            progress(len(turn.wanted))
 
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
     report: Report = {
@@ -96,11 +104,11 @@ def reconstruct(
             "scale": plan.enlarge,
             "reasons": [*plan.reasons, *maker.reasons],
         },
-        "model": describe_model(plan.model, plan.enlarge) if upscaler is not None else None,
+        "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),
         "notes": maker.notes(),
         "timings_ms": clock.timings_ms(),
-        "versions": versions(*maker.packages, *(("onnxruntime",) if upscaler is not None else ())),
+        "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }
     sink.finish(report)
     return report
@@ -144,20 +152,14 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
     }
 
 
-def describe_model(name: str, scale: int) -> dict[str, Any]:
-    """The report's `model`: name, scale, and the network's SHA-256 (null for interpolation)."""
-    from models import catalogue
-
-    card = next(entry.card for entry in catalogue.entries() if entry.name == name)
-    return {"name": name, "scale": scale, "sha256": card.sha256 if card is not None else None}
-
-
-def enlarge(upscaler: Upscaler, pictures: Pixels) -> Pixels:
-    """`models.upscale_pixels`: `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type."""
-    from models.pixels import upscale_pixels
-
-    # Its type variable takes 8 or 16 bit, where a picture that was read is either: one of them stands for both.
-    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures))
+def _job(name: str, content: Scene | LightField, options: Options) -> Job:
+    if isinstance(content, Scene):
+        array, channels = plans.mesh_array(options), 3
+        grid = (array.pixels_v, array.pixels_u)
+    else:
+        grid, channels = content.views.shape[:2], content.views.shape[4]
+    plans.check_views(options.views, grid)
+    return Job(name, isinstance(content, Scene), grid, channels, parse_views(options.views, *grid))
 
 
 def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clock) -> MeshViews | PictureViews:
@@ -166,10 +168,8 @@ def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clo
     return PictureViews(content, options, clock)
 
 
-def _load(plan: Plan, clock: Clock) -> Upscaler | None:
+def _load(plan: Plan, grid: tuple[int, int], clock: Clock) -> Enlarge | None:
     if plan.model == NO_MODEL:
         return None
     with clock.stage("upscale"):  # the first call in a process reads the network
-        from models import catalogue
-
-        return catalogue.load(plan.model, scale=plan.enlarge)
+        return opened(plan, grid)

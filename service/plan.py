@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from models import catalogue
-from models.errors import UnknownModel
+from models.catalogue import DEFAULT
 from renderer.errors import InvalidOption, TooLarge
 from renderer.lens_array import LensArray
 from renderer.pictures import MAX_SIDE
 from renderer.sampling import LENSLET_SAMPLES
+from service.choice import check_model, choose
+from service.request import NO_MODEL
 
 if TYPE_CHECKING:
+    from service.choice import Job
     from service.request import Options
 
-NO_MODEL = "none"
 MAX_VIEW_PIXELS = 64_000_000
 """Most pixels in one view, in or out: as many as a picture may have that is read."""
 LENSES = (100, 100)
@@ -40,6 +41,8 @@ class Plan:
     samples: int
     """`samples x samples` points of a mesh are averaged for each pixel; 1 for a picture."""
     reasons: tuple[str, ...]
+    is_light_field: bool = False
+    """Whether the model takes a view with those around it."""
 
 
 def samples(options: Options) -> int:
@@ -47,28 +50,26 @@ def samples(options: Options) -> int:
     return LENSLET_SAMPLES if options.sampling == "lenslet" else 1
 
 
-def make(options: Options, *, name: str, is_mesh: bool) -> Plan:
-    """The plan for an input called `name`.
+def make(options: Options, job: Job) -> Plan:
+    """The plan for `job`.
 
     Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel` where the model isn't there.
     """
     reasons = []
-    if is_mesh and options.pickup != "virtual":
-        raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
-    if not is_mesh:
+    if job.is_mesh and options.pickup != "virtual":
+        raise InvalidOption(f"pickup: optical is for elemental image arrays and {job.name} is a mesh; leave it out")
+    if not job.is_mesh:
         for option, default in _MESH_ONLY:
             if getattr(options, option) != default:
-                raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
+                raise InvalidOption(f"{option}: this is for meshes and {job.name} holds pictures; leave it out")
         if options.strategy == "direct":
-            raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")
-    if options.model not in (NO_MODEL, *catalogue.names()):
-        known = ", ".join((*catalogue.names(), NO_MODEL))
-        raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {known}")
+            raise InvalidOption(f"strategy: direct renders a mesh and {job.name} holds pictures; give upscale or auto")
+    check_model(options.model)
     strategy: Literal["upscale", "direct"] = "upscale" if options.strategy == "auto" else options.strategy
     if options.strategy == "auto":
         if options.model == NO_MODEL:
             reasons.append("auto: no model is wanted, so nothing is enlarged")
-        elif is_mesh:
+        elif job.is_mesh:
             strategy = "direct"
             reasons.append("auto: the input is a mesh, so views are rendered at the larger size; no model is needed")
         else:
@@ -83,7 +84,15 @@ def make(options: Options, *, name: str, is_mesh: bool) -> Plan:
     if options.model == NO_MODEL:
         enlarge = 1
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
-    return Plan(strategy, options.model, enlarge, samples(options) if is_mesh else 1, tuple(reasons))
+    chosen = choose(options, job)
+    return Plan(
+        strategy,
+        chosen.model,
+        enlarge,
+        samples(options) if job.is_mesh else 1,
+        (*reasons, *chosen.reasons),
+        chosen.is_light_field,
+    )
 
 
 def mesh_array(options: Options) -> LensArray:
@@ -129,12 +138,16 @@ def check_samples(array: LensArray, samples: int) -> int:
     return points
 
 
-def check_work(samples: int, count: int, limit: int | None) -> None:
-    """Raises `TooLarge` where `count` views of `samples` points of a mesh each are over `limit`, where there is one."""
+def check_work(samples: int, count: int, limit: int | None, *, further: int = 0) -> None:
+    """Raises `TooLarge` where `count` views of `samples` points of a mesh each are over `limit`, where there is one.
+
+    `further`: how many of them only help others.
+    """
     if limit is not None and count * samples > limit:
+        helpers = f", {further} of them around those asked for," if further else ""
         raise TooLarge(
-            f"{count} views of {samples:,} samples each are {count * samples:,}, over the limit of {limit:,}; "
-            "ask for fewer views, fewer lenses or pinhole sampling"
+            f"{count} views of {samples:,} samples each{helpers} are {count * samples:,}, over the limit of {limit:,}; "
+            f"ask for fewer views, fewer lenses{f', model {DEFAULT}' if further else ''} or pinhole sampling"
         )
 
 

@@ -7,7 +7,7 @@ import re
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from models.catalogue import DEFAULT
+from models.catalogue import DEFAULT, FIELD
 from renderer.errors import InvalidOption
 from renderer.light_field import Pickup
 
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 Strategy = Literal["upscale", "direct", "auto"]
 Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
+AUTO, NO_MODEL = "auto", "none"
+"""Values of `model` that name none of the catalogue: `service.choice` chooses; views stay as they were made."""
+AUTO_TAKES = f"{FIELD} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}"
+"""What `auto` comes to, in words; `service.choice` has the rule."""
 MAX_SCALE = 8
 _CHOICES: dict[str, tuple[str, ...]] = {
     "strategy": get_args(Strategy),
@@ -40,8 +44,8 @@ class Options:
     """Pixels under each lens, rows (v) and columns (u). A mesh: 15x15 by default."""
     views: str = "center"
     """`center`, `cross`, `all`, or pairs `v,u;v,u`."""
-    model: str = DEFAULT
-    """A name of the catalogue, or `none` for views as they were mapped or rendered."""
+    model: str = AUTO
+    """A name of the catalogue; `auto` for what suits the views best; `none` for views as they were made."""
     scale: int = 2
     """Output pixels for each view pixel, along each side."""
     strategy: Strategy = "upscale"
@@ -90,7 +94,10 @@ HELP: dict[str, tuple[str, str]] = {
     "lenses": ("RxC", "lens rows x columns (default for a mesh: 100x100; an EIA picture needs them, or pixels)"),
     "pixels": ("KvxKu", "pixels under each lens, rows x columns (default for a mesh: 15x15)"),
     "views": ("SPEC", "center, cross, all, or v,u pairs like '0,0;7,7' (default center)"),
-    "model": ("NAME", f"a listed model, or none for views as they are (default {DEFAULT})"),
+    "model": (
+        "NAME",
+        f"a listed model, none for views as they are, or auto: {AUTO_TAKES} (default auto)",
+    ),
     "scale": ("S", "output pixels for each view pixel, along a side, 1 to 8 (default 2)"),
     "strategy": ("NAME", "upscale, direct (a mesh, rendered at the larger size) or auto (default upscale)"),
     "backend": ("NAME", "what renders a mesh: auto, raster or raytrace (default auto)"),
@@ -107,14 +114,15 @@ def _text(name: str, text: str) -> str:  # noqa: ARG001 - parsers share one sign
     return text.strip()
 
 
-def _pair(name: str, text: str) -> tuple[int, int]:
+def pair(name: str, text: str) -> tuple[int, int]:
+    """`5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
     if match is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
-    pair = int(match[1]), int(match[2])
-    if 0 in pair:
+    counts = int(match[1]), int(match[2])
+    if 0 in counts:
         raise InvalidOption(f"{name}: {text.strip()} is out of range; give at least 1x1")
-    return pair
+    return counts
 
 
 def _integer(name: str, text: str) -> int:
@@ -138,8 +146,8 @@ def _colour(name: str, text: str) -> tuple[int, int, int]:
 
 
 _PARSERS: dict[str, Callable[[str, str], Any]] = {
-    "lenses": _pair,
-    "pixels": _pair,
+    "lenses": pair,
+    "pixels": pair,
     "views": _text,
     "model": _text,
     "scale": _integer,

@@ -10,9 +10,10 @@ import numpy as np
 from models import catalogue
 from renderer import pictures
 from renderer.errors import InvalidOption
-from service.pipeline import describe_model, enlarge
-from service.plan import NO_MODEL, check_size
+from service.enlarging import describe_model, enlarge
+from service.plan import check_size
 from service.report import Clock, Report, versions
+from service.request import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
     from renderer.pictures import Pixels
@@ -52,14 +53,16 @@ def upscale_pictures(
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
+    `model`: one that takes single pictures; `auto` is the catalogue's default.
 
     Raises the input faults of `renderer.errors`, with the picture's name, and those of `models.errors`.
     """
     clock = Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
+    name_of_model = catalogue.DEFAULT if model == AUTO else model
     with clock.stage("upscale"):
-        upscaler = catalogue.load(model, scale=scale)
+        upscaler = catalogue.load(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
     for name, output in outputs.items():
         with clock.stage("decode"):
@@ -86,7 +89,7 @@ def upscale_pictures(
     return {
         "pictures": done,
         "notes": [],
-        "model": describe_model(model, scale),
+        "model": describe_model(name_of_model, scale),
         "timings_ms": clock.timings_ms(),
         "versions": versions("onnxruntime"),
     }

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 from models import catalogue
 from service import listing
 from service.commands import common
+from service.request import AUTO_TAKES
 
 if TYPE_CHECKING:
     import argparse
+
+HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y", "what it is")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -23,10 +26,11 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         common.say(json.dumps(models, indent=2, ensure_ascii=False))
         return
-    rows = [("name", "scales", "computes in", "parameters", "PSNR, dB on Y", "what it is"), *map(_row, models)]
+    rows = [HEAD, *map(_row, models)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     for row in rows:
         common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
+    common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_TAKES}")
     for model in models:
         if model["unsuited"]:
             common.say(f"{model['name']} is not for this machine: {model['unsuited']}; {_remedy(model['card'])}")
@@ -38,9 +42,9 @@ def _row(model: dict[str, Any]) -> tuple[str, ...]:
     listed = str(scales[0]) if len(scales) == 1 else f"{scales[0]} to {scales[-1]}"
     name = model["name"] + (" (default)" if model["default"] else "")
     if card is None:
-        return name, listed, "float32", "-", "-", model["kind"]
+        return name, listed, model["takes"], "float32", "-", "-", model["kind"]
     scores = ", ".join(f"{score['data']} {score['psnr']:.2f}" for score in card["accuracy"])
-    return name, listed, card["precision"], f"{card['parameters']:,}", scores or "-", model["kind"]
+    return name, listed, model["takes"], card["precision"], f"{card['parameters']:,}", scores or "-", model["kind"]
 
 
 def _remedy(card: dict[str, Any]) -> str:

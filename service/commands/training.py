@@ -7,15 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from models.catalogue import FIELD
 from renderer.errors import InvalidOption
 from service.commands import common, out
 from service.errors import one_line
+from service.request import pair
 
 if TYPE_CHECKING:
     import argparse
 
+    from models.card import Accuracy
+
 EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "spandrel", "safetensors", "einops")
 """What the extra `training` brings."""
+VIEWS, DEGRADATION = "5x5", "bicubic"
+"""BasicLFSR's protocol: what a light field is evaluated on where nothing else is said."""
 OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
 """Fields of a recipe that may be given as options too."""
 
@@ -34,15 +40,45 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _evaluate(args: argparse.Namespace) -> None:
-    options = common.options(args)
+    options, names = common.options(args), list(args.words)
+    if args.light_field is not None:
+        _evaluate_views(args, options.scale)
+        return
+    if args.grid is not None:
+        raise InvalidOption("--grid: this is for --light-field with a folder of views; leave it out")
+    if len(names) < 2:
+        raise InvalidOption(
+            "evaluate: give a MODEL and FOLDERs of pictures, or --light-field FOLDER; see ciir evaluate --help"
+        )
     from training.evaluate import evaluate_folder
 
-    for folder in _folders(args.folders):
+    for folder in _folders(names[1:]):
         try:
-            score = evaluate_folder(args.model, folder, scale=options.scale, degradation=args.degradation)
+            score = evaluate_folder(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        common.say(f"{score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} pictures")
+        _tell(score, "pictures")
+
+
+def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
+    if len(args.words) > 1:
+        raise InvalidOption(
+            f"evaluate: {args.words[1]!r} is given beside --light-field {args.light_field}; give one of them"
+        )
+    (folder,) = _folders([args.light_field], what="views")
+    grid = pair("grid", args.grid or VIEWS)
+    from training.evaluate_views import evaluate
+
+    model = args.words[0] if args.words else FIELD
+    try:
+        score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
+    except ValueError as error:
+        raise InvalidOption(str(error)) from error
+    _tell(score, "views")
+
+
+def _tell(score: Accuracy, counted: str) -> None:
+    common.say(f"{score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}")
 
 
 def _train(args: argparse.Namespace) -> None:

@@ -6,8 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import models
+from models import catalogue
 from models.catalogue import SHIPPED
-from models.errors import UnknownModel, UnsupportedScale
+from models.errors import UnknownModel, UnsuitedModel, UnsupportedScale
 
 
 def test_names_and_entries():
@@ -18,7 +19,7 @@ def test_names_and_entries():
     assert all((entry.card is None) == (entry.kind == "interpolation") for entry in entries)
 
 
-@pytest.mark.parametrize("name", models.names())
+@pytest.mark.parametrize("name", catalogue.singles())
 def test_each_model_loads_and_keeps_its_contract(name):
     (entry,) = (entry for entry in models.entries() if entry.name == name)
     if entry.unsuited:
@@ -68,3 +69,17 @@ def test_listing_imports_no_runtime():
     code = f"import sys, models; models.entries(); print({heavy} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - ours
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in models.entries() if entry.is_light_field])
+def test_a_light_field_network_is_loaded_as_one_and_refused_as_another(name):
+    network = catalogue.load_light_field(name)
+    assert network.name == name
+    assert network is catalogue.load_light_field(name)
+    with pytest.raises(UnsuitedModel, match=f"model {name}: .* use `ciir reconstruct`, or name fast"):
+        models.load(name)
+
+
+def test_a_single_picture_network_is_no_light_field_one():
+    with pytest.raises(UnsuitedModel, match="model fast: it upscales single pictures"):
+        catalogue.load_light_field("fast")

@@ -14,6 +14,7 @@ class Told:
     """A stand-in for a network: repeats each view's pixels and notes what it was called with."""
 
     scale = 2
+    radius = 2
 
     def __init__(self):
         self.calls = []
@@ -85,3 +86,12 @@ def test_views_that_differ_are_named(odd, words):
 def test_alpha_is_refused():
     with pytest.raises(InvalidImage, match=r"\(H, W, C\), grey or RGB"):
         upscale_views(Told(), field((3, 3), (3, 4, 4)), [(0, 0)], (3, 3))
+
+
+def test_large_views_go_in_tiles_and_come_out_whole(monkeypatch):
+    monkeypatch.setattr("models.views.WINDOW", 100)
+    views, network = field((3, 3), (23, 31, 3)), Told()
+    (got,) = upscale_views(network, views, [(1, 1)], (3, 3))
+    assert len(network.calls) > 10
+    assert max(call[0].shape[2] * call[0].shape[3] for call in network.calls) <= 100
+    np.testing.assert_array_equal(got, views[1, 1].repeat(2, axis=0).repeat(2, axis=1))

@@ -1,7 +1,8 @@
-"""Small inputs as bytes, and a real server."""
+"""Small inputs as bytes, a stand-in for a light-field network, and a real server."""
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import re
@@ -15,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from models import catalogue
+from models.card import Tensor
 from renderer.pictures import encode_png
 
 if TYPE_CHECKING:
@@ -103,6 +106,49 @@ BAD_INPUTS = {
     "too many samples": ("a.off", CUBE, {"lenses": "4000x4000", "strategy": "direct"}, 413, ["8000x8000", "samples"]),
     "too large a view": ("a.off", CUBE, {"lenses": "4096x4096", "model": "bicubic", "scale": "8"}, 413, ["limit"]),
 }
+
+
+class StandIn:
+    """Each pixel twice along each side, halfway to the mean luma of the window's views: a wrong view would show."""
+
+    name, scale, radius = catalogue.FIELD, 2, 0
+
+    def __call__(self, image, around, rows, cols):
+        there = np.outer(rows[1], cols[1]).reshape(1, -1, 1, 1)
+        mean = (around * there).sum(1, keepdims=True) / there.sum()
+        return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3)
+
+
+def as_the_stand_in_has_it(views, view):
+    """Its picture of `view`, of views `(V, U, H, W, C)`, in plain loops and not rounded."""
+    weights = [0.299, 0.587, 0.114] if views.shape[4] == 3 else [1.0]
+    window = [
+        views[v, u] @ weights
+        for v in range(view[0] - 2, view[0] + 3)
+        for u in range(view[1] - 2, view[1] + 3)
+        if 0 <= v < views.shape[0] and 0 <= u < views.shape[1]
+    ]
+    large = (views[view] + np.mean(window, axis=0)[..., None]) / 2
+    return large.repeat(2, axis=0).repeat(2, axis=1)
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    """The catalogue with `StandIn` as `field`, whatever is shipped."""
+    entries = [entry for entry in catalogue.entries() if entry.name != catalogue.FIELD]
+    (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
+    further = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
+    card = dataclasses.replace(fast.card, name=catalogue.FIELD, further=further)
+    entries.insert(0, dataclasses.replace(fast, name=catalogue.FIELD, card=card))
+    load = catalogue.load_light_field
+    network = StandIn()
+
+    def load_light_field(name=catalogue.FIELD, *, scale=2, threads=None):
+        return network if (name, scale) == (catalogue.FIELD, 2) else load(name, scale=scale, threads=threads)
+
+    monkeypatch.setattr(catalogue, "entries", lambda: entries)
+    monkeypatch.setattr(catalogue, "load_light_field", load_light_field)
+    return network
 
 
 def holds(line, words):

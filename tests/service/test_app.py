@@ -208,7 +208,36 @@ def test_limit_on_output_pixels(samples, eia):
 def test_models(client):
     listed = client.get("/v1/models").json()
     assert [model["name"] for model in listed] == catalogue.names()
-    assert {"name", "kind", "scales", "default", "card"} == set(listed[0])
+    assert {"name", "kind", "scales", "takes", "default", "card"} == set(listed[0])
+
+
+def test_views_of_a_grid_help_one_another_where_no_model_is_named(client, samples, eia, stand_in):
+    response = send(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip")
+    with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
+        report = json.loads(archive.read("report.json"))
+        picture = decode(archive.read("view_03_03.png"), name="x")
+    assert (report["plan"]["model"], report["options"]["model"]) == ("field", "auto")
+    assert "upscale;dur=" in response.headers["server-timing"]
+    field = samples.EIA.reshape(6, 4, 9, 4, 3).transpose(1, 3, 0, 2, 4)
+    assert np.abs(picture - samples.as_the_stand_in_has_it(field, (3, 3))).max() < 0.55  # rounded
+    other = send(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip", model="fast")
+    assert other.headers["x-reconstruction-id"] != response.headers["x-reconstruction-id"]
+    problem(send(client, data=eia, lenses="6x9", model="field", scale="3"), 422, "field upscales by 2, not 3")
+
+
+def test_both_models_that_auto_takes_are_warm_before_it_is_ready(stand_in, monkeypatch):
+    ran = []
+
+    def noted(load):
+        return lambda name, **options: ran.append(name) or load(name, **options)
+
+    for loader in ("load", "load_light_field"):
+        monkeypatch.setattr(catalogue, loader, noted(getattr(catalogue, loader)))
+    monkeypatch.setattr(
+        type(stand_in), "__call__", lambda _, image, *__: ran.append("ran") or image.repeat(2, 2).repeat(2, 3)
+    )
+    app_module._warm_up()
+    assert ran == ["fast", "field", "ran"]
 
 
 def test_health(client):

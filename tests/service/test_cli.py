@@ -3,11 +3,13 @@ import json
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import models
+from models.card import Accuracy
 from renderer.pictures import decode, encode
 from service.cli import main
 
@@ -120,6 +122,21 @@ def test_models(capsys):
     assert [model["name"] for model in listed] == models.names()
     assert all(model["name"] in text for model in listed)
     assert [model["name"] for model in listed if model["default"]] == [models.DEFAULT]
+    assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
+
+
+def test_models_says_what_each_takes(stand_in, capsys):
+    assert main(["models"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    takes = {line.split()[0]: "a view and those around it" in line for line in lines[1:-1]}
+    assert [name for name, is_light_field in takes.items() if is_light_field] == ["field"]
+
+
+def test_upscale_takes_no_light_field_network(samples, stand_in, tmp_path, capsys):
+    (tmp_path / "a.png").write_bytes(encode(samples.picture(5, 6), ".png"))
+    line = fails(capsys, "upscale", tmp_path / "a.png", "-o", tmp_path / "b.png", "--model", "field")
+    assert samples.holds(line, ["model field", "ciir reconstruct", "fast"])
+    assert main(["upscale", str(tmp_path / "a.png"), "-o", str(tmp_path / "b.png")]) == 0
 
 
 def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
@@ -150,6 +167,41 @@ def test_evaluate(samples, tmp_path, capsys):
     assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
     assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
+
+
+def test_evaluate_takes_its_words_around_options(samples, tmp_path, capsys):
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    for argv in (
+        ["nearest", "--degradation", "box", str(tmp_path)],
+        ["--degradation", "box", "nearest", str(tmp_path)],
+    ):
+        assert main(["evaluate", *argv]) == 0
+        assert "PSNR inf dB" in capsys.readouterr().out
+
+
+def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
+    asked = []
+
+    def evaluate(model, folder, **options):
+        asked.append((model, folder, options))
+        if options["grid"] == (9, 9):
+            raise ValueError("knights: no view (8, 8); give a smaller grid")
+        return Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95)
+
+    monkeypatch.setitem(sys.modules, "training.evaluate_views", SimpleNamespace(evaluate=evaluate))
+    given = ["evaluate", "--light-field", str(tmp_path)]
+    protocol = {"grid": (5, 5), "scale": 2, "degradation": "bicubic"}
+    assert main(given) == 0
+    assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
+    assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
+    assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
+    capsys.readouterr()
+    assert asked == [
+        (models.catalogue.FIELD, tmp_path, protocol),
+        ("quality", tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
+        ("quality", tmp_path, protocol | {"scale": 4}),
+    ]
+    assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
 
 
 def test_training_without_torch_names_the_remedy(tmp_path, capsys, monkeypatch):
@@ -195,6 +247,13 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "scene:vase", "-o", "out", "--delta", "-1e-3"], ["delta: -0.001", "positive"]),
         (["reconstruct", "scene:vase", "--views", "-o", "out"], ["--views", "expected one argument"]),
         (["reconstruct", "scene:vase", "-o", "o" * 300], ["too long", "name a place"]),
+        (["evaluate"], ["MODEL", "--light-field"]),
+        (["evaluate", "fast"], ["MODEL", "--light-field"]),
+        (["evaluate", "fast", "--foo", "a"], ["unrecognized", "--foo"]),
+        (["evaluate", "fast", "a", "--grid", "5x5"], ["--grid", "--light-field"]),
+        (["evaluate", "--light-field", "gone"], ["gone", "no such folder", "views"]),
+        (["evaluate", "--light-field", ".", "--grid", "5"], ["grid: '5'", "rows x columns"]),
+        (["evaluate", "--light-field", ".", "fast", "a"], ["'a'", "one of them"]),
         (["train", "gone.toml", "-o", "run"], ["gone.toml"]),
         (["export", "gone.pt", "-o", "card"], ["gone.pt"]),
         (["export", "--weights", "gone.pth", "-o", "card"], ["gone.pth", "the weights"]),

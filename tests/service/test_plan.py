@@ -4,20 +4,22 @@ from models.catalogue import DEFAULT
 from models.errors import UnknownModel
 from renderer.errors import InvalidOption, TooLarge
 from service import plan
+from service.choice import Job
 from service.request import Options
 
 
 def mesh(**options):
-    return plan.make(Options(**options), name="a.glb", is_mesh=True)
+    return plan.make(Options(**options), Job("a.glb", True, (15, 15), 3, [(7, 7)]))
 
 
 def pictures(**options):
-    return plan.make(Options(**options), name="a.png", is_mesh=False)
+    return plan.make(Options(**options), Job("a.png", False, (2, 9), 3, [(1, 4)]))
 
 
 def test_upscaling_is_the_default():
     for made in (mesh(), pictures()):
         assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", DEFAULT, 2, 1)
+        assert not made.is_light_field
 
 
 def test_direct_averages_over_cells_and_needs_no_model():
@@ -78,6 +80,14 @@ def test_default_lens_array_of_a_mesh():
     array = plan.mesh_array(Options())
     assert (array.rows, array.cols, array.pixels_v, array.pixels_u, array.pitch) == (100, 100, 15, 15, 1.0)
     assert array.delta == pytest.approx(0.4 / 15)
+
+
+def test_the_limit_on_samples_says_how_many_views_only_help():
+    plan.check_work(10_000, 25, 250_000)
+    with pytest.raises(TooLarge, match=r"25 views of 10,000 samples each are 250,000.*fewer views, fewer lenses or"):
+        plan.check_work(10_000, 25, 249_999)
+    with pytest.raises(TooLarge, match=r"24 of them around those asked for, are 250,000.*model fast"):
+        plan.check_work(10_000, 25, 249_999, further=24)
 
 
 def test_limits():

@@ -4,14 +4,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.catalogue import DEFAULT
 from renderer.errors import InvalidOption
 from service.request import HELP, NAMES, Options
 
 
 def test_defaults_are_those_of_the_design():
     options = Options()
-    assert (options.views, options.model, options.scale, options.strategy) == ("center", DEFAULT, 2, "upscale")
+    assert (options.views, options.model, options.scale, options.strategy) == ("center", "auto", 2, "upscale")
     assert (options.backend, options.sampling, options.pickup) == ("auto", "pinhole", "virtual")
 
 

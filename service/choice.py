@@ -1,0 +1,106 @@
+"""Which model upscales the views: the one that was named, or the one that suits them best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from models import catalogue
+from models.catalogue import DEFAULT, FIELD
+from models.errors import UnknownModel
+from models.views import needed
+from models.windows import LEAST
+from service.request import AUTO, NO_MODEL
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from models.catalogue import Entry
+    from renderer.views import View
+    from service.request import Options
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is known of an input, and what is wanted of it, before anything is planned."""
+
+    name: str
+    is_mesh: bool
+    grid: tuple[int, int]
+    """Views there are, rows and columns."""
+    channels: int
+    """Of each view: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. A mesh's are 3."""
+    wanted: Sequence[View]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A model, and what the report says of it."""
+
+    model: str
+    """A name of the catalogue, or `none`."""
+    is_light_field: bool = False
+    """Whether it takes a view with those around it."""
+    reasons: tuple[str, ...] = ()
+
+
+def check_model(name: str) -> None:
+    """Raises `UnknownModel` where `name` is no value of the option `model`."""
+    known = (*catalogue.names(), AUTO, NO_MODEL)
+    if name not in known:
+        raise UnknownModel(f"model: no {name[:40]!r} here; give one of {', '.join(known)}")
+
+
+def choose(options: Options, job: Job) -> Choice:
+    """What `options.model`, one that `check_model` lets pass, comes to for `job`.
+
+    `auto` takes `FIELD` where the views around each wanted one are there or are made anyway, `DEFAULT` elsewhere. A
+    light-field network that was named has a mesh's neighbours rendered; where views can't help one another `DEFAULT`
+    takes its place.
+    """
+    if options.model == NO_MODEL:
+        return Choice(NO_MODEL)
+    fields = {entry.name: entry for entry in catalogue.entries() if entry.is_light_field}
+    further = _further(job)
+    if options.model == AUTO:
+        against = _against(fields.get(FIELD), options.scale, job, further)
+        if against:
+            return Choice(DEFAULT, reasons=(f"auto: {DEFAULT}, view by view, as {against}",))
+        return Choice(FIELD, True, (f"auto: {FIELD}, as {_views(job)} help one another",))
+    if options.model not in fields:
+        return Choice(options.model)
+    if alone := _alone(job):
+        return Choice(DEFAULT, reasons=(f"{DEFAULT}, view by view, in place of {options.model}, as {alone}",))
+    rendered = f"{options.model}: views around those asked for are rendered too, {further} of them"
+    return Choice(options.model, True, (rendered,) if further else ())
+
+
+def _views(job: Job) -> str:
+    return f"the {job.grid[0]}x{job.grid[1]} views"
+
+
+def _alone(job: Job) -> str:
+    """Why the views of `job` can't help one another; empty where they can."""
+    if min(job.grid) < LEAST:
+        return f"{_views(job)} are not the {LEAST}x{LEAST} or more that help one another"
+    if job.channels in (2, 4):
+        return "views with alpha can't help one another"
+    return ""
+
+
+def _further(job: Job) -> int:
+    """How many views of a mesh would be rendered only to help those that are wanted."""
+    return len(set(needed(job.wanted, job.grid)) - set(job.wanted)) if job.is_mesh else 0
+
+
+def _against(field: Entry | None, scale: int, job: Job, further: int) -> str:
+    """Why `auto` doesn't take `field`; empty where it does."""
+    if field is None:
+        return f"{FIELD} is not installed"
+    if alone := _alone(job):
+        return alone
+    if scale not in field.scales:
+        return f"{FIELD} upscales by {', '.join(map(str, field.scales))} only"
+    if further:
+        return f"{FIELD} would have {further} more rendered around those asked for; name it for more accuracy"
+    return ""

@@ -1,0 +1,58 @@
+"""The models as the service runs them: on views out of the renderer, with what the report says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from models import catalogue
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.upscaler import Upscaler
+    from renderer.pictures import Pixels
+    from renderer.views import View
+    from service.plan import Plan
+
+Enlarge = Callable[[Mapping["View", "Pixels"], Sequence["View"]], "Pixels"]
+"""From views `(H, W, C)` by (v, u), and which of them are wanted, to those `(n, scale*H, scale*W, C)`."""
+
+
+def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
+    """What `plan.model`, one of the catalogue, makes of views of a light field of `grid` views.
+
+    Raises as `models.catalogue.load`.
+    """
+    if plan.is_light_field:
+        from models.views import upscale_views
+
+        network = catalogue.load_light_field(plan.model, scale=plan.enlarge)
+
+        def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> Pixels:
+            return upscale_views(network, views, wanted, grid)
+
+        return together
+    upscaler = catalogue.load(plan.model, scale=plan.enlarge)
+
+    def alone(views: Mapping[View, Pixels], wanted: Sequence[View]) -> Pixels:
+        pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
+        return enlarge(upscaler, pictures)
+
+    return alone
+
+
+def enlarge(upscaler: Upscaler, pictures: Pixels) -> Pixels:
+    """`models.upscale_pixels`: `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type."""
+    from models.pixels import upscale_pixels
+
+    # Its type variable takes 8 or 16 bit, where a picture that was read is either: one of them stands for both.
+    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures))
+
+
+def describe_model(name: str, scale: int) -> dict[str, Any]:
+    """The report's `model`: name, scale, and the network's SHA-256 (null for interpolation)."""
+    card = next(entry.card for entry in catalogue.entries() if entry.name == name)
+    return {"name": name, "scale": scale, "sha256": card.sha256 if card is not None else None}
