@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import re
 import sys
 import tempfile
@@ -16,11 +17,13 @@ from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, R
 
 from models import card as cards
 from models.card import Sizes
+from models.light_field import LightFieldNetwork
 from models.session import Network, available_cores, open_session
-from training import checkpoints, evaluate, measure, to_onnx
+from training import checkpoints, degrade, evaluate, evaluate_views, examples, measure, to_onnx
 from training.networks import make
 from training.networks.batch_norm import fold
 from training.networks.collapsible import collapse
+from training.networks.light_field import LightFieldGenerator, merge
 from training.networks.separable import separate
 
 if TYPE_CHECKING:
@@ -42,8 +45,8 @@ INT8 = "-int8"
 def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
     """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name`, or else the recipe's.
 
-    `checkpoint`: of `training.loop.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, whose scores
-    (`training.evaluate`) go on the card.
+    `checkpoint`: of `training.loop.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or for a
+    light-field network of views, whose scores (`training.evaluate`, `training.evaluate_views`) go on the card.
 
     Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
     """
@@ -54,14 +57,16 @@ def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence
 def export_int8(
     checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
 ) -> Path:
-    """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: see `training.calibration.pairs`.
+    """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: folders of pictures, see
+    `training.calibration`.
 
     Raises `ValueError` as `export` does, where the pictures can't be used, or where int8 costs too much accuracy.
     """
     from training import calibration, quantise
 
     weights, card = from_torch(checkpoint, name)
-    weights, kept = quantise.quantise(weights, calibration.pairs(calibrate, card.scale))
+    examples_of = calibration.fields if card.is_light_field else calibration.pairs
+    weights, kept = quantise.quantise(weights, examples_of(calibrate, card.scale))
     how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
     twin = dataclasses.replace(
         card,
@@ -117,22 +122,24 @@ def card_of(
     training: cards.Training,
 ) -> cards.Card:
     """The card of a float network, with a hash of zeros and no accuracy."""
+    inputs = examples.inputs(network)
     return cards.Card(
         name=name,
         kind=kind,
         scale=scale,
         sha256="0" * 64,
         opset=to_onnx.OPSET,
-        input=cards.Tensor(to_onnx.INPUT, ("batch", 3, "height", "width"), "float32", 0.0, 1.0),
-        output=cards.Tensor(to_onnx.OUTPUT, ("batch", 3, f"{scale}*height", f"{scale}*width"), "float32", 0.0, 1.0),
+        input=inputs[0],
+        output=to_onnx.output(scale),
         radius=radius,
         parameters=measure.parameters(network),
         macs_per_output_pixel=measure.macs_per_output_pixel(network, sizes),
         training=training,
-        protocol=evaluate.PROTOCOL,
+        protocol=evaluate_views.PROTOCOL if inputs[1:] else evaluate.PROTOCOL,
         command="",
         accuracy=(),
         sizes=sizes,
+        further=inputs[1:],
     )
 
 
@@ -141,8 +148,7 @@ def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[P
 
     Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
     """
-    command = " ".join(["ciir evaluate", card.name, *(folder.as_posix() for folder in accuracy_on)])
-    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=command)
+    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=_command(card, accuracy_on))
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out) as folder:
         path = Path(folder) / f"{card.name}.json"
@@ -150,11 +156,28 @@ def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[P
         network_path.write_bytes(weights)
         cards.write(card, path)
         if accuracy_on:
-            upscaler = Network(path)
-            scores = tuple(evaluate.evaluate(upscaler, data) for data in accuracy_on)
-            cards.write(dataclasses.replace(card, accuracy=scores), path)
+            cards.write(dataclasses.replace(card, accuracy=_scores(path, accuracy_on)), path)
         network_path.replace(out / network_path.name)
         return path.replace(out / path.name)
+
+
+def _command(card: cards.Card, folders: Sequence[Path]) -> str:
+    """What prints the scores of `_scores`, in their order."""
+    names = [folder.as_posix() for folder in folders]
+    if not card.is_light_field:
+        return " ".join(["ciir evaluate", card.name, *names])
+    tries = itertools.product(names, degrade.KINDS)
+    return "; ".join(f"ciir evaluate {card.name} --light-field {name} --degradation {kind}" for name, kind in tries)
+
+
+def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
+    """Those of the network in `path` on each folder; of a light-field network, on each made small in every way."""
+    if not cards.read(path).is_light_field:
+        upscaler = Network(path)
+        return tuple(evaluate.evaluate(upscaler, folder) for folder in folders)
+    network = LightFieldNetwork(path)
+    tries = itertools.product(folders, degrade.KINDS)
+    return tuple(evaluate_views.score(network, folder, degradation=kind) for folder, kind in tries)
 
 
 def from_checkpoint(state: dict[str, Any]) -> nn.Module:
@@ -171,6 +194,8 @@ def plain(network: nn.Module) -> nn.Module:
     under `SMALLEST` set to zero.
     """
     network = separate(collapse(fold(network)))
+    if isinstance(network, LightFieldGenerator):
+        merge(network)
     for weight in network.parameters():
         weight[weight.abs() < SMALLEST] = 0.0
     return network.eval()
@@ -178,19 +203,19 @@ def plain(network: nn.Module) -> nn.Module:
 
 @torch.no_grad()
 def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
-    """The largest difference between torch and onnxruntime over `SHAPES`, on noise in [0, 1].
+    """The largest difference between torch and onnxruntime over `SHAPES` and `examples.places`, on noise in [0, 1].
 
     Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
     """
     session = open_session(weights, threads=available_cores())
-    random = np.random.default_rng(0)
+    names = [tensor.name for tensor in examples.inputs(network)]
     largest = 0.0
-    for count, channels, height, width in SHAPES:
+    for place, (count, channels, height, width) in itertools.product(examples.places(network), SHAPES):
         shape = (count, channels, *sizes.fitted(height, width))
-        images = random.random(shape, dtype=np.float32)
+        inputs = examples.make(network, count, *shape[2:], place=place)
         try:
-            (got,) = session.run(None, {to_onnx.INPUT: images})
-            wanted = network(torch.from_numpy(images)).numpy()
+            (got,) = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})
+            wanted = network(*inputs).numpy()
         except (RuntimeError, Fail, InvalidArgument, RuntimeException) as error:  # torch's, and onnxruntime's
             reason = str(error).strip().partition("\n")[0]
             raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error

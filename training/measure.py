@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +11,16 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
+from training import examples
+
 if TYPE_CHECKING:
     from models.card import Sizes
+    from training.examples import Place
 
 WIDEST = 120
 """Largest radius, input pixels: tiles of 256x256 (`models.session.WINDOW`) then still have something to keep."""
+SMALL = 32
+"""Side of the picture whose multiply-adds are counted, pixels: what is padded counts too."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
 SEAM = 0.5 / 255
 """Largest difference of a tile from the whole picture that isn't seen: half a level of 8 bits."""
@@ -31,7 +37,7 @@ def parameters(network: nn.Module) -> int:
 def macs_per_output_pixel(network: nn.Module, sizes: Sizes) -> float:
     """Multiply-adds of all convolutions and matrix products for one output pixel (its three channels together)."""
     with FlopCounterMode(display=False) as counter:
-        output = network(torch.rand(1, 3, *sizes.fitted(16, 16)))
+        output = network(*examples.make(network, 1, *sizes.fitted(SMALL, SMALL)))
     return float(counter.get_total_flops() / 2 / output[0, 0].numel())
 
 
@@ -41,27 +47,35 @@ def receptive_radius(network: nn.Module, scale: int) -> int | None:
 
     Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
     number, so that no path cancels or rests on the weights that training happened to find. The picture is a strip,
-    upright and lying.
+    upright and lying. Of a light-field network the views around count as the view does, over `examples.places`.
     """
     probe = copy.deepcopy(network).double()
+    random = torch.Generator().manual_seed(0)  # all alike, they would cancel where channels compete (softmax)
     with torch.no_grad():
         for weight in probe.parameters():
-            weight.fill_(0.0 if weight.ndim == 1 else 1.0 / weight[0].numel())
+            if weight.ndim > 1:
+                weight.copy_((0.5 + torch.rand(weight.shape, generator=random)) / weight[0].numel())
+            else:
+                weight.fill_(0.0 if weight.ndim else 1.0)
     for centre in (16, 32, 64, WIDEST + 1):
-        radius = max(_reach(probe, scale, centre, axis) for axis in (2, 3))
+        tries = itertools.product(examples.places(network), (2, 3))
+        radius = max(_reach(probe, scale, centre, axis, place) for place, axis in tries)
         if radius < centre:
             return radius
     return None
 
 
-def _reach(probe: nn.Module, scale: int, centre: int, axis: int) -> int:
+def _reach(probe: nn.Module, scale: int, centre: int, axis: int, place: Place) -> int:
     """How far from pixel `centre` of a strip along `axis` its outputs' gradient is not zero, pixels."""
-    shape = [1, 3, 9, 9]
-    shape[axis] = 2 * centre + 1
-    image = torch.ones(shape, dtype=torch.float64, requires_grad=True)
-    output = probe(image).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]
-    (gradient,) = torch.autograd.grad(output.sum(), image)
-    touched = gradient.abs().sum([i for i in range(4) if i != axis]).nonzero()
+    sides = [9, 9]
+    sides[axis - 2] = 2 * centre + 1
+    inputs = [part.double() for part in examples.make(probe, 1, *sides, place=place)]
+    pictures = [part.requires_grad_() for part in inputs if part.ndim == 4]
+    for part in pictures[1:]:
+        part.data += 1  # what the views around say lies above the view itself: no ReLU is silent
+    output = probe(*inputs).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]
+    gradients = torch.cat(torch.autograd.grad(output.sum(), pictures), 1)
+    touched = gradients.abs().sum([i for i in range(4) if i != axis]).nonzero()
     return int((touched - centre).abs().max())
 
 

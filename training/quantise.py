@@ -18,7 +18,6 @@ from models import processor
 from models.metrics import luma
 from models.session import available_cores, open_session
 from training import qdq
-from training.calibration import as_input
 from training.qdq import Grid
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from training.calibration import Pair
+    from training.calibration import Example
 
     Values = NDArray[np.float32]
 
@@ -38,7 +37,7 @@ CUTS = np.linspace(0.2, 1.0, 17)
 """How much of the extremes a grid may span, below and above zero."""
 
 
-def quantise(weights: bytes, pairs: Sequence[Pair]) -> tuple[bytes, list[str]]:
+def quantise(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
     """A float network's int8 twin, as ONNX, and the names of the layers that stayed in float.
 
     `weights`: as `to_onnx.convert` makes them. `pairs`: of `training.calibration`.
@@ -53,7 +52,7 @@ def quantise(weights: bytes, pairs: Sequence[Pair]) -> tuple[bytes, list[str]]:
     names = [layer.name for layer in qdq.layers(model)]
     if not names:
         raise ValueError("int8: the network has no plain convolution, which is what runs in 8 bits; ship it as float")
-    grids = choose(model, [as_input(low) for low, _ in pairs])
+    grids = choose(model, pairs)
     kept: list[str] = []
     order: list[str] = []
     before = _scores(weights, pairs)
@@ -68,12 +67,12 @@ def quantise(weights: bytes, pairs: Sequence[Pair]) -> tuple[bytes, list[str]]:
         kept.append(order[len(kept)])
 
 
-def choose(model: onnx.ModelProto, views: Sequence[Values]) -> dict[str, Grid]:
-    """A grid for each tensor that `qdq.insert` asks for. `views`: `(1, 3, h, w)` in [0, 1]."""
+def choose(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, Grid]:
+    """A grid for each tensor that `qdq.insert` asks for."""
     layers = qdq.layers(model)
     image = model.graph.input[0].name
     tensors = list(dict.fromkeys(name for layer in layers for name in layer.tensors if name != image))
-    samples = _sampled(model, tensors, views)
+    samples = _sampled(model, tensors, pairs)
     grids = {image: Grid.over(0.0, 1.0)}
     for layer in layers:
         leaky = layer.activation if layer.activation is not None and layer.activation.op_type == "LeakyRelu" else None
@@ -92,7 +91,7 @@ class _Sample(NamedTuple):
     high: float
 
 
-def _sampled(model: onnx.ModelProto, tensors: Sequence[str], views: Sequence[Values]) -> dict[str, _Sample]:
+def _sampled(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Example]) -> dict[str, _Sample]:
     probe = onnx.ModelProto()
     probe.CopyFrom(model)
     del probe.graph.output[:]
@@ -100,9 +99,9 @@ def _sampled(model: onnx.ModelProto, tensors: Sequence[str], views: Sequence[Val
     session = open_session(probe.SerializeToString(), available_cores())
     random = np.random.default_rng(0)
     found: dict[str, list[_Sample]] = {name: [] for name in tensors}
-    for view in tqdm(views, desc="calibrating", disable=None, unit="view", leave=False):
-        for name, values in zip(tensors, session.run(None, {model.graph.input[0].name: view}), strict=True):
-            some = values.ravel()[random.integers(0, values.size, SAMPLES // len(views) + 1)]
+    for inputs, _ in tqdm(pairs, desc="calibrating", disable=None, unit="view", leave=False):
+        for name, values in zip(tensors, session.run(None, inputs), strict=True):
+            some = values.ravel()[random.integers(0, values.size, SAMPLES // len(pairs) + 1)]
             found[name].append(_Sample(some, float(values.min()), float(values.max())))
     return {
         name: _Sample(np.concatenate([p.values for p in parts]), min(p.low for p in parts), max(p.high for p in parts))
@@ -128,7 +127,7 @@ def _leaky(node: onnx.NodeProto) -> Callable[[Values], Values]:
 
 
 def _by_cost(
-    model: onnx.ModelProto, grids: dict[str, Grid], names: Sequence[str], before: Values, pairs: Sequence[Pair]
+    model: onnx.ModelProto, grids: dict[str, Grid], names: Sequence[str], before: Values, pairs: Sequence[Example]
 ) -> list[str]:
     """The layers, first the one whose 8 bits alone cost most dB for each weight, and so for each multiply-add."""
     sizes = {value.name: int(np.prod(value.dims)) for value in model.graph.initializer}
@@ -140,12 +139,12 @@ def _by_cost(
     return sorted(names, key=cost, reverse=True)
 
 
-def _scores(weights: bytes, pairs: Sequence[Pair]) -> Values:
+def _scores(weights: bytes, pairs: Sequence[Example]) -> Values:
     """Y-PSNR in dB of each pair, outputs not rounded; a picture that comes out almost exactly counts as 60 dB."""
     session = open_session(weights, available_cores())
     scores = []
-    for low, high in pairs:
-        (output,) = session.run(None, {session.get_inputs()[0].name: as_input(low)})
+    for inputs, high in pairs:
+        (output,) = session.run(None, inputs)
         error = luma(255 * np.clip(output[0], 0, 1).transpose(1, 2, 0)) - luma(high)
         scores.append(min(60.0, 10 * np.log10(255**2 / max(1e-9, float(np.square(error).mean())))))
     return np.array(scores, np.float32)

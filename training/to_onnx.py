@@ -10,33 +10,36 @@ from typing import TYPE_CHECKING
 import onnx
 import torch
 
-from models.card import Sizes
+from models.card import Sizes, Tensor
+from training import examples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from torch import nn
 
-OPSET = 20
-INPUT, OUTPUT = "image", "upscaled"
+OPSET = 18
+"""The least that torch writes. onnxruntime 1.31 averages over patches 20 times as slowly in graphs of 19 and later."""
+INPUT, OUTPUT = examples.IMAGE.name, "upscaled"
 
 
 def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  # noqa: B008 - is frozen
     """The network as a serialised ONNX model, weights inside; batch, height and width are free.
 
-    `network`: `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
+    `network`: what `examples.inputs` tells of it -> `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
 
     Raises `ValueError` where the network can't be written so: its sizes are fixed, or ONNX has not what it does.
     """
-    free = torch.export.Dim.DYNAMIC
+    inputs = examples.inputs(network)
+    free = [[axis for axis, size in enumerate(tensor.shape) if isinstance(size, str)] for tensor in inputs]
     try:
         with _quiet():
             program = torch.onnx.export(
                 network,
-                (torch.rand(2, 3, *sizes.fitted(24, 20)),),  # a free axis must not be 1 in the example
+                tuple(examples.make(network, 2, *sizes.fitted(24, 20))),  # a free axis must not be 1 in the example
                 dynamo=True,
-                dynamic_shapes=({0: free, 2: free, 3: free},),
-                input_names=[INPUT],
+                dynamic_shapes=tuple(dict.fromkeys(axes, torch.export.Dim.DYNAMIC) for axes in free),
+                input_names=[tensor.name for tensor in inputs],
                 output_names=[OUTPUT],
                 opset_version=OPSET,
                 verbose=False,
@@ -46,14 +49,25 @@ def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  #
         raise ValueError(f"the network can't be exported with free batch, height and width ({cause})") from error
     assert program is not None  # noqa: S101 - None only where a file is named
     model = program.model_proto
-    for value, factor in ((model.graph.input[0], 1), (model.graph.output[0], scale)):
-        for axis, name in ((0, "batch"), (2, "height"), (3, "width")):
-            size = value.type.tensor_type.shape.dim[axis]
-            size.dim_param = name if factor == 1 or name == "batch" else f"{factor}*{name}"
+    for value, tensor in zip(model.graph.input, inputs, strict=True):
+        _name_axes(value, tensor.shape)
+    _name_axes(model.graph.output[0], output(scale).shape)
     del model.graph.value_info[:]  # the sizes in between, under the exporter's own names
     _forget_sources(model)
     onnx.checker.check_model(model, full_check=True)
     return bytes(model.SerializeToString())
+
+
+def output(scale: int) -> Tensor:
+    """What every network of ours makes."""
+    return Tensor(OUTPUT, ("batch", 3, *(f"{scale}*{side}" for side in examples.FREE)), "float32", 0.0, 1.0)
+
+
+def _name_axes(value: onnx.ValueInfoProto, shape: tuple[str | int, ...]) -> None:
+    """Gives the free axes the names that they have on the card."""
+    for size, name in zip(value.type.tensor_type.shape.dim, shape, strict=True):
+        if isinstance(name, str):
+            size.dim_param = name
 
 
 def _forget_sources(model: onnx.ModelProto) -> None:

@@ -83,10 +83,9 @@ def test_a_relu_behind_a_layer_that_is_padded(pairs):
     """8 channels become 16 with zeros, and what they make is cut off before the ReLU."""
     torch.manual_seed(5)
     weights = to_onnx.convert(plain(make("compact", {"widths": [8, 16], "slope": 0.0})), 2)
-    grids = quantise.choose(onnx.load_from_string(weights), [calibration.as_input(low) for low, _ in pairs])
+    grids = quantise.choose(onnx.load_from_string(weights), pairs)
     made = qdq.insert(onnx.load_from_string(weights), grids).SerializeToString()
-    image = calibration.as_input(pairs[0][0])
-    got, want = (open_session(network, 1).run(None, {"image": image})[0] for network in (made, weights))
+    got, want = (open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (made, weights))
     assert np.abs(got - want).max() < 3 / 255
 
 
@@ -96,7 +95,7 @@ def test_a_bias_over_a_filter_of_nearly_nothing(pairs):
     with torch.no_grad():
         network.body[2].weight[0], network.body[2].bias[0] = 1e-9, 0.1
     model = onnx.load_from_string(to_onnx.convert(network, 2))
-    made = qdq.insert(model, quantise.choose(model, [calibration.as_input(pairs[0][0])]))
+    made = qdq.insert(model, quantise.choose(model, pairs[:1]))
     values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
     bias = values["body.2.weight_bias_codes"][0] * values["body.2.weight_bias_scales"][0]
     assert bias == pytest.approx(0.1, rel=1e-4)
@@ -106,7 +105,7 @@ def test_the_graph(weights, pairs):
     model = onnx.load_from_string(weights)
     layers = qdq.layers(model)
     assert [layer.name for layer in layers] == ["body.0.weight", "body.2.weight", "tail.weight"]
-    made = qdq.insert(model, quantise.choose(model, [calibration.as_input(low) for low, _ in pairs]))
+    made = qdq.insert(model, quantise.choose(model, pairs))
     onnx.checker.check_model(made, full_check=True)
     values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
     codes = [values[f"{layer.name}_8_codes"] for layer in layers]
@@ -154,16 +153,16 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
     """Made bad on purpose: what the middle layer makes has 3 levels. The truth is what the float network makes."""
     choose, session = quantise.choose, open_session(weights, 1)
 
-    def truth(low):
-        (output,) = session.run(None, {to_onnx.INPUT: calibration.as_input(low)})
+    def truth(inputs):
+        (output,) = session.run(None, inputs)
         return np.rint(255 * output[0].clip(0, 1).transpose(1, 2, 0)).astype(np.uint8)
 
-    def spoilt(model, views):
-        grids = choose(model, views)
+    def spoilt(model, pairs):
+        grids = choose(model, pairs)
         (name,) = (layer.tensors[1] for layer in qdq.layers(model) if layer.name == "body.2.weight")
         return grids | {name: qdq.Grid(grids[name].scale * 100, grids[name].zero)}
 
-    pairs = [(low, truth(low)) for low, _ in pairs]
+    pairs = [calibration.Example(inputs, truth(inputs)) for inputs, _ in pairs]
     monkeypatch.setattr(quantise, "choose", spoilt)
     made, kept = quantise.quantise(weights, pairs)
     assert kept == ["body.2.weight"]
@@ -193,19 +192,7 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     assert card.training.recipe["int8"] == {"calibrate": [folders[0].as_posix()], "float_layers": []}
     assert (card.parameters, card.radius) == (9 * (3 * 8 + 8 * 12) + 8 + 12, 2)
     assert [score.data for score in card.accuracy] == ["pairs"]
-    images = calibration.as_input(pairs[0][0])
+    images = pairs[0].inputs["image"]
     with torch.no_grad():
         wanted = plain(export.from_checkpoint(checkpoints.read(checkpoint)))(torch.from_numpy(images)).clamp(0, 1)
     assert 0 < np.abs(Network(path)(images) - wanted.numpy()).max() < 0.01
-
-
-def test_calibration_is_on_views_with_their_truth(recipe, pairs, tmp_path):
-    found = pairs
-    photographs = found[:3]
-    assert [low.shape[:2] for low, _ in photographs] == [(20, 25), (16, 32), (5, 5)]  # bicubic, box, point
-    assert len(found) == 3 + 2 * len(calibration.SCENES) * calibration.VIEWS
-    for low, high in found:
-        assert high.shape == (2 * low.shape[0], 2 * low.shape[1], 3)
-        assert low.dtype == high.dtype == np.uint8
-    with pytest.raises(ValueError, match="no picture in it"):
-        calibration.pairs([tmp_path], 2)

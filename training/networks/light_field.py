@@ -8,7 +8,7 @@ alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import torch
 from torch import Tensor, nn
@@ -30,6 +30,8 @@ PATCH = 5
 """Side of the square over which disagreement is averaged."""
 CHOSEN = 5
 """Channels of what was chosen: four phases, and how much the views differ."""
+FACTORS = (2.0, 4.0)
+"""By which differences of luma and standard deviations are multiplied: they are small beside colours."""
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -70,6 +72,9 @@ class LightFieldGenerator(nn.Module):
         self.choose = CollapsibleConv(width - CHOSEN, planes + 1, gain=0.1)
         self.sharpness = nn.Parameter(torch.tensor(SHARPNESS))
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
+        self.factors = FACTORS
+        self.merged: nn.Conv2d | None = None
+        """`inform` and the single-picture generator's second layer in one, when the network runs: see `merge`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
@@ -83,18 +88,49 @@ class LightFieldGenerator(nn.Module):
             alone = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue - own
             blurred = functional.avg_pool2d(spread, PATCH, 1, PATCH // 2, count_include_pad=False)
             against = self.sharpness * torch.cat([blurred, torch.full_like(own, DOUBT)], 1)
-        compared = self.compare(torch.cat([2 * fine.flatten(1, 2), 4 * spread, image], 1))
+        by_fine, by_spread = self.factors
+        compared = self.compare(torch.cat([_times(by_fine, fine.flatten(1, 2)), _times(by_spread, spread), image], 1))
         likely = self.choose(compared).float() - against
-        likely = (
-            likely - likely.amax(1, keepdim=True)
-        ).exp()  # softmax, whose own layer onnxruntime turns around first
+        # Softmax by hand: before its own, onnxruntime turns the tensor around.
+        likely = (likely - likely.amax(1, keepdim=True)).exp()
         chosen = likely / likely.sum(1, keepdim=True)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]
         gain = (planes[:, :, None] * fine).sum(1) - (1 - none) * alone  # (N, 4, H, W): chosen less interpolated
         spread = (planes * spread).sum(1, keepdim=True)
-        told = self.inform(torch.cat([compared, 2 * gain, 4 * spread], 1))
+        told = torch.cat([compared, _times(by_fine, gain), _times(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
-        features = activation(second(activation(first(image))) + told)
+        features = activation(first(image))
+        if self.merged is None:
+            features = activation(second(features) + self.inform(told))
+        else:
+            features = activation(self.merged(torch.cat([features, told], 1)))
         for layer in rest[1:]:
             features = layer(features)
         return functional.pixel_shuffle(self.single.tail(features).float() + base + gain.repeat(1, 3, 1, 1), self.scale)
+
+
+def _times(factor: float, x: Tensor) -> Tensor:
+    return x if factor == 1 else factor * x
+
+
+@torch.no_grad()
+def merge(network: LightFieldGenerator) -> None:
+    """Changes a collapsed network, in place, so that it computes the same in less time: two convolutions whose outputs
+    are added become one, and what only scales inputs goes into weights.
+    """
+    by_fine, by_spread = network.factors
+    plain = (network.compare[0], network.inform, network.single.body[2])
+    head, inform, second = (cast("nn.Conv2d", layer) for layer in plain)
+    planes = len(network.sweep.planes)
+    head.weight[:, : 4 * planes] *= by_fine
+    head.weight[:, 4 * planes : 5 * planes] *= by_spread
+    weight = inform.weight.clone()
+    weight[:, -CHOSEN:-1] *= by_fine
+    weight[:, -1] *= by_spread
+    network.factors = (1.0, 1.0)
+    both = torch.cat([second.weight, weight], 1)
+    network.merged = nn.Conv2d(both.shape[1], both.shape[0], kernel_size=3, padding=1)
+    network.merged.weight.copy_(both)
+    cast("Tensor", network.merged.bias).copy_(cast("Tensor", second.bias) + cast("Tensor", inform.bias))
+    del network.inform
+    network.single.body[2] = nn.Identity()

@@ -7,8 +7,9 @@ import numpy as np
 import torch
 
 from models.windows import axis
+from training.networks.collapsible import collapse
 from training.networks.compact import CompactGenerator
-from training.networks.light_field import LightFieldGenerator
+from training.networks.light_field import LightFieldGenerator, merge
 from training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
 
 PLACES = [axis(*at).place for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
@@ -103,3 +104,16 @@ def test_views_that_are_not_there_play_no_part():
 def test_the_single_picture_generator_of_a_checkpoint_fits():
     network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
     network.single.load_state_dict(CompactGenerator((8, 8), slope=0.0).state_dict())
+
+
+def test_a_merged_network_computes_the_same():
+    network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
+    plain = collapse(network)
+    merge(plain)
+    generator = torch.Generator().manual_seed(4)
+    image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
+    place = torch.from_numpy(axis(2, 5).place)
+    torch.testing.assert_close(
+        plain(image, around, place, place), network(image, around, place, place), atol=1e-5, rtol=0
+    )
+    assert plain.merged is not None

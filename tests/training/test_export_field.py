@@ -1,0 +1,146 @@
+"""A light-field network from checkpoint to file and card, in float and in int8."""
+
+import numpy as np
+import pytest
+
+NEEDS = "needs the training extra"
+pytest.importorskip("torch", reason=NEEDS)
+pytest.importorskip("onnxscript", reason=NEEDS)
+pytest.importorskip("onnx", reason=NEEDS)
+import onnx
+import onnxruntime
+import torch
+from PIL import Image
+
+from models import card as cards
+from models import processor
+from models.light_field import LightFieldNetwork
+from models.windows import axis
+from training import calibration, checkpoints, degrade, evaluate_views, examples, qdq, to_onnx
+from training.export import compare, export, export_int8, from_checkpoint, plain
+from training.layered import TEXTURE
+from training.networks.light_field import LightFieldGenerator
+
+suited = pytest.mark.skipif(bool(processor.against_int8()), reason=processor.against_int8() or "it is suited")
+OPTIONS = {"widths": [8, 16, 16], "planes": 5, "width": 16, "depth": 1}
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    """An untrained network."""
+    torch.manual_seed(6)
+    recipe = {"name": "near", "network": "light_field", "options": OPTIONS, "scale": 2, "seed": 0, "light_field": True}
+    state = dict.fromkeys(checkpoints.KEYS, 0) | {"recipe": recipe, "commit": "none", "step": 7}
+    path = tmp_path_factory.mktemp("run") / "checkpoint.pt"
+    checkpoints.save(path, state | {"network": LightFieldGenerator(**OPTIONS).state_dict()})
+    return path
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory):
+    """5x5 views of one texture, shifted by a pixel from one to the next; large enough to be one of `calibration`'s."""
+    folder = tmp_path_factory.mktemp("views")
+    texture = np.random.default_rng(1).integers(0, 256, (TEXTURE + 8, TEXTURE + 8, 3), np.uint8)
+    for v in range(5):
+        for u in range(5):
+            Image.fromarray(texture[v : v + TEXTURE, u : u + TEXTURE]).save(folder / f"view_{v}_{u}.png")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def exported(checkpoint, views, tmp_path_factory):
+    return export(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[views])
+
+
+def test_the_card(exported, views):
+    card = cards.read(exported)
+    assert card.is_light_field
+    assert [tensor.name for tensor in card.further] == ["around", "rows", "cols"]
+    assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 4 + 2 + 1 + 1 + 1 + 1, 7)
+    assert card.protocol == evaluate_views.PROTOCOL
+    network = LightFieldNetwork(exported)
+    assert card.accuracy == tuple(evaluate_views.score(network, views, degradation=kind) for kind in degrade.KINDS)
+    assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in degrade.KINDS]
+    commands = card.command.split("; ")
+    assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"
+    assert len(commands) == len(card.accuracy)
+
+
+def test_the_file_has_the_inputs_that_the_card_tells(exported):
+    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read(exported)
+    assert model.opset_import[0].version == card.opset
+    tensors = (card.input, *card.further, card.output)
+    for value, tensor in zip((*model.graph.input, *model.graph.output), tensors, strict=True):
+        dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
+        assert (value.name, tuple(dims)) == (tensor.name, tensor.shape)
+
+
+@pytest.mark.parametrize("place", examples.PLACES)
+def test_what_ships_equals_torch(exported, checkpoint, place):
+    network = plain(from_checkpoint(checkpoints.read(checkpoint)))
+    inputs = examples.make(network, 2, 13, 21, place=place)
+    with torch.no_grad():
+        wanted = network(*inputs).clamp(0, 1).numpy()
+    got = LightFieldNetwork(exported)(*(part.numpy() for part in inputs))
+    np.testing.assert_allclose(got, wanted, atol=1e-5)  # float32's rounding, in another order
+
+
+def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
+    """Off by a view at the lower border alone, which one of the places shows."""
+
+    class Off(LightFieldGenerator):
+        def forward(self, image, around, rows, cols):
+            rows = torch.where(rows[1] > 0, rows, rows + 1) if not rows[1, 0] and rows[1, 4] else rows
+            return super().forward(image, around, rows, cols)
+
+    network = plain(from_checkpoint(checkpoints.read(checkpoint)))
+    weights = exported.with_suffix(".onnx").read_bytes()
+    assert compare(network, weights) <= 1e-5
+    network.__class__ = Off
+    with pytest.raises(ValueError, match="differs from torch"):
+        compare(network, weights)
+
+
+def test_nothing_runs_slower_than_it_need(exported, tmp_path):
+    """onnxruntime's blocked kernels take in the ReLUs, and average over patches; the sweep's convolutions, whose
+    kernels are computed, and the last layers' alone are as they come.
+    """
+    options = onnxruntime.SessionOptions()
+    options.optimized_model_filepath = str(tmp_path / "optimised.onnx")
+    options.log_severity_level = 3
+    onnxruntime.InferenceSession(str(exported.with_suffix(".onnx")), options, providers=["CPUExecutionProvider"])
+    nodes = onnx.load(tmp_path / "optimised.onnx").graph.node
+    kernels = [node.op_type for node in nodes]
+    assert kernels.count("Relu") == 1  # behind the sum of what the view and what those around it say
+    assert kernels.count("Transpose") == 3  # of the sweep
+    assert to_onnx.OPSET < 19 or "AveragePool" not in kernels
+
+
+def test_the_kernels_of_the_sweep_stay_in_float(exported):
+    model = onnx.load(exported.with_suffix(".onnx"))
+    names = [layer.name for layer in qdq.layers(model)]
+    assert names == [
+        *(f"compare.{number}.weight" for number in (0, 2)),
+        *(f"{name}.weight" for name in ("choose", "inform", "single.body.0", "single.body.2", "single.body.4")),
+        "single.tail.weight",
+    ]
+
+
+@suited
+def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "SCENES", ["vase"])
+    monkeypatch.setattr(calibration, "FIELDS", 1)
+    monkeypatch.setattr(calibration, "DRAWN", 1)
+    monkeypatch.setattr(calibration, "SIDE", 32)
+    path = export_int8(checkpoint, tmp_path, calibrate=[views], accuracy_on=[views])
+    card, twin = cards.read(path), cards.read(exported)
+    assert (card.name, card.precision, card.float_twin) == ("near-int8", "int8", "near")
+    assert (card.further, card.radius, card.parameters) == (twin.further, twin.radius, twin.parameters)
+    assert card.training.recipe["int8"] == {"calibrate": [views.as_posix()], "float_layers": []}
+    for ours, theirs in zip(card.accuracy, twin.accuracy, strict=True):
+        assert ours.psnr == pytest.approx(theirs.psnr, abs=0.1)
+    random = np.random.default_rng(2)
+    image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
+    inputs = (image, around, axis(0, 5).place, axis(3, 5).place)
+    difference = np.abs(LightFieldNetwork(path)(*inputs) - LightFieldNetwork(exported)(*inputs))
+    assert 0 < difference.mean() < 0.02  # in noise two planes suit alike here and there, and the other one is chosen

@@ -1,0 +1,49 @@
+"""What a network takes: the inputs of its ONNX file, and examples of them to export, compare and measure it on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from models import card as cards
+from models.windows import SIDE, axis
+from training.networks.light_field import LightFieldGenerator
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+    Place = tuple[tuple[int, int], tuple[int, int]]
+
+REACH = float(SIDE // 2)
+FREE = ("height", "width")
+IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
+FURTHER = (
+    cards.Tensor("around", ("batch", SIDE * SIDE, *FREE), "float32", 0.0, 1.0),
+    cards.Tensor("rows", (2, SIDE), "float32", -REACH, REACH),
+    cards.Tensor("cols", (2, SIDE), "float32", -REACH, REACH),
+)
+"""What a light-field network takes beside the view: see `training.networks.light_field`."""
+PLACES: tuple[Place, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
+"""Windows to try such a network on, as `(number, of how many)` views down and across: whole, at a corner, and in the
+middle and at the edge of the least grid."""
+
+
+def inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+    """The inputs of the network's ONNX file, in order."""
+    return (IMAGE, *FURTHER) if isinstance(network, LightFieldGenerator) else (IMAGE,)
+
+
+def places(network: nn.Module) -> tuple[Place, ...]:
+    """The windows that it ought to be tried on; one, which says nothing, for a network of single pictures."""
+    return PLACES if isinstance(network, LightFieldGenerator) else PLACES[:1]
+
+
+def make(network: nn.Module, count: int, height: int, width: int, *, place: Place = PLACES[0]) -> list[Tensor]:
+    """Noise in [0, 1] for each of `inputs`, the same each time, of `count` pictures; `rows` and `cols` of `place`."""
+    random = torch.Generator().manual_seed(0)
+    made = [torch.rand(count, 3, height, width, generator=random)]
+    if isinstance(network, LightFieldGenerator):
+        made.append(torch.rand(count, SIDE * SIDE, height, width, generator=random))
+        made.extend(torch.from_numpy(axis(*at).place) for at in place)
+    return made
