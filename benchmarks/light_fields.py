@@ -57,10 +57,10 @@ def upscaled(model: str, low: Views, at: tuple[int, int]) -> NDArray[np.uint8]:
         return single
     grid = (low.shape[0], low.shape[1])
     every = {(v, u): low[v, u] for v in range(grid[0]) for u in range(grid[1])}
-    together: NDArray[np.uint8] = upscale_views(catalogue.load_light_field(model), every, [at], grid)[0].astype(
-        np.uint8
-    )
-    return together
+    network, alone = catalogue.load_light_field(model), catalogue.load(catalogue.DEFAULT)
+    made, _ = upscale_views(network, alone, every, [at], grid)
+    picture: NDArray[np.uint8] = made[0].astype(np.uint8)
+    return picture
 
 
 def score(model: str, low: Views, truths: dict[tuple[int, int], NDArray[np.uint8]]) -> float:

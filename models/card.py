@@ -109,6 +109,8 @@ class Card:
     sizes: Sizes = Sizes()
     further: tuple[Tensor, ...] = ()
     """Inputs beside `input`: of a light-field network, the window of views around the one that is upscaled."""
+    further_outputs: tuple[Tensor, ...] = ()
+    """Outputs after `output`: of a light-field network, how little those views have to do with that one."""
 
     @property
     def is_light_field(self) -> bool:

@@ -45,11 +45,11 @@ class Shipped:
         self.threads = threads or available_cores()
         self._session = open_session(_read(path.with_suffix(".onnx"), self.card), self.threads)
 
-    def run(self, **inputs: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The network's output for its inputs by name, as it comes."""
+    def run(self, **inputs: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """The network's outputs, in the card's order, for its inputs by name, as they come."""
         kept = {name: np.where(np.abs(part) < FAINTEST, np.float32(0), part) for name, part in inputs.items()}
-        (output,) = self._session.run([self.card.output.name], kept)
-        return np.asarray(output)
+        names = [self.card.output.name, *(tensor.name for tensor in self.card.further_outputs)]
+        return [np.asarray(output) for output in self._session.run(names, kept)]
 
 
 class Network(Shipped):
@@ -72,7 +72,7 @@ class Network(Shipped):
         return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        return self.run(**{self.card.input.name: images})
+        return self.run(**{self.card.input.name: images})[0]
 
 
 def available_cores() -> int:

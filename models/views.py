@@ -18,10 +18,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from models.light_field import LightFieldNetwork
+    from models.tiles import Span
+    from models.upscaler import Upscaler
     from models.windows import Axis
 
     View = tuple[int, int]
     Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+TRUSTED, DOUBTED = 0.55, 0.7
+"""Doubt up to which the light-field network's picture is taken, and from which the other's is. Views of one scene come
+to 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), strange ones to 0.6 to 1."""
+NEGLIGIBLE = 0.02
+"""Share of pixels in doubt that is left as it is: at silhouettes some always are."""
 
 
 def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
@@ -33,9 +42,17 @@ def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
 
 
 def upscale_views(
-    network: LightFieldNetwork, views: Mapping[View, Pixels], wanted: Sequence[View], grid: tuple[int, int]
-) -> Pixels:
-    """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`.
+    network: LightFieldNetwork,
+    alone: Upscaler,
+    views: Mapping[View, Pixels],
+    wanted: Sequence[View],
+    grid: tuple[int, int],
+) -> tuple[Pixels, float]:
+    """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`; and the share
+    of their pixels that `alone`, a model of single pictures, made for the most part.
+
+    That is where the views around don't match: another scene, disparities beyond the network's, noise. Between
+    `TRUSTED` and `DOUBTED` of the network's doubt one goes over into the other.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of `needed`.
     Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
@@ -54,6 +71,7 @@ def upscale_views(
             )
     scale, peak = network.scale, np.float32(np.iinfo(first.dtype).max)
     height, width, channels = first.shape
+    left = 0.0
     result = np.empty((len(wanted), height * scale, width * scale, channels), first.dtype)
     for tile in split(height, width, radius=network.radius, window=WINDOW):
         source, target = tile.source(scale), tile.target(scale)
@@ -68,12 +86,23 @@ def upscale_views(
                     for v, u in (wanted[number] for number in numbers)
                 ]
             )
-            large = network(image, around, rows.place, cols.place)[:, :, *source].transpose(0, 2, 3, 1)
+            large, doubt = network(image, around, rows.place, cols.place)
+            strange = np.clip((doubt - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
+            if np.mean(strange > 0) > NEGLIGIBLE:
+                share = strange.repeat(scale, axis=2).repeat(scale, axis=3)
+                large = (1 - share) * large + share * alone(image)
+                left += float(np.mean(strange[:, :, *tile.source(1)] > 0.5)) * len(numbers) * _pixels(tile.kept)
+            large = large[:, :, *source].transpose(0, 2, 3, 1)
             if channels == 1:
                 large = large.mean(axis=3, keepdims=True)
             for number, picture in zip(numbers, large, strict=True):
                 result[number][target] = np.floor(picture * peak + np.float32(0.5)).astype(first.dtype)
-    return result
+    return result, left / (len(wanted) * height * width)
+
+
+def _pixels(part: Span) -> int:
+    rows, cols = part
+    return int((rows.stop - rows.start) * (cols.stop - cols.start))
 
 
 def _alike(wanted: Sequence[View], grid: tuple[int, int], *, together: int) -> Iterator[tuple[Axis, Axis, list[int]]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from models import catalogue
+from models.views import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
     from renderer.views import View
     from service.plan import Plan
 
-Enlarge = Callable[[Mapping["View", "Pixels"], Sequence["View"]], "Pixels"]
-"""From views `(H, W, C)` by (v, u), and which of them are wanted, to those `(n, scale*H, scale*W, C)`."""
+Enlarge = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", float]]
+"""From views `(H, W, C)` by (v, u), and which of them are wanted, to those `(n, scale*H, scale*W, C)`; and the share of
+pixels that another model made, as the views around don't match."""
 
 
 def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
@@ -30,16 +32,17 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
         from models.views import upscale_views
 
         network = catalogue.load_light_field(plan.model, scale=plan.enlarge)
+        single = catalogue.load(catalogue.DEFAULT, scale=plan.enlarge)
 
-        def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> Pixels:
-            return upscale_views(network, views, wanted, grid)
+        def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+            return upscale_views(network, single, views, wanted, grid)
 
         return together
     upscaler = catalogue.load(plan.model, scale=plan.enlarge)
 
-    def alone(views: Mapping[View, Pixels], wanted: Sequence[View]) -> Pixels:
+    def alone(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return enlarge(upscaler, pictures)
+        return enlarge(upscaler, pictures), 0.0
 
     return alone
 
@@ -56,3 +59,12 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     """The report's `model`: name, scale, and the network's SHA-256 (null for interpolation)."""
     card = next(entry.card for entry in catalogue.entries() if entry.name == name)
     return {"name": name, "scale": scale, "sha256": card.sha256 if card is not None else None}
+
+
+def unmatched(share: float) -> list[str]:
+    """The report's note on `share` of all pixels that the views around were of no help for; none where it is small."""
+    if share < NEGLIGIBLE:
+        return []
+    why = "another scene, noise, or disparities over 2 pixels from one view to the next"
+    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.DEFAULT} from their view alone"
+    return [f"{made}, as the views around don't match there: {why}"]

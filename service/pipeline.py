@@ -13,7 +13,7 @@ from renderer.scene import Scene
 from renderer.views import parse_views
 from service import plan as plans
 from service.choice import Job
-from service.enlarging import describe_model, opened
+from service.enlarging import describe_model, opened, unmatched
 from service.makers import MeshViews, PictureViews
 from service.plan import Plan
 from service.report import Clock, Report, versions
@@ -71,6 +71,7 @@ def reconstruct(
     maker.start()
 
     written: list[dict[str, Any]] = []
+    strange = 0.0
     kept: dict[View, Pixels] = {}
     pictures = maker.make(made)
     for turn in in_order:
@@ -78,7 +79,8 @@ def reconstruct(
         finished: Iterable[Pixels] = [kept[view] for view in turn.wanted]
         if enlarge is not None:
             with clock.stage("upscale"):
-                finished = enlarge(kept, turn.wanted)
+                finished, left = enlarge(kept, turn.wanted)
+            strange += left * len(turn.wanted) / len(job.wanted)
         for view in turn.done:
             del kept[view]
         with clock.stage("encode"):
@@ -106,7 +108,7 @@ def reconstruct(
         },
         "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),
-        "notes": maker.notes(),
+        "notes": [*maker.notes(), *unmatched(strange)],
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }

@@ -80,7 +80,7 @@ def fields(folders: Sequence[Path], scale: int) -> list[Example]:
         kinds = dict.fromkeys(degrade.KINDS, 1.0)
         crops = view_crops.ViewCrops(folder, crop=SIDE * scale, scale=scale, batch=TOGETHER, seed=0, degradations=kinds)
         for number in range(DRAWN):
-            inputs, high = crops.at(view_crops.EASED + number * view_crops.USES)
+            inputs, high = crops.at(number * view_crops.USES)
             found.extend(_of_views(inputs, high))
     for name in SCENES:
         for index in range(FIELDS):

@@ -66,13 +66,15 @@ def score(
     """
     low, high = light_fields.degraded(light_fields.read(folder, grid=grid), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
+    alone = catalogue.load(catalogue.DEFAULT, scale=network.scale)
+    given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
     psnrs, ssims = [], []
     for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            made = upscale_views(network, dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True)), [view], grid)
+            made, _ = upscale_views(network, alone, given, [view], grid)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
-        got, truth = luma(made[0]), luma(high[view])
+        got, truth = luma(made[0].astype(np.uint8)), luma(high[view])
         psnrs.append(psnr(got, truth, border=network.scale))
         try:
             ssims.append(ssim(got, truth, border=network.scale))

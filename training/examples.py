@@ -24,6 +24,8 @@ FURTHER = (
     cards.Tensor("cols", (2, SIDE), "float32", -REACH, REACH),
 )
 """What a light-field network takes beside the view: see `training.networks.light_field`."""
+DOUBT = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
+"""What it makes beside the picture: see `training.networks.light_field.LightFieldGenerator.with_doubt`."""
 PLACES: tuple[Place, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
 """Windows to try such a network on, as `(number, of how many)` views down and across: whole, at a corner, and in the
 middle and at the edge of the least grid."""
@@ -32,6 +34,11 @@ middle and at the edge of the least grid."""
 def inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
     """The inputs of the network's ONNX file, in order."""
     return (IMAGE, *FURTHER) if isinstance(network, LightFieldGenerator) else (IMAGE,)
+
+
+def outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+    """The outputs of the network's ONNX file after the picture."""
+    return (DOUBT,) if isinstance(network, LightFieldGenerator) else ()
 
 
 def places(network: nn.Module) -> tuple[Place, ...]:

@@ -140,6 +140,7 @@ def card_of(
         accuracy=(),
         sizes=sizes,
         further=inputs[1:],
+        further_outputs=examples.outputs(network),
     )
 
 
@@ -214,7 +215,9 @@ def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1))
         shape = (count, channels, *sizes.fitted(height, width))
         inputs = examples.make(network, count, *shape[2:], place=place)
         try:
-            (got,) = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})
+            (got,) = session.run(
+                [to_onnx.OUTPUT], {name: part.numpy() for name, part in zip(names, inputs, strict=True)}
+            )
             wanted = network(*inputs).numpy()
         except (RuntimeError, Fail, InvalidArgument, RuntimeException) as error:  # torch's, and onnxruntime's
             reason = str(error).strip().partition("\n")[0]

@@ -124,6 +124,7 @@ def _view_crops(recipe: Recipe) -> ViewCrops:
         seed=recipe.seed,
         degradations=recipe.degradations,
         meshes=recipe.meshes,
+        eased=recipe.eased,
     )
 
 

@@ -65,6 +65,8 @@ class Recipe:
     """Whether the network upscales a view with the help of those around it: `train` then holds the textures of layered
     scenes (`training.view_crops`), `validate` the views of a light field; `scenes`, `noise`, `blur`, `jpeg` play no
     part."""
+    eased: int = 0
+    """Steps over which a light-field network's crops become as hard as they are: see `training.view_crops`."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
@@ -103,7 +105,17 @@ class Recipe:
         for name in ("steps", "scale", "crop", "batch", "validate_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 1 or more")
-        for name in ("scenes", "noise", "blur", "warmup", "clip", "perceptual_weight", "adversarial_weight", "seed"):
+        for name in (
+            "scenes",
+            "eased",
+            "noise",
+            "blur",
+            "warmup",
+            "clip",
+            "perceptual_weight",
+            "adversarial_weight",
+            "seed",
+        ):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 0 or more")
         if not self.learning_rate > 0:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import torch
 from tqdm import tqdm
@@ -141,8 +141,9 @@ class Run:
             raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
         there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
         is_single = recipe_of_single(self.recipe, state["recipe"])
+        network = cast("nn.Module", self.network.single) if is_single else self.network
         try:
-            (self.network.single if is_single else self.network).load_state_dict(state["network"])  # type: ignore[union-attr]
+            network.load_state_dict(state["network"])
         except RuntimeError as error:  # torch's message is a page
             raise ValueError(
                 f"initial: {path} holds {there}, which is not this recipe's {here}; name another"

@@ -12,6 +12,7 @@ import torch
 
 from models.card import Sizes, Tensor
 from training import examples
+from training.networks.light_field import LightFieldGenerator, WithDoubt
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,17 +31,17 @@ def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  #
 
     Raises `ValueError` where the network can't be written so: its sizes are fixed, or ONNX has not what it does.
     """
-    inputs = examples.inputs(network)
+    inputs, outputs = examples.inputs(network), (output(scale), *examples.outputs(network))
     free = [[axis for axis, size in enumerate(tensor.shape) if isinstance(size, str)] for tensor in inputs]
     try:
         with _quiet():
             program = torch.onnx.export(
-                network,
+                WithDoubt(network) if isinstance(network, LightFieldGenerator) else network,
                 tuple(examples.make(network, 2, *sizes.fitted(24, 20))),  # a free axis must not be 1 in the example
                 dynamo=True,
                 dynamic_shapes=tuple(dict.fromkeys(axes, torch.export.Dim.DYNAMIC) for axes in free),
                 input_names=[tensor.name for tensor in inputs],
-                output_names=[OUTPUT],
+                output_names=[tensor.name for tensor in outputs],
                 opset_version=OPSET,
                 verbose=False,
             )
@@ -51,7 +52,8 @@ def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  #
     model = program.model_proto
     for value, tensor in zip(model.graph.input, inputs, strict=True):
         _name_axes(value, tensor.shape)
-    _name_axes(model.graph.output[0], output(scale).shape)
+    for value, tensor in zip(model.graph.output, outputs, strict=True):
+        _name_axes(value, tensor.shape)
     del model.graph.value_info[:]  # the sizes in between, under the exporter's own names
     _forget_sources(model)
     onnx.checker.check_model(model, full_check=True)

@@ -35,9 +35,6 @@ ROOM = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.7), (1, 9, 0.08), (0, 9, 0.1), (1, 3, 0.06), (0, 3, 0.06))
 """The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
-EASED = 3000
-"""Steps over which windows at the border, and all that is strange, come in: from the start they keep a network from
-finding out what the other views are good for."""
 STRANGE = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = (0.01, 0.1)
@@ -66,12 +63,16 @@ class ViewCrops:
         seed: int,
         degradations: Mapping[str, float],
         meshes: Sequence[str | Path] = (),
+        eased: int = 0,
         memory: int = MEMORY,
     ) -> None:
         """`folder`: pictures for the sheets of scenes; those smaller than `layered.TEXTURE` are left out.
 
         `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.degrade.KINDS`, and with `meshes` of
-        `training.data.RENDERED`. Raises `ValueError` where one of these is at fault.
+        `training.data.RENDERED`. `eased`: steps over which windows at the border, and all that is strange, come in:
+        from the start they keep an untrained network from finding out what the other views are good for.
+
+        Raises `ValueError` where one of these is at fault.
         """
         if scale != 2 or crop % scale:
             raise ValueError(f"a crop of {crop} pixels at scale {scale}: light fields want scale 2 and an even crop")
@@ -80,6 +81,7 @@ class ViewCrops:
             if kind not in known:
                 raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")
         self.side, self.batch, self.seed = crop // scale, batch, seed
+        self.eased = eased
         self.pictures = _Large(Pictures(folder, memory=memory))
         self.kinds = list(degradations)
         weights = np.array(list(degradations.values()), float)
@@ -97,7 +99,7 @@ class ViewCrops:
             image, around, high = self._of_meshes(random)
         else:
             image, around, high = self._of_scenes(random, step)
-        ease = min(1.0, step / EASED)
+        ease = min(1.0, step / self.eased) if self.eased else 1.0
         window = _window(random) if random.random() < ease else _window(random, GRIDS[:1])
         image, around = _spoilt(random, image, around, window, ease)
         return _turned(random, image, around, high, window)

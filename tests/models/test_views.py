@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InvalidImage
-from models.views import needed, upscale_views
+from models.views import DOUBTED, TRUSTED, needed, upscale_views
 from models.windows import SIDE, axis
 
 
@@ -16,12 +16,17 @@ class Told:
     scale = 2
     radius = 2
 
-    def __init__(self):
-        self.calls = []
+    def __init__(self, doubt=0.3):
+        self.calls, self.doubt = [], doubt
 
     def __call__(self, image, around, rows, cols):
         self.calls.append((image, around, rows, cols))
-        return image.repeat(2, axis=2).repeat(2, axis=3)
+        return image.repeat(2, axis=2).repeat(2, axis=3), np.full_like(image[:, :1], self.doubt)
+
+
+def alone(images):
+    """A stand-in for a model of single pictures."""
+    return np.ones_like(images).repeat(2, axis=2).repeat(2, axis=3)
 
 
 def field(grid, shape=(3, 4, 3), dtype=np.uint8):
@@ -44,7 +49,7 @@ grids = st.tuples(st.integers(1, 7), st.integers(1, 7))
 def test_each_view_comes_out_in_its_place(data, grid, channels, dtype):
     views = field(grid, (3, 4, channels), dtype)
     wanted = data.draw(st.lists(st.sampled_from(sorted(views)), min_size=1, max_size=12))
-    got = upscale_views(Told(), {view: views[view] for view in needed(wanted, grid)}, wanted, grid)
+    got, _ = upscale_views(Told(), alone, {view: views[view] for view in needed(wanted, grid)}, wanted, grid)
     assert got.dtype == dtype
     for view, picture in zip(wanted, got, strict=True):
         np.testing.assert_array_equal(picture, views[view].repeat(2, axis=0).repeat(2, axis=1))
@@ -52,7 +57,7 @@ def test_each_view_comes_out_in_its_place(data, grid, channels, dtype):
 
 def test_the_network_is_given_the_luma_of_the_window_row_by_row():
     views, network = field((6, 7)), Told()
-    upscale_views(network, views, [(0, 3)], (6, 7))
+    upscale_views(network, alone, views, [(0, 3)], (6, 7))
     ((image, around, rows, cols),) = network.calls
     np.testing.assert_allclose(image[0], views[0, 3].transpose(2, 0, 1) / 255, atol=1e-7)
     np.testing.assert_array_equal(rows, [[-2, -1, 0, 1, 2], [0, 0, 1, 1, 1]])
@@ -65,7 +70,7 @@ def test_the_network_is_given_the_luma_of_the_window_row_by_row():
 def test_views_whose_windows_stand_alike_go_together():
     network = Told()
     wanted = [(v, u) for v in range(7) for u in range(7)]
-    upscale_views(network, field((7, 7)), wanted, (7, 7))
+    upscale_views(network, alone, field((7, 7)), wanted, (7, 7))
     assert len(network.calls) == SIDE * SIDE
     assert max(len(call[0]) for call in network.calls) == 9
 
@@ -80,18 +85,28 @@ def test_views_whose_windows_stand_alike_go_together():
 def test_views_that_differ_are_named(odd, words):
     views = field((3, 3)) | {(0, 1): odd}
     with pytest.raises(InvalidImage, match=words):
-        upscale_views(Told(), views, [(0, 0)], (3, 3))
+        upscale_views(Told(), alone, views, [(0, 0)], (3, 3))
 
 
 def test_alpha_is_refused():
     with pytest.raises(InvalidImage, match=r"\(H, W, C\), grey or RGB"):
-        upscale_views(Told(), field((3, 3), (3, 4, 4)), [(0, 0)], (3, 3))
+        upscale_views(Told(), alone, field((3, 3), (3, 4, 4)), [(0, 0)], (3, 3))
 
 
 def test_large_views_go_in_tiles_and_come_out_whole(monkeypatch):
     monkeypatch.setattr("models.views.WINDOW", 100)
     views, network = field((3, 3), (23, 31, 3)), Told()
-    (got,) = upscale_views(network, views, [(1, 1)], (3, 3))
+    (got,), _ = upscale_views(network, alone, views, [(1, 1)], (3, 3))
     assert len(network.calls) > 10
     assert max(call[0].shape[2] * call[0].shape[3] for call in network.calls) <= 100
     np.testing.assert_array_equal(got, views[1, 1].repeat(2, axis=0).repeat(2, axis=1))
+
+
+@pytest.mark.parametrize(("doubt", "share"), [(0.5, 0), (TRUSTED + 0.25 * (DOUBTED - TRUSTED), 0), (0.9, 1)])
+def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
+    views = field((3, 3))
+    (got,), left = upscale_views(Told(doubt), alone, views, [(1, 1)], (3, 3))
+    part = np.clip((doubt - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
+    own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
+    np.testing.assert_allclose(got, (1 - part) * own + part * 255, atol=0.51)  # rounded
+    assert left == share

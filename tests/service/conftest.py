@@ -112,11 +112,12 @@ class StandIn:
     """Each pixel twice along each side, halfway to the mean luma of the window's views: a wrong view would show."""
 
     name, scale, radius = catalogue.FIELD, 2, 0
+    doubt = 0.3
 
     def __call__(self, image, around, rows, cols):
         there = np.outer(rows[1], cols[1]).reshape(1, -1, 1, 1)
         mean = (around * there).sum(1, keepdims=True) / there.sum()
-        return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3)
+        return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3), np.full_like(mean, self.doubt)
 
 
 def as_the_stand_in_has_it(views, view):

@@ -28,6 +28,9 @@ DOUBT = 0.15
 plane was chosen wherever there was texture, and training hardly came to use the other views."""
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
+FLAT = 0.02
+"""Mean difference of the views over all planes below which there is nothing to be in doubt about."""
+SIDES = 4
 CHOSEN = 5
 """Channels of what was chosen: four phases, and how much the views differ."""
 FACTORS = (2.0, 4.0)
@@ -65,7 +68,7 @@ class LightFieldGenerator(nn.Module):
         self.single = CompactGenerator(widths, self.scale, slope)
         """May start from a trained one: see `training.run.Run.start_from`."""
         self.sweep = PlaneSweep(planes)
-        self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3, width), nn.ReLU())
+        self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + SIDES, width), nn.ReLU())
         for layer in range(depth):
             last = width - CHOSEN if layer == depth - 1 else width
             self.compare.extend([CollapsibleConv(width, last), nn.ReLU()])
@@ -79,6 +82,13 @@ class LightFieldGenerator(nn.Module):
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
         """See the class."""
+        return self.with_doubt(image, around, rows, cols)[0]
+
+    def with_doubt(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
+        """What `forward` returns; and how little the views around have to do with the view, `(N, 1, H, W)`: what they
+        differ by at the best plane over what they differ by on average. 0.2 to 0.5 where they show the same scene, up
+        to 1 where they don't, or only noise; low where all is flat.
+        """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, rows, cols)
             own = (image * self.luma).sum(1, keepdim=True)
@@ -87,9 +97,11 @@ class LightFieldGenerator(nn.Module):
             red, green, blue = base.split(4, 1)
             alone = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue - own
             blurred = functional.avg_pool2d(spread, PATCH, 1, PATCH // 2, count_include_pad=False)
+            doubt = _doubt(fine, spread)
             against = self.sharpness * torch.cat([blurred, torch.full_like(own, DOUBT)], 1)
         by_fine, by_spread = self.factors
-        compared = self.compare(torch.cat([_times(by_fine, fine.flatten(1, 2)), _times(by_spread, spread), image], 1))
+        shown = [_times(by_fine, fine.flatten(1, 2)), _times(by_spread, spread), image, _sides(rows, cols, own)]
+        compared = self.compare(torch.cat(shown, 1))
         likely = self.choose(compared).float() - against
         # Softmax by hand: before its own, onnxruntime turns the tensor around.
         likely = (likely - likely.amax(1, keepdim=True)).exp()
@@ -106,7 +118,37 @@ class LightFieldGenerator(nn.Module):
             features = activation(self.merged(torch.cat([features, told], 1)))
         for layer in rest[1:]:
             features = layer(features)
-        return functional.pixel_shuffle(self.single.tail(features).float() + base + gain.repeat(1, 3, 1, 1), self.scale)
+        change = self.single.tail(features).float() + base + gain.repeat(1, 3, 1, 1)
+        return functional.pixel_shuffle(change, self.scale), doubt
+
+
+def _sides(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
+    """Which share of the views above, below, left and right there is, `(N, SIDES, H, W)`: few agree by chance."""
+    half = rows.shape[1] // 2
+    shares = torch.stack([part.mean() for place in (rows[1], cols[1]) for part in (place[:half], place[half + 1 :])])
+    return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
+
+
+def _doubt(fine: Tensor, spread: Tensor) -> Tensor:
+    """From the mean of the views less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
+    apart = (spread.square() + fine.mean(2).square()).sqrt()
+    apart = functional.avg_pool2d(apart, PATCH, 1, PATCH // 2, count_include_pad=False)
+    both = torch.cat([apart.amin(1, keepdim=True), apart.mean(1, keepdim=True)], 1)
+    both = functional.avg_pool2d(both, PATCH, 1, PATCH // 2, count_include_pad=False)
+    return both[:, :1] / both[:, 1:].clamp(min=FLAT)
+
+
+class WithDoubt(nn.Module):
+    """A light-field generator that returns both, as it is exported."""
+
+    def __init__(self, network: LightFieldGenerator) -> None:
+        super().__init__()
+        self.network = network
+        self.train(network.training)
+
+    def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
+        """See `LightFieldGenerator.with_doubt`."""
+        return self.network.with_doubt(image, around, rows, cols)
 
 
 def _times(factor: float, x: Tensor) -> Tensor:
