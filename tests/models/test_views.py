@@ -110,3 +110,15 @@ def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - part) * own + part * 255, atol=0.51)  # rounded
     assert left == share
+
+
+@pytest.mark.parametrize("by", [-5, 0, 3])
+def test_whole_disparities_are_taken_away_first(by):
+    """The network then sees the same in all views, but for what lies beyond their edges."""
+    picture = np.random.default_rng(3).integers(0, 256, (60, 50, 3)).astype(np.uint8)
+    views = {(v, u): np.roll(picture, (by * (v - 2), by * (u - 2)), (0, 1)) for v in range(5) for u in range(5)}
+    network = Told()
+    upscale_views(network, alone, views, [(2, 2)], (5, 5))
+    ((_, around, _, _),) = network.calls
+    inner = around[0][:, 12:-12, 12:-12]
+    np.testing.assert_array_equal(inner, np.broadcast_to(inner[12], inner.shape))
