@@ -142,7 +142,18 @@ def test_single_pictures_keep_their_default(samples, stand_in):
     assert report["model"]["name"] == catalogue.DEFAULT
 
 
-@pytest.mark.skipif(catalogue.FIELD not in catalogue.names(), reason="the light-field network is not shipped yet")
+def test_what_was_made_from_views_alone_is_told(samples, stand_in):
+    eia = Bundle.from_upload("eia.png", encode_png(samples.EIA))
+    _, report = run(eia, lenses=(6, 9))
+    assert report["notes"] == []
+    stand_in.doubt = 0.9
+    _, report = run(eia, lenses=(6, 9))
+    (note,) = report["notes"]
+    assert note.startswith(
+        "100 % of the pixels were made by fast from their view alone, as the views around don't match"
+    )
+
+
 def test_the_network_that_is_shipped(samples):
     views, report = run(Bundle.from_upload("eia.png", encode_png(samples.EIA)), lenses=(6, 9), views="0,0;1,2")
     assert report["plan"]["model"] == "field"
