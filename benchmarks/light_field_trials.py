@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from training.field import Inputs
 
-UPDATES = 600
+UPDATES = 800
 NEAR = (6, 7, 8, 11, 12, 13, 16, 17, 18)
 CROSS = (2, 7, 10, 11, 12, 13, 14, 17, 22)
 OWN = 12
@@ -114,7 +114,7 @@ def macs(network: nn.Module, inputs: Inputs) -> float:
 
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         collapse(network)(*inputs)
-    return float(counter.get_total_flops() / 2e3 / inputs.image[0, 0].numel())
+    return float(counter.get_total_flops() / 2e3 / inputs.image[:, 0].numel())
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -148,31 +148,29 @@ def parallax(folder: Path, models: Sequence[str], write: Callable[[str], object]
             write(f"{folder.name} {kind:8s} {model:12s} {words}\n")
 
 
-def times(models: Sequence[str], write: Callable[[str], object]) -> None:
-    """Milliseconds for a view, on one core and on all, over those of `quality`."""
+def times(models: Sequence[str], folder: Path, write: Callable[[str], object]) -> None:
+    """Milliseconds for the middle view of a light field from pixels to pixels, on one core and on all; in brackets over
+    those of `quality`.
+    """
+    views = light_fields.read(folder, grid=(5, 5))
     for threads in (1, None):
         for size in SIZES:
-            random = np.random.default_rng(0)
-            image = random.random((1, 3, size, size), dtype=np.float32)
-            around = random.random((1, 25, size, size), dtype=np.float32)
-            place = np.array([[-2, -1, 0, 1, 2], [1, 1, 1, 1, 1]], np.float32)
-
-            window = (around, place, place)
-            jobs = {model: job(model, threads, image, window) for model in models}
+            part = np.ascontiguousarray(views[:, :, :size, :size])
+            jobs = {model: job(model, threads, part) for model in models}
             found = in_turns(jobs, ROUNDS, reference="quality")
             words = "  ".join(f"{m} {t.median:.1f} ms ({1 / (t.ratio or 1):.2f})" for m, t in found.items())
             write(f"{size}x{size}, {threads or 'all'} core(s): {words}\n")
 
 
-def job(
-    model: str, threads: int | None, image: NDArray[np.float32], window: tuple[NDArray[np.float32], ...]
-) -> Callable[[], dict[str, float]]:
-    """A call of a network on one view."""
+def job(model: str, threads: int | None, low: Views) -> Callable[[], dict[str, float]]:
+    """The middle one of 5x5 views."""
     if model in catalogue.singles():
         single = catalogue.load(model, threads=threads)
-        return lambda: timed(lambda: single(image))
+        return lambda: timed(lambda: upscale_pixels(single, low[2, 2][np.newaxis]))
     network = catalogue.load_light_field(model, threads=threads)
-    return lambda: timed(lambda: network(image, *window))
+    alone = catalogue.load(catalogue.DEFAULT, threads=threads)
+    every = {(v, u): low[v, u] for v in range(5) for u in range(5)}
+    return lambda: timed(lambda: upscale_views(network, alone, every, [(2, 2)], (5, 5)))
 
 
 def timed(run: Callable[[], object]) -> dict[str, float]:
@@ -217,8 +215,8 @@ def main(argv: list[str] | None = None) -> int:
     write("\nDisparity between upscaled neighbours against the truth's, pixels of the truth\n")
     parallax(given.folder, (*given.model, *SINGLES), write)
     if not given.no_times:
-        write("\nOne view; in brackets: over quality's time\n")
-        times(("quality", *given.model, "fast"), write)
+        write("\nOne view of 5x5, from pixels to pixels; in brackets: over quality's time\n")
+        times(("quality", *given.model, "fast"), given.folder, write)
     return 0
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from models import shear
 from models.errors import InvalidImage
+from models.pixels import upscale_pixels
 from models.session import BATCH, WINDOW
 from models.tiles import split
 from models.windows import axis
@@ -19,17 +20,19 @@ if TYPE_CHECKING:
 
     from models.light_field import LightFieldNetwork
     from models.shear import Pixels
-    from models.tiles import Span
+    from models.tiles import Span, Tile
     from models.upscaler import Upscaler
     from models.windows import Axis
 
     View = tuple[int, int]
 
-TRUSTED, DOUBTED = 0.55, 0.7
+TRUSTED, DOUBTED = 0.6, 0.75
 """Doubt up to which the light-field network's picture is taken, and from which the other's is. Views of one scene come
 to 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), strange ones to 0.6 to 1."""
-NEGLIGIBLE = 0.02
-"""Share of pixels in doubt that is left as it is: at silhouettes some always are."""
+NEGLIGIBLE = 0.1
+"""Share of a view's pixels in doubt that is left as it is: at silhouettes some always are."""
+ROWS = 256
+"""Rows of a picture that are blended at once."""
 
 
 def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
@@ -47,9 +50,10 @@ def upscale_views(
     """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`; and the share
     of their pixels that `alone`, a model of single pictures, made for the most part.
 
-    That is where the views around don't match: another scene, too large disparities, noise. Between `TRUSTED` and
-    `DOUBTED` of the network's doubt one goes over into the other. Where content moves by more whole pixels from view to
-    view than the network looks for, the views are first moved back by those (`models.shear`).
+    That is where the views around don't match: another scene, noise, disparities that none of the network's planes has.
+    Between `TRUSTED` and `DOUBTED` of its doubt one goes over into the other, in views of which more than `NEGLIGIBLE`
+    is in doubt. Where the content of a view moves by more than a whole pixel to the next, views are first moved back by
+    whole pixels (`models.shear`). What a view becomes does not depend on which others are wanted.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of `needed`.
     Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
@@ -57,36 +61,67 @@ def upscale_views(
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
-    every = needed(wanted, grid)
-    first = _alike(views, wanted[0], every)
-    scale, peak = network.scale, np.float32(np.iinfo(first.dtype).max)
+    first = _alike(views, wanted[0], needed(wanted, grid))
     height, width, channels = first.shape
-    by = shear.of(views, wanted[0], grid)
-    result = np.empty((len(wanted), height * scale, width * scale, channels), first.dtype)
+    size = (height * network.scale, width * network.scale, channels)
+    result = np.empty((len(wanted), *size), first.dtype)
+    doubt = np.empty((len(wanted), height, width), np.float32)
+    alike: dict[int, dict[int, View]] = {}
+    for number, at in enumerate(wanted):
+        alike.setdefault(shear.of(views, at, grid), {})[number] = at
+    scale, peak = network.scale, np.float32(np.iinfo(first.dtype).max)
+    for by, chosen in alike.items():
+        for number, tile, picture, doubtful in _made(network, views, chosen, grid, by):
+            grey = picture.mean(axis=2, keepdims=True) if channels == 1 else picture
+            result[number][tile.target(scale)] = np.floor(grey * peak + np.float32(0.5))
+            doubt[number][tile.kept] = doubtful
     left = 0.0
+    for number, at in enumerate(wanted):
+        strange = np.clip((doubt[number] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
+        if np.mean(strange > 0) > NEGLIGIBLE:
+            _blend(result[number], _alone(alone, views[at]), strange)
+            left += float(np.mean(strange > 0.5))
+    return result, left / len(wanted)
+
+
+def _made(
+    network: LightFieldNetwork, views: Mapping[View, Pixels], chosen: Mapping[int, View], grid: tuple[int, int], by: int
+) -> Iterator[tuple[int, Tile, NDArray[np.float32], NDArray[np.float32]]]:
+    """Of each of the views `chosen`, under its number, and each tile: the picture `(scale*h, scale*w, 3)` in [0, 1] and
+    the doubt `(h, w)`. The views around are moved by `by`.
+    """
+    scale, every = network.scale, needed(list(chosen.values()), grid)
+    height, width = views[every[0]].shape[:2]
     for tile in split(height, width, radius=network.radius, window=WINDOW):
-        source, target = tile.source(scale), tile.target(scale)
         lumas = {view: shear.luma(views[view], tile.window, by) for view in every}
-        for rows, cols, numbers in _together(wanted, grid, most=max(1, BATCH // _pixels(tile.window))):
-            image = np.stack([_colour(views[wanted[number]][tile.window]) for number in numbers])
+        for rows, cols, numbers in _together(chosen, grid, most=max(1, BATCH // _pixels(tile.window))):
+            image = np.stack([_colour(views[chosen[number]][tile.window]) for number in numbers])
             around = np.stack(
                 [
-                    [shear.moved(lumas[view], by, offset) for view, offset in _offsets(wanted[number], grid)]
+                    [shear.moved(lumas[view], by, offset) for view, offset in _offsets(chosen[number], grid)]
                     for number in numbers
                 ]
             )
             large, doubt = network(image, around, rows.place, cols.place)
-            strange = np.clip((doubt - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
-            if np.mean(strange > 0) > NEGLIGIBLE:
-                share = strange.repeat(scale, axis=2).repeat(scale, axis=3)
-                large = (1 - share) * large + share * alone(image)
-                left += float(np.mean(strange[:, :, *tile.source(1)] > 0.5)) * len(numbers) * _pixels(tile.kept)
-            large = large[:, :, *source].transpose(0, 2, 3, 1)
-            if channels == 1:
-                large = large.mean(axis=3, keepdims=True)
-            for number, picture in zip(numbers, large, strict=True):
-                result[number][target] = np.floor(picture * peak + np.float32(0.5)).astype(first.dtype)
-    return result, left / (len(wanted) * height * width)
+            pictures = large[:, :, *tile.source(scale)].transpose(0, 2, 3, 1)
+            for number, picture, doubtful in zip(numbers, pictures, doubt[:, 0, *tile.source(1)], strict=True):
+                yield number, tile, picture, doubtful
+
+
+def _alone(upscaler: Upscaler, view: Pixels) -> Pixels:
+    # Its type variable takes 8 or 16 bit, where a view is either: one of them stands for both.
+    made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]))[0]
+    return made
+
+
+def _blend(picture: Pixels, other: Pixels, share: NDArray[np.float32]) -> None:
+    """Puts `share` `(H, W)` of `other` into `picture`, both `(scale*H, scale*W, C)`."""
+    scale = len(picture) // len(share)
+    for first in range(0, len(share), ROWS):
+        part = slice(first * scale, (first + ROWS) * scale)
+        of = share[first : first + ROWS].repeat(scale, axis=0).repeat(scale, axis=1)[..., np.newaxis]
+        mixed = (1 - of) * picture[part].astype(np.float32) + of * other[part].astype(np.float32)
+        picture[part] = np.floor(mixed + np.float32(0.5))
 
 
 def _alike(views: Mapping[View, Pixels], one: View, every: Sequence[View]) -> Pixels:
@@ -106,14 +141,16 @@ def _alike(views: Mapping[View, Pixels], one: View, every: Sequence[View]) -> Pi
     return first
 
 
-def _together(wanted: Sequence[View], grid: tuple[int, int], *, most: int) -> Iterator[tuple[Axis, Axis, list[int]]]:
+def _together(
+    chosen: Mapping[int, View], grid: tuple[int, int], *, most: int
+) -> Iterator[tuple[Axis, Axis, list[int]]]:
     """The numbers of views whose windows stand alike, up to `most` at a time."""
     groups: dict[bytes, list[int]] = {}
-    for number, (v, u) in enumerate(wanted):
+    for number, (v, u) in chosen.items():
         key = axis(v, grid[0]).place.tobytes() + axis(u, grid[1]).place.tobytes()
         groups.setdefault(key, []).append(number)
     for numbers in groups.values():
-        v, u = wanted[numbers[0]]
+        v, u = chosen[numbers[0]]
         for begin in range(0, len(numbers), most):
             yield axis(v, grid[0]), axis(u, grid[1]), numbers[begin : begin + most]
 

@@ -65,6 +65,6 @@ def unmatched(share: float) -> list[str]:
     """The report's note on `share` of all pixels that the views around were of no help for; none where it is small."""
     if share < NEGLIGIBLE:
         return []
-    why = "another scene, noise, or disparities over 2 pixels from one view to the next"
+    why = "another scene, noise, or depths too far apart"
     made = f"{100 * share:.0f} % of the pixels were made by {catalogue.DEFAULT} from their view alone"
     return [f"{made}, as the views around don't match there: {why}"]

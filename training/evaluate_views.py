@@ -11,11 +11,13 @@ from tqdm import tqdm
 from models import card as cards
 from models import catalogue
 from models.card import Accuracy
+from models.errors import UnsupportedScale
 from models.light_field import LightFieldNetwork
 from models.metrics import luma, psnr, ssim
 from models.pixels import upscale_pixels
 from models.session import Network
 from models.views import upscale_views
+from models.windows import LEAST
 from training import light_fields
 
 if TYPE_CHECKING:
@@ -62,15 +64,20 @@ def score(
     small and never rounds it, and in that a border of `scale` pixels is cut, as it is for pictures.
 
     Raises `ValueError` where there is no full grid of views of one size, or it is smaller than `grid`, or the views are
-    too small to be scored.
+    too small to be scored, or too few for a light-field network.
     """
+    if isinstance(network, LightFieldNetwork) and min(grid) < LEAST:
+        raise ValueError(
+            f"--grid {grid[0]}x{grid[1]}: {network.name} takes {LEAST}x{LEAST} views or more; give those, or another "
+            "model"
+        )
     low, high = light_fields.degraded(light_fields.read(folder, grid=grid), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
-    alone = catalogue.load(catalogue.DEFAULT, scale=network.scale)
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
     psnrs, ssims = [], []
     for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
+            alone = catalogue.load(catalogue.DEFAULT, scale=network.scale)
             made, _ = upscale_views(network, alone, given, [view], grid)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
@@ -87,7 +94,10 @@ def score(
 def _network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
     if model.endswith(".json"):
         path = Path(model)
-        return LightFieldNetwork(path) if cards.read(path).is_light_field else Network(path)
+        card = cards.read(path)
+        if card.scale != scale:
+            raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
+        return LightFieldNetwork(path) if card.is_light_field else Network(path)
     if model in catalogue.names() and model not in catalogue.singles():
         return catalogue.load_light_field(model, scale=scale)
     return catalogue.load(model, scale=scale)

@@ -47,7 +47,7 @@ class Told(LightFieldNetwork):
 
     def __call__(self, image, around, rows, cols):
         self.windows.append((around, rows, cols))
-        return image.repeat(2, axis=2).repeat(2, axis=3)
+        return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
 
 
 @pytest.mark.parametrize("network", [Nearest(2), Told()])
@@ -88,6 +88,14 @@ def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
         evaluate("fancy", folder)
     with pytest.raises(models.UnsupportedScale):
         evaluate("fast", folder, scale=4)
+    with pytest.raises(models.UnsupportedScale, match="paper upscales by 2, not 4"):
+        evaluate(str(SHIPPED / "paper.json"), folder, scale=4)
+    assert evaluate("bicubic", folder, grid=(3, 3), scale=3).pictures == 9
+
+
+def test_too_few_views_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="--grid 2x3: told takes 3x3 views or more; give those"):
+        score(Told(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
 
 
 def refused(folder: Path, **options) -> str:
