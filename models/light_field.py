@@ -48,9 +48,9 @@ class LightFieldNetwork(Shipped):
         return finish(np.ascontiguousarray(large[:, :, *kept]), self.name), doubt[:, :, *small]
 
 
-def luma(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """`(H, W, C)` in [0, 1], grey or RGB -> `(H, W)`."""
-    return picture[..., 0] if picture.shape[-1] == 1 else picture @ LUMA
+def luma(picture: NDArray[np.float32], peak: float) -> NDArray[np.float32]:
+    """`(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1], but for rounding."""
+    return picture[..., 0] * np.float32(1 / peak) if picture.shape[-1] == 1 else picture @ (LUMA / np.float32(peak))
 
 
 def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:

@@ -26,7 +26,7 @@ WITHIN = 1
 """Up to this nothing is moved: the networks look for 2 pixels to each side."""
 BETTER = 0.8
 """A shift must leave at most this much of the difference that there is without one."""
-MIDDLE = 128
+MIDDLE = 96
 """Pixels along each side of the middle of a view, which is all that is compared."""
 
 
@@ -78,7 +78,7 @@ def luma(picture: Pixels, part: Span | None = None, by: int = 0) -> Plane:
         picture = picture[rows[:, None], cols]
     elif part is not None:
         picture = picture[part]
-    return np.clip(light_field.luma(as_float(picture)), 0, 1)
+    return np.minimum(light_field.luma(picture.astype(np.float32), np.iinfo(picture.dtype).max), 1)
 
 
 def moved(plane: Plane, by: int, offset: tuple[int, int]) -> Plane:

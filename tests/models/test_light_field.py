@@ -124,13 +124,10 @@ def test_pure_noise_does_no_harm(name):
 
 @each_field
 @pytest.mark.parametrize("corner", [(0, 0), (0, 4), (4, 4)])
-def test_the_border_of_the_grid_is_nearly_as_good_as_its_middle(name, corner):
-    """Against what a view gains over the single-picture network: views differ in how hard they are."""
-    gains = [
-        score(upscaled(name, low("globe"), at), truth("globe", at)) - score(fast(low("globe")[at]), truth("globe", at))
-        for at in ((2, 2), corner)
-    ]
-    assert gains[1] >= 0.5 * gains[0]
+def test_views_help_at_the_corners_of_the_grid_too(name, corner):
+    """With 9 views in place of 25 they help less: docs/benchmarks.md."""
+    true = truth("globe", corner)
+    assert score(upscaled(name, low("globe"), corner), true) >= score(fast(low("globe")[corner]), true) + 0.3
 
 
 @each_field
