@@ -33,7 +33,7 @@ from training.view_crops import ViewCrops
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-UPDATES = 500
+UPDATES = 400
 NEAR = (6, 7, 8, 11, 12, 13, 16, 17, 18)
 CROSS = (2, 7, 10, 11, 12, 13, 14, 17, 22)
 OWN = 12
@@ -141,7 +141,13 @@ def main(argv: list[str] | None = None) -> int:
         ema=0.99,
     )
     crops = ViewCrops(
-        given.train, crop=template.crop, scale=2, batch=template.batch, seed=3, degradations=template.degradations
+        given.train,
+        crop=template.crop,
+        scale=2,
+        batch=template.batch,
+        seed=3,
+        degradations=template.degradations,
+        eased=4 * given.updates,
     )
     batches = [
         halved(crops.at(step)) for step in tqdm(range(given.updates), disable=None, desc="scenes", unit="update")

@@ -138,7 +138,7 @@ def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
     add.add_argument(
         "words",
         nargs="*",
-        metavar=("MODEL", "FOLDER"),
+        metavar="MODEL FOLDER",
         help="a name that `ciir models` lists, or an exported network's .json; then folders of pairs, or of any "
         f"pictures with --degradation, or none with --light-field (and the model {FIELD} where none is named)",
     )

@@ -17,7 +17,7 @@ from service.enlarging import describe_model, opened, unmatched
 from service.makers import MeshViews, PictureViews
 from service.plan import Plan
 from service.report import Clock, Report, versions
-from service.request import NO_MODEL
+from service.request import AUTO, NO_MODEL
 from service.source import Input, Source
 from service.turns import turns
 
@@ -108,7 +108,7 @@ def reconstruct(
         },
         "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),
-        "notes": [*maker.notes(), *unmatched(strange)],
+        "notes": [*maker.notes(), *_replaced(options, plan), *unmatched(strange)],
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }
@@ -162,6 +162,12 @@ def _job(name: str, content: Scene | LightField, options: Options) -> Job:
         grid, channels = content.views.shape[:2], content.views.shape[4]
     plans.check_views(options.views, grid)
     return Job(name, isinstance(content, Scene), grid, channels, parse_views(options.views, *grid))
+
+
+def _replaced(options: Options, plan: Plan) -> list[str]:
+    """A note where a light-field network was named and another model took its place."""
+    is_other = plan.strategy == "upscale" and options.model not in (AUTO, plan.model)
+    return [plan.reasons[-1]] if is_other else []
 
 
 def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clock) -> MeshViews | PictureViews:

@@ -115,7 +115,7 @@ class Crops:
 
         Raises `ValueError` where one of these or the folder is at fault.
         """
-        _check(crop, scale, degradations, rendered=bool(scenes or meshes))
+        check(crop, scale, degradations, rendered=bool(scenes or meshes))
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
         self.spoil = Spoil(noise, blur, jpeg)
         photographs = Pictures(folder, memory=memory)
@@ -164,7 +164,8 @@ class Crops:
         return torch.from_numpy(spoilt).permute(2, 0, 1), degrade.cut(low, high, self.scale, rows, cols)[1]
 
 
-def _check(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
+def check(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
+    """Raises `ValueError` where these can't be; `rendered`: whether there are views of scenes or meshes."""
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
     known = (*degrade.KINDS, *RENDERED, BICUBIC_VIEW) if rendered else degrade.KINDS

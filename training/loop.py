@@ -15,9 +15,10 @@ from training.ahead import batches
 from training.data import Crops
 from training.interrupt import Interrupts, Stopped
 from training.logs import Log, Means
+from training.networks.light_field import LightFieldGenerator
 from training.progress import Progress
 from training.run import Run, learning_rate
-from training.view_crops import USES, ViewCrops
+from training.view_crops import BLOCKS, USES, ViewCrops
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,6 +48,7 @@ def train(recipe: Recipe, out: Path) -> Path:
         raise ValueError(f"{out}: a file is there; name a folder for the run")
     checkpoint = out / "checkpoint.pt"
     run = Run(recipe)
+    _check(recipe, run.network)
     if checkpoint.exists():
         run.resume(checkpoint)
     elif recipe.initial:
@@ -100,10 +102,24 @@ def tell(recipe: Recipe, step: int) -> None:
         )
 
 
+def _check(recipe: Recipe, network: nn.Module) -> None:
+    """Raises `ValueError` where the network takes something else than the batches of the recipe hold."""
+    if isinstance(network, LightFieldGenerator) == recipe.light_field:
+        return
+    if recipe.light_field:
+        raise ValueError(
+            f'light_field is true, and {recipe.network} takes single pictures; set network = "light_field", or '
+            "light_field = false"
+        )
+    raise ValueError(
+        f"light_field is false, and {recipe.network} takes a window of views; set light_field = true, or name another"
+    )
+
+
 def _ahead(recipe: Recipe, run: Run) -> dict[str, int]:
     """Scenes are made by a thread of their own, on a CPU too: that is as much work as the network's, in blocks."""
     threads = THREADS[run.device.type]
-    return {"threads": max(1, threads), "ready": 2 * USES} if recipe.light_field else {"threads": threads}
+    return {"threads": max(1, threads), "ready": (BLOCKS - 1) * USES} if recipe.light_field else {"threads": threads}
 
 
 def _task(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from models.windows import SIDE, axis
 from training import degrade, layered
-from training.data import RENDERED
+from training.data import RENDERED, check
 from training.field import Inputs
 from training.layered import LUMA
 from training.pictures import MEMORY, Pictures
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 USES = 6
 """Steps that take their crops from the same scenes, at other places, turned and degraded otherwise."""
+BLOCKS = 3
+"""Blocks of so many steps whose scenes are kept: `2 * USES + 1` steps in the making at once lie in no more."""
 ROOM = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.7), (1, 9, 0.08), (0, 9, 0.1), (1, 3, 0.06), (0, 3, 0.06))
@@ -74,12 +76,13 @@ class ViewCrops:
 
         Raises `ValueError` where one of these is at fault.
         """
-        if scale != 2 or crop % scale:
-            raise ValueError(f"a crop of {crop} pixels at scale {scale}: light fields want scale 2 and an even crop")
+        if scale != 2:
+            raise ValueError(f"scale is {scale}; light fields are upscaled by 2: give that")
         known = (*degrade.KINDS, *RENDERED) if meshes else degrade.KINDS
         for kind in degradations:
             if kind not in known:
                 raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")
+        check(crop, scale, degradations, rendered=bool(meshes))
         self.side, self.batch, self.seed = crop // scale, batch, seed
         self.eased = eased
         self.pictures = _Large(Pictures(folder, memory=memory))
@@ -135,13 +138,14 @@ class ViewCrops:
         return image, around, high
 
     def _made(self, block: int) -> tuple[Tensor, Tensor]:
-        """The scenes of a block of steps, as 8 bits."""
+        """The scenes of a block of steps, as 8 bits. The last blocks are kept: threads may come in any order."""
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
                 made = layered.scenes(random, self.pictures, self.batch, side=self.side + ROOM, window=SIDE)
                 views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
-                self._blocks = {**dict(list(self._blocks.items())[-1:]), block: (views, colours)}
+                last = sorted(self._blocks)[1 - BLOCKS :]
+                self._blocks = {**{number: self._blocks[number] for number in last}, block: (views, colours)}
             return self._blocks[block]
 
 
@@ -228,11 +232,19 @@ def _opposite(place: Tensor) -> Tensor:
 
 
 def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]:
-    """Light fields of the meshes in files, as `training.mesh_views.fields` makes them."""
+    """Light fields of the meshes in files, as `training.mesh_views.window` makes them, of at least `side` LR pixels.
+
+    Raises `ValueError` where none is as large.
+    """
     if not meshes:
         return []
     from training import mesh_views
 
+    largest = mesh_views.LENSES[-1]
+    if side > largest:
+        raise ValueError(
+            f"meshes are rendered for crops of up to {2 * largest} pixels, not {2 * side}; set a smaller one"
+        )
     models = [mesh_views.read(path) for path in meshes]
     tqdm.write(f"rendering light fields of {len(models)} meshes: minutes for ten", file=sys.stderr)
     made = []
@@ -241,4 +253,8 @@ def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]
             seen = mesh_views.window(model, seed=seed, index=number * mesh_views.PICTURES + index)
             if min(seen.high.shape[1:]) >= 2 * side:
                 made.append(seen)
+    rendered = len(models) * mesh_views.PICTURES
+    if len(made) < rendered:
+        left_out = f"{rendered - len(made)} of {rendered} light fields of meshes are left out"
+        tqdm.write(f"{left_out}: they are smaller than the crop of {2 * side}x{2 * side} pixels", file=sys.stderr)
     return made

@@ -129,7 +129,7 @@ def test_models_says_what_each_takes(stand_in, capsys):
     assert main(["models"]) == 0
     lines = capsys.readouterr().out.splitlines()
     takes = {line.split()[0]: "a view and those around it" in line for line in lines[1:-1]}
-    assert [name for name, is_light_field in takes.items() if is_light_field] == ["field"]
+    assert [name for name, is_light_field in takes.items() if is_light_field] == ["field", "field-int8"]
 
 
 def test_upscale_takes_no_light_field_network(samples, stand_in, tmp_path, capsys):
@@ -381,3 +381,14 @@ def test_output_over_the_input_is_refused(samples, tmp_path, capsys):
     assert "the input is there" in fails(capsys, "reconstruct", view, *common, "-o", link)
     assert view.read_bytes() == before
     assert "'' is no name" in fails(capsys, "reconstruct", "", "-o", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["reconstruct", "elemental", "upscale", "models", "bench", "stress", "evaluate", "train", "export", "serve"],
+)
+def test_every_command_has_help(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([command, "--help"])
+    assert stop.value.code == 0
+    assert capsys.readouterr().out.startswith(f"usage: ciir {command}")

@@ -2,9 +2,12 @@ import csv
 import signal
 from dataclasses import fields, replace
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the training extra")
+
+from PIL import Image
 
 from service.cli import main, parser
 from service.commands.training import OVERRIDES
@@ -12,9 +15,12 @@ from training import logs, loop
 from training.adversary import Adversary
 from training.data import Crops
 from training.interrupt import Stopped
+from training.layered import TEXTURE
 from training.recipe import Recipe
+from training.view_crops import ViewCrops
 
 STEPS = 5
+SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "planes": 3, "width": 8, "depth": 1}}
 GAN = {"perceptual": "discriminator", "perceptual_weight": 0.1, "adversarial": "bce", "bfloat16": True, "ema": 0.9}
 
 
@@ -117,6 +123,33 @@ def test_a_signal_ends_the_step_and_the_run_goes_on_from_there(unbroken, tmp_pat
     assert_same(load(tmp_path / "checkpoint.pt") | {"seconds": 0}, load(checkpoint) | {"seconds": 0})
 
 
+def test_a_killed_run_on_light_fields_continues_bit_for_bit(recipe, tmp_path, monkeypatch):
+    """Over the border of a block of scenes, which a thread makes ahead."""
+    random = np.random.default_rng(0)
+    for folder, shape in (("train", (1, 1, TEXTURE, TEXTURE, 3)), ("views", (3, 3, 24, 24, 3))):
+        (tmp_path / folder).mkdir()
+        for place in np.ndindex(shape[:2]):
+            picture = random.integers(0, 256, shape[2:], np.uint8)
+            Image.fromarray(picture).save(tmp_path / folder / f"view_{place[0]}_{place[1]}.png")
+    paths = {"train": str(tmp_path / "train"), "validate": str(tmp_path / "views")}
+    recipe = replace(recipe, light_field=True, **SMALL_FIELD, **paths, steps=8, crop=16, validate_every=4, eased=8)
+    wanted = load(loop.train(recipe, tmp_path / "a"))
+    draw = ViewCrops.at
+
+    def kill(self, step):
+        if step == 5:
+            raise MemoryError
+        return draw(self, step)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ViewCrops, "at", kill)
+        with pytest.raises(MemoryError):
+            loop.train(recipe, tmp_path / "b")
+    assert load(tmp_path / "b" / "checkpoint.pt")["step"] == 4
+    found = load(loop.train(recipe, tmp_path / "b"))
+    assert_same(found | {"seconds": 0}, wanted | {"seconds": 0})
+
+
 def test_a_finished_run_is_left_alone(unbroken):
     recipe, checkpoint = unbroken
     before = {path: path.stat().st_mtime_ns for path in checkpoint.parent.rglob("*")}
@@ -173,6 +206,8 @@ def test_a_saturated_discriminator_stops_the_run(recipe, tmp_path, monkeypatch):
         ({"loss": "l3"}, "'l3'"),
         ({"network": "gpt"}, "'gpt'"),
         ({"scale": 4}, "scale is 4, and lite is made for 2"),
+        ({"light_field": True}, 'light_field is true, and lite takes single pictures; set network = "light_field", or'),
+        (SMALL_FIELD, "light_field is false, and light_field takes a window of views; set light_field = true, or"),
         ({"initial": "gone.pt"}, r"gone\.pt"),
         ({"crop": 48}, "smaller"),
     ],

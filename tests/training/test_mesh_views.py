@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="needs torch, of the training extra")
+import torch
 from PIL import Image
 
+from models.windows import axis
 from renderer.scenes import scene
 from training import mesh_views
 from training.data import Crops
-from training.mesh_views import LENSES, pairs, read, turned
+from training.layered import LUMA
+from training.mesh_views import LENSES, pairs, read, turned, window
+from training.networks.plane_sweep import PlaneSweep
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -42,6 +46,28 @@ def test_small_views_lie_side_by_side():
     shown = (cells != lenslet[0, 0]).any(axis=2).mean(axis=1)
     assert shown.min() > 0.02
     assert len({cell.tobytes() for cell in cells}) > 8  # of 225 views 16 are drawn
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
+    """Rows of views down, columns across, both growing the same way: in any other order the views agree less."""
+    field = window(scene("vase"), seed=2, index=index)
+    side = LENSES[1 + index]
+    assert field.high.shape == (3, 2 * side, 2 * side)
+    place, sweep = torch.from_numpy(axis(2, 5).place), PlaneSweep(33)
+    for kind in ("pinhole", "lenslet"):
+        assert (field.views[kind].shape, field.colours[kind].shape) == ((25, side, side), (3, side, side))
+        luma = torch.einsum("chw,c->hw", field.colours[kind].float(), torch.tensor(LUMA))
+        assert (field.views[kind][12] - luma).abs().max() <= 0.51  # is rounded
+        grid = field.views[kind].float().div(255).reshape(5, 5, side, side)
+        orders = (grid, grid.flip(0), grid.flip(1), grid.transpose(0, 1))
+        spreads = [sweep(views.reshape(1, 25, side, side), place, place)[1].amin(1) for views in orders]
+        right, *wrong = [float((spread - spread.min()).mean()) for spread in spreads]  # over that of one flat colour
+        assert right < 0.6 * min(wrong)
+    mean = field.high.float().reshape(3, side, 2, side, 2).mean((2, 4))
+    aligned = (field.colours["lenslet"] - mean).abs().mean()
+    for axis_of in (1, 2):
+        assert (field.colours["lenslet"] - mean.roll(1, axis_of)).abs().mean() > 3 * aligned
 
 
 def test_a_picture_depends_on_its_number_alone(mesh):

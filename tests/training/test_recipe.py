@@ -21,7 +21,9 @@ def smallest(tmp_path):
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_recipes_read(path):
-    assert recipes.read(path).name == path.stem
+    recipe = recipes.read(path)
+    assert recipe.name == path.stem
+    assert recipe.light_field == (recipe.network == "light_field")
 
 
 def test_defaults(smallest):

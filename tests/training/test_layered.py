@@ -1,0 +1,146 @@
+"""Layered scenes: where their sheets are seen from each view, and what covers what."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+
+from training import degrade, layered
+from training.networks.plane_sweep import MOST, SIDE, PlaneSweep
+
+PLACE = torch.tensor([[-2.0, -1, 0, 1, 2], [1, 1, 1, 1, 1]])
+PLANES = 17
+
+
+def smooth(seed):
+    """A picture whose details are of 10 texels, 8-bit RGB: no view of it is aliased."""
+    knots = torch.rand(1, 3, 16, 16, generator=torch.Generator().manual_seed(seed))
+    fine = torch.nn.functional.interpolate(knots, size=layered.TEXTURE, mode="bicubic", align_corners=False)
+    return fine[0].clamp(0, 1).mul(255).byte().permute(1, 2, 0).numpy()
+
+
+PICTURES = [smooth(0), smooth(1)]
+
+
+def scenes(count=2, *, seed=0, side=24, pictures=PICTURES):
+    return layered.scenes(np.random.default_rng(seed), pictures, count, side=side, window=SIDE)
+
+
+@pytest.fixture
+def sheets(monkeypatch):
+    """Scenes of sheets at these disparities from back to front, flat, none of one colour."""
+    monkeypatch.setattr(layered, "PLAIN", 0.0)
+    monkeypatch.setattr(layered, "FLAT", 0.0)
+
+    def set_to(*disparities):
+        monkeypatch.setattr(layered, "LAYERS", (len(disparities),) * 2)
+
+        def places(_, count, side):
+            return torch.tensor(disparities).expand(count, -1), torch.zeros(count, len(disparities), 2)
+
+        monkeypatch.setattr(layered, "_places", places)
+
+    return set_to
+
+
+def test_shapes_and_range():
+    views, colours = scenes(3, side=10)
+    assert (views.shape, colours.shape) == ((3, 25, 40, 40), (3, 3, 40, 40))
+    for part in (views, colours):
+        assert -1e-6 <= part.min() < part.max() <= 1 + 1e-6  # sums of weights that make 1 but for rounding
+
+
+def test_scenes_follow_from_the_seed():
+    assert all(torch.equal(a, b) for a, b in zip(scenes(seed=4), scenes(seed=4), strict=True))
+    assert not torch.equal(scenes(seed=4)[0], scenes(seed=5)[0])
+
+
+def test_the_middle_view_is_the_luma_of_its_colours():
+    views, colours = scenes(6)
+    wanted = torch.einsum("nchw,c->nhw", colours, torch.tensor(layered.LUMA))
+    torch.testing.assert_close(views[:, SIDE**2 // 2], wanted, atol=1e-5, rtol=0)  # float32 in another order
+
+
+@pytest.mark.parametrize("disparity", [-1.5, -0.5, 0.25, 1.0])
+def test_content_moves_down_and_right_by_the_disparity(sheets, disparity):
+    """Whole fine samples, so that each view is the middle one, moved."""
+    sheets(disparity)
+    views, _ = scenes()
+    grid = views.unflatten(1, (SIDE, SIDE))
+    steps, margin = round(disparity * layered.FINE), 2 * abs(round(disparity * layered.FINE))
+    inner = (..., slice(margin, -margin), slice(margin, -margin))
+    for v in range(SIDE):
+        for u in range(SIDE):
+            moved = grid[:, 2, 2].roll(((v - 2) * steps, (u - 2) * steps), (1, 2))
+            torch.testing.assert_close(grid[:, v, u][inner], moved[inner], atol=1e-4, rtol=0)  # float32 places
+
+
+@pytest.mark.parametrize("disparity", [-1.25, -0.5, 0.75, 1.5])
+def test_the_sweep_finds_a_flat_sheet(sheets, disparity):
+    sheets(disparity)
+    low = degrade.box(scenes()[0], layered.FINE)
+    _, spread = PlaneSweep(PLANES)(low, PLACE, PLACE)
+    inner = spread[:, :, 6:-6, 6:-6].mean((2, 3))
+    assert inner.argmin(1).tolist() == [(disparity + MOST) / (2 * MOST) * (PLANES - 1)] * 2
+
+
+def test_a_slanted_sheet_is_met_where_its_equation_says():
+    """Each ray by itself: `p = q + (disparity + slope . q) * offset`, two linear equations for q."""
+    disparity, slope = 0.7, np.array([0.04, -0.03])
+    offsets = [(v, u) for v in (-2, 0, 1) for u in (-1, 0, 2)]
+    pixels = np.random.default_rng(0).uniform(-20, 20, (3, 4, 2))
+    found = layered._meet(*(torch.tensor(part, dtype=torch.float64) for part in (pixels, offsets, disparity, slope)))
+    for view, offset in enumerate(np.array(offsets, float)):
+        for y in range(3):
+            for x in range(4):
+                met = np.linalg.solve(np.eye(2) + np.outer(offset, slope), pixels[y, x] - disparity * offset)
+                np.testing.assert_allclose(found[view, y, x], met, atol=1e-12)
+
+
+def test_the_nearer_sheet_covers_the_further(sheets, monkeypatch):
+    """A white sheet, right of the middle, over a black one: its edge moves by its own disparity, and nothing shines
+    through."""
+    sheets(-1.0, 0.75)
+    textures = iter([torch.zeros(3, 160, 160), torch.ones(3, 160, 160)])
+    monkeypatch.setattr(layered, "_texture", lambda random, pictures: next(textures))
+    step = torch.where(torch.arange(layered.MASK) < layered.MASK // 2, -1e4, 1e4)
+    monkeypatch.setattr(layered, "_mask", lambda random: step.expand(1, layered.MASK, -1))
+    views, colours = scenes(1)
+    at = torch.arange(24 * layered.FINE)
+    for view, seen in enumerate(views[0]):
+        edge = 12 * layered.FINE + 3 * (view % SIDE - 2)  # 0.75 LR pixels are 3 fine samples
+        torch.testing.assert_close(seen, (at >= edge).float().expand_as(seen), atol=1e-4, rtol=0)
+    torch.testing.assert_close(colours[0], views[0, 12].expand(3, -1, -1), atol=1e-4, rtol=0)
+
+
+def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
+    random = np.random.default_rng(0)
+
+    def uniform(low, high, *shape):
+        return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
+
+    disparity, slope = layered._places(uniform, 2000, 30)
+    step = disparity.diff(dim=1)
+    rising, falling = (step >= 0).all(1), (step <= 0).all(1)
+    assert (rising | falling).all()
+    assert 0.4 < rising.float().mean() < 0.6
+    beyond = (disparity.abs() > MOST).any(1).float().mean()
+    assert 0 < beyond < layered.BEYOND
+    assert disparity.abs().max() <= 4 * MOST
+    assert (1 - 2 * slope.abs().sum(-1)).min() > 0  # no ray of any view of the window runs along a sheet
+    monkeypatch.setattr(layered, "BEYOND", 0.0)
+    disparity, slope = layered._places(uniform, 2000, 30)
+    at_the_edge = disparity.abs() + slope.abs().amax(-1) * 15
+    assert at_the_edge.max() <= MOST + 1e-5
+
+
+def test_a_texture_is_a_part_of_a_picture(monkeypatch):
+    monkeypatch.setattr(layered, "FLAT", 0.0)
+    picture = np.random.default_rng(0).integers(0, 256, (layered.TEXTURE, layered.TEXTURE, 3), np.uint8)
+    (texture,) = (layered._texture(np.random.default_rng(0), [picture]) * 255,)
+    np.testing.assert_allclose(texture.permute(1, 2, 0), picture, atol=1e-4)
+    monkeypatch.setattr(layered, "FLAT", 1.0)
+    flat = layered._texture(np.random.default_rng(0), [picture])
+    assert flat.shape == (3, layered.TEXTURE, layered.TEXTURE)
+    assert flat.flatten(1).unique(dim=1).shape == (3, 1)
