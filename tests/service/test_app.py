@@ -233,11 +233,10 @@ def test_both_models_that_auto_takes_are_warm_before_it_is_ready(stand_in, monke
 
     for loader in ("load", "load_light_field"):
         monkeypatch.setattr(catalogue, loader, noted(getattr(catalogue, loader)))
-    monkeypatch.setattr(
-        type(stand_in), "__call__", lambda _, image, *__: ran.append("ran") or image.repeat(2, 2).repeat(2, 3)
-    )
+    call = type(stand_in).__call__
+    monkeypatch.setattr(type(stand_in), "__call__", lambda *given: ran.append("ran") or call(*given))
     app_module._warm_up()
-    assert ran == ["fast", "field", "ran"]
+    assert set(ran) == {"fast", "field", "ran"}
 
 
 def test_health(client):
