@@ -33,7 +33,7 @@ from training.view_crops import ViewCrops
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-UPDATES = 400
+UPDATES = 600
 NEAR = (6, 7, 8, 11, 12, 13, 16, 17, 18)
 CROSS = (2, 7, 10, 11, 12, 13, 14, 17, 22)
 OWN = 12
@@ -48,7 +48,7 @@ class Stack(nn.Module):
         self.head = nn.Conv2d(len(self.views) + 3, width, kernel_size=5, padding=2)
         self.body = nn.Sequential()
         for _ in range(depth):
-            self.body.extend([nn.ReLU(), CollapsibleConv(width, width)])
+            self.body.extend([nn.ReLU(), CollapsibleConv(width, width, gain=0.5)])
         self.tail = nn.Sequential(nn.ReLU(), CollapsibleConv(width, 12, gain=0.1))
         self.base = Bicubic(2)
 
@@ -69,7 +69,7 @@ class SpatialAngular(nn.Module):
         self.spatial = nn.ModuleList(nn.Conv2d(width, width, kernel_size=3, padding=1) for _ in range(depth))
         self.angular = nn.ModuleList(nn.Conv2d(width, width, kernel_size=3, padding=1) for _ in range(depth))
         self.fuse = CollapsibleConv(25 * width + 3, fused)
-        self.body = nn.Sequential(nn.ReLU(), CollapsibleConv(fused, fused), nn.ReLU())
+        self.body = nn.Sequential(nn.ReLU(), CollapsibleConv(fused, fused, gain=0.5), nn.ReLU())
         self.tail = CollapsibleConv(fused, 12, gain=0.1)
         self.base = Bicubic(2)
 
