@@ -6,7 +6,7 @@ import sys
 import time
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
@@ -124,37 +124,14 @@ def _ahead(recipe: Recipe, run: Run) -> dict[str, int]:
 
 def _task(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
     """How a network is scored while it is trained, and the batch of a step."""
+    common: dict[str, Any] = {
+        name: getattr(recipe, name) for name in ("crop", "scale", "batch", "seed", "degradations", "meshes")
+    }
     if recipe.light_field:
         fields = view_validation.fields(Path(recipe.validate), recipe.scale)
-        return lambda network: view_validation.validate(network, fields), _view_crops(recipe).at
+        views = ViewCrops(Path(recipe.train), **common, eased=recipe.eased)
+        return lambda network: view_validation.validate(network, fields), views.at
     pairs = validation.pairs(Path(recipe.validate), recipe.scale)
-    return lambda network: validation.validate(network, pairs, recipe.scale), _crops(recipe).at
-
-
-def _view_crops(recipe: Recipe) -> ViewCrops:
-    return ViewCrops(
-        Path(recipe.train),
-        crop=recipe.crop,
-        scale=recipe.scale,
-        batch=recipe.batch,
-        seed=recipe.seed,
-        degradations=recipe.degradations,
-        meshes=recipe.meshes,
-        eased=recipe.eased,
-    )
-
-
-def _crops(recipe: Recipe) -> Crops:
-    return Crops(
-        Path(recipe.train),
-        crop=recipe.crop,
-        scale=recipe.scale,
-        batch=recipe.batch,
-        seed=recipe.seed,
-        degradations=recipe.degradations,
-        scenes=recipe.scenes,
-        meshes=recipe.meshes,
-        noise=recipe.noise,
-        blur=recipe.blur,
-        jpeg=recipe.jpeg,
-    )
+    spoilt = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
+    crops = Crops(Path(recipe.train), **common, **spoilt)
+    return lambda network: validation.validate(network, pairs, recipe.scale), crops.at

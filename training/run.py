@@ -140,7 +140,7 @@ class Run:
         except (OSError, ValueError) as error:
             raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
         there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
-        is_single = recipe_of_single(self.recipe, state["recipe"])
+        is_single = holds_single(self.recipe, state["recipe"])
         network = cast("nn.Module", self.network.single) if is_single else self.network
         try:
             network.load_state_dict(state["network"])
@@ -153,7 +153,7 @@ class Run:
         self.average.load_state_dict(self.network.state_dict())
 
 
-def recipe_of_single(recipe: Recipe, other: dict[str, Any]) -> bool:
+def holds_single(recipe: Recipe, other: dict[str, Any]) -> bool:
     """Whether `recipe` is a light-field network's and `other` a single-picture one's."""
     return recipe.light_field and not other.get("light_field", False)
 
