@@ -30,7 +30,7 @@ class LightFieldNetwork(Shipped):
         cols: NDArray[np.float32],
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """`image`: views as RGB in [0, 1], `(N, 3, H, W)`; `around`: the luma of the windows about them, row by row,
-        `(N, 25, H, W)`; `rows` and `cols`: where all those windows stand (`models.windows.Axis.place`).
+        `(N, 25, H, W)`; `rows` and `cols`: what is there of all those windows (`models.windows.Axis.there`).
 
         Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]; and the doubt, `(N, 1, H, W)`, nominally in
         [0, 1]: how little the views around have to do with the view. All goes in one run: `models.views` cuts large

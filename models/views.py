@@ -102,7 +102,7 @@ def _made(
                     for number in numbers
                 ]
             )
-            large, doubt = network(image, around, rows.place, cols.place)
+            large, doubt = network(image, around, rows.there, cols.there)
             pictures = large[:, :, *tile.source(scale)].transpose(0, 2, 3, 1)
             for number, picture, doubtful in zip(numbers, pictures, doubt[:, 0, *tile.source(1)], strict=True):
                 yield number, tile, picture, doubtful
@@ -147,7 +147,7 @@ def _together(
     """The numbers of views whose windows stand alike, up to `most` at a time."""
     groups: dict[bytes, list[int]] = {}
     for number, (v, u) in chosen.items():
-        key = axis(v, grid[0]).place.tobytes() + axis(u, grid[1]).place.tobytes()
+        key = axis(v, grid[0]).there.tobytes() + axis(u, grid[1]).there.tobytes()
         groups.setdefault(key, []).append(number)
     for numbers in groups.values():
         v, u = chosen[numbers[0]]

@@ -20,8 +20,8 @@ class Axis(NamedTuple):
 
     views: tuple[int, ...]
     """Their `SIDE` numbers in the grid; beyond its border the view's own again."""
-    place: NDArray[np.float32]
-    """`(2, SIDE)`: how far each stands from the view's own, in views; and 1, or 0 beyond the border."""
+    there: NDArray[np.float32]
+    """`(SIDE,)`: 1, or 0 for those beyond the border."""
 
 
 def axis(position: int, count: int) -> Axis:
@@ -34,6 +34,6 @@ def axis(position: int, count: int) -> Axis:
     if not 0 <= position < count:
         raise ValueError(f"view {position} of {count}: give 0 to {count - 1}")
     offsets = range(-(SIDE // 2), SIDE // 2 + 1)
-    present = [0 <= position + offset < count for offset in offsets]
-    views = tuple(position + offset * there for offset, there in zip(offsets, present, strict=True))
-    return Axis(views, np.array([offsets, present], np.float32))
+    there = [0 <= position + offset < count for offset in offsets]
+    views = tuple(position + offset * is_there for offset, is_there in zip(offsets, there, strict=True))
+    return Axis(views, np.array(there, np.float32))

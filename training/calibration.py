@@ -109,7 +109,7 @@ def _of_views(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
 
 def _of_mesh(field: Field) -> Iterator[Example]:
     """What each kind of array sees of a mesh."""
-    middle = torch.from_numpy(axis(SIDE_OF_WINDOW // 2, SIDE_OF_WINDOW).place)
+    middle = torch.from_numpy(axis(SIDE_OF_WINDOW // 2, SIDE_OF_WINDOW).there)
     for kind, views in field.views.items():
         image, around = (part[None].float().div(255) for part in (field.colours[kind], views))
         yield from _of_views(Inputs(image, around, middle, middle), field.high[None].float().div(255))

@@ -15,13 +15,12 @@ if TYPE_CHECKING:
 
     Place = tuple[tuple[int, int], tuple[int, int]]
 
-REACH = float(SIDE // 2)
 FREE = ("height", "width")
 IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
 FURTHER = (
     cards.Tensor("around", ("batch", SIDE * SIDE, *FREE), "float32", 0.0, 1.0),
-    cards.Tensor("rows", (2, SIDE), "float32", -REACH, REACH),
-    cards.Tensor("cols", (2, SIDE), "float32", -REACH, REACH),
+    cards.Tensor("rows", (SIDE,), "float32", 0.0, 1.0),
+    cards.Tensor("cols", (SIDE,), "float32", 0.0, 1.0),
 )
 """What a light-field network takes beside the view: see `training.networks.light_field`."""
 DOUBT = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
@@ -52,5 +51,5 @@ def make(network: nn.Module, count: int, height: int, width: int, *, place: Plac
     made = [torch.rand(count, 3, height, width, generator=random)]
     if isinstance(network, LightFieldGenerator):
         made.append(torch.rand(count, SIDE * SIDE, height, width, generator=random))
-        made.extend(torch.from_numpy(axis(*at).place) for at in place)
+        made.extend(torch.from_numpy(axis(*at).there) for at in place)
     return made

@@ -1,4 +1,5 @@
-"""Light fields of random layered scenes: textured sheets at different distances, cut out, slanted, one before another.
+"""Light fields of random layered scenes: textured sheets at different distances, cut out, slanted, folded, one before
+another.
 
 What several views add to one another is sub-pixel shifts, and what spoils it is occlusion. Both are exact here: each
 view is sampled where its own rays meet the sheets, twice as finely as the truth along each side, and is made small only
@@ -14,6 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
+
+from training import sheets
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem
@@ -40,6 +43,14 @@ FLAT = 0.12
 PLAIN = 0.3
 """Share of scenes before a plain background, half of them before black, as rendered objects stand."""
 MASK = 24
+MASK_REACH = 0.75
+"""How far a mask reaches to each side of the middle, in sides of a picture."""
+STRAIGHT = 0.35
+"""Share of masks that are a straight edge."""
+STEEPNESS = (4.0, 200.0)
+"""How soon a sheet ends at its edge: over 0.75 sides of the picture divided by this."""
+FOLDED = 0.6
+"""Share of those sheets that turn away at their edge, as a roof does from a wall: some views see it, and some don't."""
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -70,16 +81,16 @@ def scenes(
         torch.exp(uniform(math.log(TEXELS[0]), math.log(TEXELS[1]), count, most)),
     )
     turn = torch.stack([torch.stack([angle.cos(), -angle.sin()], -1), torch.stack([angle.sin(), angle.cos()], -1)], -2)
-    turn = turn * size[..., None, None] * (2 * FINE / TEXTURE)  # LR pixels -> [-1, 1] of the texture
+    turn = (turn * size[..., None, None] * (2 * FINE / TEXTURE)).flip(2)  # LR pixels -> [-1, 1] of the texture, x first
     begin = uniform(-0.2, 0.2, count, most, 2)
+    to_mask = torch.eye(2).flip(0) / (MASK_REACH * side)
     threshold = uniform(-0.3, 0.6, count, most)
-    steepness = torch.exp(uniform(math.log(4), math.log(60), count, most))
+    steepness = torch.exp(uniform(math.log(STEEPNESS[0]), math.log(STEEPNESS[1]), count, most))
     numbers = random.integers(LAYERS[0], most + 1, count)
     steps = torch.arange(window) - window // 2
     offsets = torch.cartesian_prod(steps, steps).float()  # (V, 2): down, right
     own = len(offsets) // 2
     along = (torch.arange(side * FINE) + 0.5) / FINE - side / 2
-    pixels = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)  # (h, w, 2): y, x in LR pixels
     weights = torch.tensor(LUMA)[:, None, None]
 
     views: list[Tensor] = []
@@ -87,17 +98,26 @@ def scenes(
     for scene in range(count):
         seen, colour = torch.zeros(()), torch.zeros(())
         for layer in range(int(numbers[scene])):
-            at = _meet(pixels, offsets, disparity[scene, layer], slope[scene, layer])  # (V, h, w, 2)
+            sheet = disparity[scene, layer], slope[scene, layer]
+            at = sheets.meet(offsets, *sheet)
             texture = _texture(random, pictures)
             if layer == 0 and random.random() < PLAIN:
                 texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
-            place = at @ turn[scene, layer].T + begin[scene, layer]
+            place = at.then(turn[scene, layer], begin[scene, layer]).of(along)
             new = _sample((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
             new_colour = _sample(texture, place[own : own + 1], "reflection")[0]
             if layer == 0:
                 seen, colour = new, new_colour
                 continue
-            alpha = _sample(_mask(random), at / (0.75 * side), "border")[:, 0]
+            mask, normal = _mask(random)
+            if normal is not None and random.random() < FOLDED:
+                edge = float(threshold[scene, layer]) * MASK_REACH * side * (MASK - 1) / MASK
+                shade = _texture(random, pictures).mean((1, 2))[:, None, None]
+                there = sheets.fold(random, normal, edge).seen(along, offsets, *sheet)
+                seen = seen + there * ((shade * weights).sum() - seen)
+                colour = colour + there[own] * (shade - colour)
+                steepness[scene, layer] = STEEPNESS[1]
+            alpha = _sample(mask, at.then(to_mask, to_mask.new_zeros(2)).of(along), "border")[:, 0]
             alpha = ((alpha - threshold[scene, layer]) * steepness[scene, layer] + 0.5).clamp(0, 1)
             seen, colour = seen + alpha * (new - seen), colour + alpha[own] * (new_colour - colour)
         views.append(seen)
@@ -123,17 +143,10 @@ def _places(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
     return disparity * factor[:, None], slope * factor[:, None, None].clamp(max=1)
 
 
-def _meet(pixels: Tensor, offsets: Tensor, disparity: Tensor, slope: Tensor) -> Tensor:
-    """Where the rays of each view meet a sheet: `p = q + (disparity + slope . q) * offset`, for q (V, h, w, 2)."""
-    moved = pixels - disparity * offsets[:, None, None, :]
-    along = (moved @ slope) / (1 + offsets @ slope)[:, None, None]
-    return moved - offsets[:, None, None, :] * along[..., None]
-
-
 def _sample(picture: Tensor, place: Tensor, beyond: str) -> Tensor:
-    """`(C, h, w)` at `(V, H, W, 2)`, y and x in [-1, 1], bilinearly -> `(V, C, H, W)`."""
+    """`(C, h, w)` at `(V, H, W, 2)`, x and y in [-1, 1], bilinearly -> `(V, C, H, W)`."""
     every = picture[None].expand(len(place), -1, -1, -1)
-    return functional.grid_sample(every, place.flip(-1), padding_mode=beyond, align_corners=False)
+    return functional.grid_sample(every, place, padding_mode=beyond, align_corners=False)
 
 
 def _texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Tensor:
@@ -144,11 +157,14 @@ def _texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pictur
     return part.mean((1, 2), keepdim=True).expand_as(part) if random.random() < FLAT else part
 
 
-def _mask(random: np.random.Generator) -> Tensor:
-    """A smooth random landscape `(1, MASK, MASK)`: what lies above a threshold is there. Some are a straight edge."""
-    if random.random() < 0.25:
+def _mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
+    """A smooth random landscape `(1, MASK, MASK)`: what lies above a threshold is there. Some are a straight edge,
+    whose normal `(2,)` comes with it.
+    """
+    if random.random() < STRAIGHT:
         angle, along = random.uniform(0, 2 * math.pi), torch.linspace(-1, 1, MASK)
-        return (math.cos(angle) * along[:, None] + math.sin(angle) * along[None])[None]
+        normal = torch.tensor([math.cos(angle), math.sin(angle)])
+        return (normal[0] * along[:, None] + normal[1] * along[None])[None], normal
     knots = int(random.integers(3, 13))
     rough = torch.from_numpy(random.uniform(-1, 1, (1, 1, knots, knots)).astype(np.float32))
-    return functional.interpolate(rough, size=MASK, mode="bicubic", align_corners=True)[0]
+    return functional.interpolate(rough, size=MASK, mode="bicubic", align_corners=True)[0], None

@@ -35,7 +35,7 @@ BLOCKS = 3
 """Blocks of so many steps whose scenes are kept: `2 * USES + 1` steps in the making at once lie in no more."""
 ROOM = 12
 """LR pixels by which scenes are larger than crops."""
-GRIDS = ((4, 9, 0.7), (1, 9, 0.08), (0, 9, 0.1), (1, 3, 0.06), (0, 3, 0.06))
+GRIDS = ((4, 9, 0.5), (1, 9, 0.14), (0, 9, 0.18), (1, 3, 0.09), (0, 3, 0.09))
 """The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
 STRANGE = 0.04
 """Share of crops whose other views show another scene."""
@@ -46,7 +46,7 @@ GRAIN = (0.15, 2 / 255)
 
 
 class Window(NamedTuple):
-    """Where the views of a window stand, `(2, SIDE)` each: see `models.windows.Axis.place`."""
+    """Which views of a window are there, `(SIDE,)` each: see `models.windows.Axis.there`."""
 
     rows: Tensor
     cols: Tensor
@@ -104,7 +104,7 @@ class ViewCrops:
             image, around, high = self._of_scenes(random, step)
         ease = min(1.0, step / self.eased) if self.eased else 1.0
         window = _window(random) if random.random() < ease else _window(random, GRIDS[:1])
-        image, around = _spoilt(random, image, around, window, ease)
+        image, around = _spoilt(random, image, around, ease)
         return _turned(random, image, around, high, window)
 
     def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -169,7 +169,7 @@ def _window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]]
     """Which of the views around are there, by the shares of `grids`."""
     shares = np.array([share for _, _, share in grids])
     rows, cols = (axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
-    return Window(torch.from_numpy(rows.place), torch.from_numpy(cols.place))
+    return Window(torch.from_numpy(rows.there), torch.from_numpy(cols.there))
 
 
 def _small(kind: str, fine: Tensor) -> degrade.Pair:
@@ -184,9 +184,7 @@ def _luma(image: Tensor) -> Tensor:
     return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
 
 
-def _spoilt(
-    random: np.random.Generator, image: Tensor, around: Tensor, window: Window, ease: float
-) -> tuple[Tensor, Tensor]:
+def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, ease: float) -> tuple[Tensor, Tensor]:
     """Some crops with the views of another, some noisy, some grainy; the view itself stays the same in both.
 
     `ease`: how much of the shares, up to 1.
@@ -207,8 +205,9 @@ def _spoilt(
     grain = share(often * ease) * torch.from_numpy(random.uniform(0, most, (len(image), 1, 1, 1)).astype(np.float32))
     image = (image + grain * normal(image)).clamp(0, 1)
     around = (around + grain * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
-    own = (window.rows[0][:, None] == 0) & (window.cols[0][None] == 0)
-    return image, torch.where(own.flatten()[None, :, None, None], _luma(image), around)
+    around = around.clone()
+    around[:, SIDE * SIDE // 2] = _luma(image)[:, 0]
+    return image, around
 
 
 def _turned(
@@ -218,17 +217,13 @@ def _turned(
     rows, cols = window
     around = around.reshape(-1, SIDE, SIDE, *around.shape[2:])
     if random.random() < 0.5:
-        image, around, high, rows = image.flip(2), around.flip(1, 3), high.flip(2), _opposite(rows)
+        image, around, high, rows = image.flip(2), around.flip(1, 3), high.flip(2), rows.flip(0)
     if random.random() < 0.5:
-        image, around, high, cols = image.flip(3), around.flip(2, 4), high.flip(3), _opposite(cols)
+        image, around, high, cols = image.flip(3), around.flip(2, 4), high.flip(3), cols.flip(0)
     if random.random() < 0.5:
         image, high, around = image.transpose(2, 3), high.transpose(2, 3), around.transpose(1, 2).transpose(3, 4)
         rows, cols = cols, rows
     return Inputs(image.contiguous(), around.flatten(1, 2).contiguous(), rows, cols), high.contiguous()
-
-
-def _opposite(place: Tensor) -> Tensor:
-    return torch.stack([-place[0], place[1]]).flip(1)
 
 
 def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]:

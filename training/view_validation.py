@@ -38,7 +38,7 @@ def window(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
     views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
     around = (views @ torch.tensor(LUMA)).flatten(0, 1)[None]
     image = torch.from_numpy(low[v, u]).permute(2, 0, 1)[None].float().div(255)
-    return Inputs(image, around, torch.from_numpy(rows.place), torch.from_numpy(cols.place))
+    return Inputs(image, around, torch.from_numpy(rows.there), torch.from_numpy(cols.there))
 
 
 @torch.no_grad()

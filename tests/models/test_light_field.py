@@ -174,6 +174,6 @@ def test_one_view_and_a_few_go_through(name):
 )
 def test_windows_of_another_shape_or_range_are_refused(name, spoil, words):
     image, around = np.zeros((1, 3, 9, 8), np.float32), np.full((1, 25, 9, 8), 0.6, np.float32)
-    place = axis(2, 5).place
+    there = axis(2, 5).there
     with pytest.raises(InvalidImage, match=words):
-        catalogue.load_light_field(name)(image, spoil(around), place, place)
+        catalogue.load_light_field(name)(image, spoil(around), there, there)

@@ -55,7 +55,7 @@ def test_light_fields(tmp_path):
     drawn = found[: 2 * calibration.TOGETHER]
     assert len({one.high.tobytes() for one in drawn}) == len(drawn)
     rendered = found[-1]
-    np.testing.assert_array_equal(rendered.inputs["rows"], axis(2, 5).place)
+    np.testing.assert_array_equal(rendered.inputs["rows"], axis(2, 5).there)
     seen = mesh_views.window(calibration.scene("vase"), seed=0, index=0)
     np.testing.assert_array_equal(rendered.high, seen.high.permute(1, 2, 0))
     np.testing.assert_array_equal(rendered.inputs["around"][0] * 255, seen.views["lenslet"])

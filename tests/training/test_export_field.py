@@ -91,7 +91,8 @@ def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
 
     class Off(LightFieldGenerator):
         def with_doubt(self, image, around, rows, cols):
-            rows = torch.where(rows[1] > 0, rows, rows + 1) if not rows[1, 0] and rows[1, 4] else rows
+            rows = rows.clone()
+            rows[3] *= rows[0] + 1 - rows[4]
             return super().with_doubt(image, around, rows, cols)
 
     network = plain(from_checkpoint(checkpoints.read(checkpoint)))
@@ -113,7 +114,7 @@ def test_nothing_runs_slower_than_it_need(exported, tmp_path):
     nodes = onnx.load(tmp_path / "optimised.onnx").graph.node
     kernels = [node.op_type for node in nodes]
     assert kernels.count("Relu") == 0
-    assert kernels.count("Transpose") == 3  # of the sweep
+    assert kernels.count("Transpose") == 1  # of the sweep
     assert to_onnx.OPSET < 19 or "AveragePool" not in kernels
 
 
@@ -139,7 +140,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
         assert ours.psnr == pytest.approx(theirs.psnr, abs=0.1)
     random = np.random.default_rng(2)
     image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
-    inputs = (image, around, axis(0, 5).place, axis(3, 5).place)
+    inputs = (image, around, axis(0, 5).there, axis(3, 5).there)
     (made, doubt), (wanted, exact) = (LightFieldNetwork(card)(*inputs) for card in (path, exported))
     difference = np.abs(made - wanted)
     np.testing.assert_allclose(doubt, exact, atol=1e-6)

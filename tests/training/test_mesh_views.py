@@ -54,14 +54,14 @@ def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
     field = window(scene("vase"), seed=2, index=index)
     side = LENSES[1 + index]
     assert field.high.shape == (3, 2 * side, 2 * side)
-    place, sweep = torch.from_numpy(axis(2, 5).place), PlaneSweep(33)
+    there, sweep = torch.from_numpy(axis(2, 5).there), PlaneSweep(33)
     for kind in ("pinhole", "lenslet"):
         assert (field.views[kind].shape, field.colours[kind].shape) == ((25, side, side), (3, side, side))
         luma = torch.einsum("chw,c->hw", field.colours[kind].float(), torch.tensor(LUMA))
         assert (field.views[kind][12] - luma).abs().max() <= 0.51  # is rounded
         grid = field.views[kind].float().div(255).reshape(5, 5, side, side)
         orders = (grid, grid.flip(0), grid.flip(1), grid.transpose(0, 1))
-        spreads = [sweep(views.reshape(1, 25, side, side), place, place)[1].amin(1) for views in orders]
+        spreads = [sweep(views.reshape(1, 25, side, side), there, there)[1].amin(1) for views in orders]
         right, *wrong = [float((spread - spread.min()).mean()) for spread in spreads]  # over that of one flat colour
         assert right < 0.6 * min(wrong)
     mean = field.high.float().reshape(3, side, 2, side, 2).mean((2, 4))

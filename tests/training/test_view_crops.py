@@ -84,7 +84,7 @@ def test_shapes_and_range(folder):
     for step in range(3):
         (image, around, rows, cols), high = crops.at(step)
         assert (image.shape, around.shape, high.shape) == ((2, 3, 16, 16), (2, 25, 16, 16), (2, 3, 32, 32))
-        assert rows.shape == cols.shape == (2, SIDE)
+        assert rows.shape == cols.shape == (SIDE,)
         for part in (image, around, high):
             assert part.is_contiguous()
             assert 0 <= part.min() < part.max() <= 1 + 1e-6  # a luma's weights make 1 but for rounding
@@ -107,8 +107,8 @@ def test_turns_are_of_all_parts_alike(flat, turns):
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered.TEXTURE,) * 2))
     views, colours = layered.scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
     image, around, high = degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
-    window = Window(*(torch.from_numpy(axis(*at).place) for at in ((1, 9), (7, 9))))
-    missing = ~(window.rows[1][:, None] * window.cols[1]).bool().flatten()
+    window = Window(*(torch.from_numpy(axis(*at).there) for at in ((1, 9), (7, 9))))
+    missing = ~(window.rows[:, None] * window.cols).bool().flatten()
     around[:, missing] = torch.rand(2, 9, 24, 24, generator=torch.Generator().manual_seed(1))
     assert planes(around, *window) == [RIGHT] * 2
     (image, around, rows, cols), high = view_crops._turned(Drawn(*turns), image, around, high, window)
@@ -118,8 +118,7 @@ def test_turns_are_of_all_parts_alike(flat, turns):
     down, right, swapped = (turn < 0.5 for turn in turns)
     first, last = [0, 1, 1, 1, 1], [1, 1, 1, 1, 0]
     ends = [last if down else first, first if right else last]
-    assert [rows[1].tolist(), cols[1].tolist()] == (ends[::-1] if swapped else ends)
-    assert rows[0].tolist() == cols[0].tolist() == [-2, -1, 0, 1, 2]
+    assert [rows.tolist(), cols.tolist()] == (ends[::-1] if swapped else ends)
 
 
 def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
@@ -127,9 +126,9 @@ def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
     windows = set()
     for step in range(16):
         (_, around, rows, cols), _ = crops.at(step)
-        if rows[1].sum() > 3 and cols[1].sum() > 3:  # three views alone tell less sharply
+        if rows.sum() > 3 and cols.sum() > 3:  # three views alone tell less sharply
             assert planes(around, rows, cols) == [RIGHT] * 3
-        windows.add((*rows[1].tolist(), *cols[1].tolist()))
+        windows.add((*rows.tolist(), *cols.tolist()))
     assert len(windows) > 3
 
 
@@ -165,8 +164,10 @@ def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
     crops = crops_of(folder, degradations=dict.fromkeys(degrade.KINDS, 1))
     for step in range(6):
         image, around, _ = crops._of_scenes(np.random.default_rng(step), step)
-        # Both are rounded to 8 bits three times on their way, half a level each.
-        assert (around[:, OWN] - luma(image)).abs().max() < 3.5 / 255
+        # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights
+        # add up to 1.5 without their signs. Where it overshoots colours are cut off one by one.
+        whole = ((image > 0) & (image < 1)).all(1)
+        assert (around[:, OWN] - luma(image))[whole].abs().max() < 4.1 / 255
 
 
 def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monkeypatch):
@@ -180,14 +181,14 @@ def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monk
         assert not torch.equal(around[:, OWN], around[:, 0])
 
 
-WHOLE = Window(*(torch.from_numpy(axis(4, 9).place),) * 2)
+WHOLE = Window(*(torch.from_numpy(axis(4, 9).there),) * 2)
 OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
 
 
 def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
     monkeypatch.setattr(view_crops, "GRAIN", (1.0, 0.1))
     grey = torch.full((4, 3, 40, 40), 0.5), torch.full((4, 25, 40, 40), 0.5)
-    image, around = view_crops._spoilt(np.random.default_rng(0), *grey, WHOLE, 1.0)
+    image, around = view_crops._spoilt(np.random.default_rng(0), *grey, 1.0)
     strength = image.std((1, 2, 3))
     assert (strength.min() > 0.001, strength.max() < 0.105) == (True, True)
     ratio = around[:, OTHERS].std((2, 3)) / strength[:, None]
@@ -195,7 +196,7 @@ def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
     noise = around[:, OTHERS].flatten(2) - 0.5
     alike = torch.stack([torch.corrcoef(one) for one in noise]) - torch.eye(24)
     assert alike.abs().max() < 0.15
-    assert all(torch.equal(a, b) for a, b in zip(grey, view_crops._spoilt(seeded(), *grey, WHOLE, 0.0), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(grey, view_crops._spoilt(seeded(), *grey, 0.0), strict=True))
 
 
 def seeded():
@@ -205,7 +206,7 @@ def seeded():
 def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
     monkeypatch.setattr(view_crops, "STRANGE", 1.0)
     level = torch.tensor([0.2, 0.5, 0.8])[:, None, None, None]
-    image, around = view_crops._spoilt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), WHOLE, 1.0)
+    image, around = view_crops._spoilt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
     assert torch.equal(image, level.expand(3, 3, 4, 4))
     assert torch.equal(around[:, OTHERS], level.roll(1, 0).expand(3, 24, 4, 4))
     torch.testing.assert_close(around[:, OWN], level[:, 0].expand(3, 4, 4))

@@ -42,9 +42,9 @@ class LightFieldGenerator(nn.Module):
     """Upscales one view of a light field by 2 with the help of those around it.
 
     `image`: the view, RGB in [0, 1], `(N, 3, H, W)`. `around`: luma (BT.601, full range) of a window of 5x5 views, row
-    by row, which holds the view itself too, `(N, 25, H, W)`. `rows` and `cols`, `(2, 5)` each: how many views down and
-    to the right of `image` each row and column of the window stands, and 1 where it is there or 0 where it is not; what
-    `around` holds for those that are not there plays no part, and the view's own row and column must be there.
+    by row, the view itself in the middle, `(N, 25, H, W)`. `rows` and `cols`, `(5,)` each: 1 for each row and column of
+    the window that is there, 0 for those beyond the border of the grid; what `around` holds for these plays no part,
+    and the view's own row and column must be there.
 
     Content moves by `disparity * offset` pixels towards larger coordinates from `image` to a view. Returns RGB,
     nominally in [0, 1], `(N, 3, 2*H, 2*W)`.
@@ -124,8 +124,8 @@ class LightFieldGenerator(nn.Module):
 
 def _sides(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
     """Which share of the views above, below, left and right there is, `(N, SIDES, H, W)`: few agree by chance."""
-    half = rows.shape[1] // 2
-    shares = torch.stack([part.mean() for place in (rows[1], cols[1]) for part in (place[:half], place[half + 1 :])])
+    half = len(rows) // 2
+    shares = torch.stack([part.mean() for there in (rows, cols) for part in (there[:half], there[half + 1 :])])
     return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
 
 
@@ -163,7 +163,7 @@ def merge(network: LightFieldGenerator) -> None:
     by_fine, by_spread = network.factors
     plain = (network.compare[0], network.inform, network.single.body[2])
     head, inform, second = (cast("nn.Conv2d", layer) for layer in plain)
-    planes = len(network.sweep.planes)
+    planes = len(network.sweep.used)
     head.weight[:, : 4 * planes] *= by_fine
     head.weight[:, 4 * planes : 5 * planes] *= by_spread
     weight = inform.weight.clone()

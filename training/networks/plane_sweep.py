@@ -4,8 +4,8 @@ For each hypothesis of a disparity every view's samples are put where they then 
 grid twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Collins, CVPR 1996). At the right
 hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. Both are told.
 
-Shifts go along rows and columns one after the other, as two convolutions whose kernels follow from where the views
-stand. So one network serves any window of views, at the border of the grid too.
+Shifts go along rows and columns one after the other. Which samples count is the same for every window; how much each
+does follows from which rows and columns of views are there. So one network serves the border of the grid, too.
 """
 
 from __future__ import annotations
@@ -34,22 +34,21 @@ LEAST = 1e-6
 class PlaneSweep(nn.Module):
     """Luma of a window of views -> a fine picture for each plane, and how much the views differ about it."""
 
-    planes: Tensor
-    taps: Tensor
+    weights: Tensor
 
     def __init__(self, planes: int) -> None:
         """`planes`: disparities from -`MOST` to `MOST`, evenly."""
         super().__init__()
-        disparities = torch.linspace(-MOST, MOST, planes)
-        distances = torch.arange(-REACH, REACH + 1) - torch.tensor([-PHASE, PHASE])[:, None]
-        self.register_buffer("planes", disparities[:, None, None, None], persistent=False)
-        self.register_buffer("taps", distances[None, :, None, :], persistent=False)
+        taps = torch.arange(-REACH, REACH + 1) - torch.tensor([-PHASE, PHASE])[:, None, None]
+        moved = torch.linspace(-MOST, MOST, planes)[:, None, None, None] * torch.arange(SIDE).sub(SIDE // 2)[:, None]
+        self.register_buffer("weights", (1 - (taps - moved).abs() / NEAR).clamp(min=0), persistent=False)
+        self.used = [[(int(v), int(tap)) for v, tap in plane.amax(0).nonzero()] for plane in self.weights]
+        """Of each plane, the row or column of views and the tap of those samples that count at all."""
 
-    def kernel(self, axis: Tensor) -> Tensor:
-        """`axis`: `(2, SIDE)`, see `LightFieldGenerator` -> `(planes, 2, SIDE, 2*REACH+1)`, which adds up to 1 for each
+    def kernel(self, there: Tensor) -> Tensor:
+        """`there`: `(SIDE,)`, see `LightFieldGenerator` -> `(planes, 2, SIDE, 2*REACH+1)`, which adds up to 1 for each
         plane and phase: how much each view's samples around a pixel count."""
-        position = axis[0][None, None, :, None]
-        weight = (1 - (self.taps - self.planes * position).abs() / NEAR).clamp(min=0) * axis[1][None, None, :, None]
+        weight = self.weights * there[:, None]
         return weight / weight.sum((2, 3), keepdim=True)
 
     def forward(self, views: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
@@ -57,7 +56,7 @@ class PlaneSweep(nn.Module):
         the standard deviation about it `(N, planes, H, W)`, root mean square over the phases.
         """
         count, _, height, width = views.shape
-        planes = len(self.planes)
+        planes = len(self.used)
         down, across = self.kernel(rows), self.kernel(cols)
         around = functional.pad(views, (REACH, REACH, REACH, REACH), mode="replicate")
         tall, wide = height + 2 * REACH, width + 2 * REACH
@@ -72,13 +71,18 @@ class PlaneSweep(nn.Module):
         variance = (variance + few * DOUBT**2) / (1 - few + SURE)
         return mean, (variance + LEAST).sqrt()
 
-    @staticmethod
-    def _shifted(columns: Tensor, down: Tensor, across: Tensor, shape: tuple[int, ...]) -> Tensor:
+    def _shifted(self, columns: Tensor, down: Tensor, across: Tensor, shape: tuple[int, ...]) -> Tensor:
         """`(N*SIDE, SIDE, tall, wide)` by kernels `(planes, phases, SIDE, taps)` -> `(N, planes*phases^2, H, W)`."""
         planes, phases, _, taps = down.shape
         height, width = shape[-2:]
         moved = functional.conv2d(columns, down.reshape(planes * phases, SIDE, taps, 1))
-        groups = planes * phases
-        moved = moved.reshape(-1, SIDE, groups, height, width + taps - 1).transpose(1, 2)
-        kernel = across[:, None].expand(-1, phases, -1, -1, -1).reshape(groups * phases, SIDE, 1, taps)
-        return functional.conv2d(moved.reshape(-1, groups * SIDE, height, width + taps - 1), kernel, groups=groups)
+        parts = torch.split(moved.reshape(-1, SIDE * planes * phases, height, width + taps - 1), phases, 1)
+        # One of nine taps counts: a convolution would take all of them, and three times as long.
+        every = torch.eye(phases)[:, None, None, :]
+        made = []
+        for plane, used in enumerate(self.used):
+            samples = torch.cat([parts[u * planes + plane][..., tap : tap + width] for u, tap in used], 1)
+            weight = torch.stack([across[plane, :, u, tap] for u, tap in used], 1)
+            kernel = (every * weight[None, :, :, None]).reshape(phases * phases, -1, 1, 1)
+            made.append(functional.conv2d(samples, kernel))
+        return torch.cat(made, 1)

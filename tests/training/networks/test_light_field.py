@@ -12,7 +12,8 @@ from training.networks.compact import CompactGenerator
 from training.networks.light_field import LightFieldGenerator, merge
 from training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
 
-PLACES = [axis(*at).place for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
+THERE = [axis(*at).there for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
+OFFSETS = range(-(SIDE // 2), SIDE // 2 + 1)
 
 
 def slow_sweep(views, rows, cols, planes):
@@ -30,8 +31,8 @@ def slow_sweep(views, rows, cols, planes):
                             for down in range(-REACH, REACH + 1):
                                 for across in range(-REACH, REACH + 1):
                                     near = [
-                                        max(0.0, 1 - abs(step - disparity * place[0, i] - off) / NEAR) * place[1, i]
-                                        for step, place, i, off in ((down, rows, v, a), (across, cols, u, b))
+                                        max(0.0, 1 - abs(step - disparity * (i - SIDE // 2) - off) / NEAR) * there[i]
+                                        for step, there, i, off in ((down, rows, v, a), (across, cols, u, b))
                                     ]
                                     row = min(max(y + down, 0), height - 1)
                                     col = min(max(x + across, 0), width - 1)
@@ -50,7 +51,7 @@ def slow_sweep(views, rows, cols, planes):
 
 @pytest.mark.parametrize(("rows", "cols"), [(0, 1), (3, 2), (4, 5)])
 def test_the_sweep_is_the_slow_one(rows, cols):
-    rows, cols = PLACES[rows], PLACES[cols]
+    rows, cols = THERE[rows], THERE[cols]
     views = torch.rand(2, SIDE * SIDE, 3, 4, generator=torch.Generator().manual_seed(1))
     mean, spread = PlaneSweep(5)(views, torch.from_numpy(rows), torch.from_numpy(cols))
     for one in range(2):
@@ -60,27 +61,27 @@ def test_the_sweep_is_the_slow_one(rows, cols):
         np.testing.assert_allclose(spread[one].numpy(), wanted[1], atol=1e-4)
 
 
-def of_a_sheet(disparity, place, side=24):
-    """What a window at `place` sees of a smooth sheet `(1, 25, side, side)`, and the truth, twice as large."""
+def of_a_sheet(disparity, side=24):
+    """What a window sees of a smooth sheet `(1, 25, side, side)`, and the truth, twice as large."""
     waves = np.random.default_rng(2).normal(size=(6, 3))
 
     def sheet(y, x):
         return 0.5 + sum(0.06 * np.sin(0.3 * a * y + 0.3 * b * x + 3 * c) for a, b, c in waves)
 
     at = np.arange(side, dtype=float)
-    views = [sheet((at - disparity * v)[:, None], at - disparity * u) for v in place[0] for u in place[0]]
+    views = [sheet((at - disparity * v)[:, None], at - disparity * u) for v in OFFSETS for u in OFFSETS]
     fine = (np.arange(2 * side) - 0.5) / 2
     return torch.from_numpy(np.stack(views))[None].float(), torch.from_numpy(sheet(fine[:, None], fine)).float()
 
 
-@pytest.mark.parametrize("place", PLACES[:4])
+@pytest.mark.parametrize("there", THERE[:4])
 @pytest.mark.parametrize("disparity", [-1.0, -0.25, 0.0, 0.5, 1.25])
-def test_views_agree_at_their_disparity_and_make_the_finer_picture(place, disparity):
-    views, truth = of_a_sheet(disparity, place)
-    mean, spread = PlaneSweep(17)(views, torch.from_numpy(place), torch.from_numpy(place))
+def test_views_agree_at_their_disparity_and_make_the_finer_picture(there, disparity):
+    views, truth = of_a_sheet(disparity)
+    mean, spread = PlaneSweep(17)(views, torch.from_numpy(there), torch.from_numpy(there))
     inner = (slice(None), slice(10, 14), slice(10, 14))
     right = int(spread[0][inner].mean((1, 2)).argmin())
-    all_there = bool(place[1].all())
+    all_there = bool(there.all())
     assert abs(right - (disparity + MOST) / 0.25) <= (0 if all_there else 1)  # fewer views tell less sharply
     fine = torch.nn.functional.pixel_shuffle(mean[0, right][None], 2)[0, 0]
     off = (fine - truth)[20:28, 20:28].abs().max()
@@ -92,7 +93,7 @@ def test_views_that_are_not_there_play_no_part():
     network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
     generator = torch.Generator().manual_seed(3)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
-    rows, cols = (torch.from_numpy(axis(1, 3).place), torch.from_numpy(axis(0, 4).place))
+    rows, cols = (torch.from_numpy(axis(1, 3).there), torch.from_numpy(axis(0, 4).there))
     other = around.clone().reshape(1, SIDE, SIDE, 9, 7)
     other[:, [0, 4]] = 0.7
     other[:, :, :2] = 0.1
@@ -112,8 +113,8 @@ def test_a_merged_network_computes_the_same():
     merge(plain)
     generator = torch.Generator().manual_seed(4)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
-    place = torch.from_numpy(axis(2, 5).place)
+    there = torch.from_numpy(axis(2, 5).there)
     torch.testing.assert_close(
-        plain(image, around, place, place), network(image, around, place, place), atol=1e-5, rtol=0
+        plain(image, around, there, there), network(image, around, there, there), atol=1e-5, rtol=0
     )
     assert plain.merged is not None
