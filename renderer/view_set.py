@@ -167,19 +167,23 @@ def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[t
 def _full_grid(
     places: Mapping[tuple[int, int], str], name: str, grid: tuple[int, int] | None
 ) -> tuple[list[str], tuple[int, int]]:
-    """The files row by row, where they fill a rectangle that starts at 0 or at 1."""
+    """The files row by row, where they fill a rectangle: one that starts at 0 or at 1, or a part cut out of a larger
+    set, which starts further on.
+    """
     base = 0 if any(0 in place for place in places) else 1
-    last_row, last_column = (max(place[axis] for place in places) for axis in (0, 1))
+    (first_row, last_row), (first_column, last_column) = (
+        (min(counts) if min(counts) > 1 else base, max(counts)) for counts in zip(*places, strict=True)
+    )
     order = []
-    for row in range(base, last_row + 1):
-        for column in range(base, last_column + 1):
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
             if (row, column) not in places:
                 raise InvalidOption(
                     f"{name}: {len(places)} pictures named from {_place(min(places))} to {_place(max(places))} "
                     f"(row, column), but no view {_place((row, column))}; add it, or rename them to a full grid from 0"
                 )
             order.append(places[row, column])
-    found = (last_row + 1 - base, last_column + 1 - base)
+    found = (last_row + 1 - first_row, last_column + 1 - first_column)
     if grid not in (None, found):
         raise InvalidOption(
             f"pixels: {grid[0]}x{grid[1]} is not the {found[0]}x{found[1]} grid of views that {name}'s names tell; "

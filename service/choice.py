@@ -29,7 +29,7 @@ class Job:
     grid: tuple[int, int]
     """Views there are, rows and columns."""
     channels: int
-    """Of each view: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. A mesh's are 3."""
+    """Of each view: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha; alpha that is full everywhere doesn't count."""
     wanted: Sequence[View]
 
 

@@ -35,7 +35,9 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
         single = catalogue.load(catalogue.DEFAULT, scale=plan.enlarge)
 
         def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
-            return upscale_views(network, single, views, wanted, grid)
+            colours, opaque = _without_alpha(views)
+            made, left = upscale_views(network, single, colours, wanted, grid)
+            return np.concatenate([made, np.full_like(made[..., :1], opaque)], axis=3) if opaque else made, left
 
         return together
     upscaler = catalogue.load(plan.model, scale=plan.enlarge)
@@ -47,6 +49,14 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
     return alone
 
 
+def _without_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
+    """The views' grey or colours, and what their alpha is, which is full here; 0 where they have none."""
+    first = next(iter(views.values()))
+    if first.shape[2] in (1, 3):
+        return views, 0
+    return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
+
+
 def enlarge(upscaler: Upscaler, pictures: Pixels) -> Pixels:
     """`models.upscale_pixels`: `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type."""
     from models.pixels import upscale_pixels
@@ -56,9 +66,12 @@ def enlarge(upscaler: Upscaler, pictures: Pixels) -> Pixels:
 
 
 def describe_model(name: str, scale: int) -> dict[str, Any]:
-    """The report's `model`: name, scale, and the network's SHA-256 (null for interpolation)."""
-    card = next(entry.card for entry in catalogue.entries() if entry.name == name)
-    return {"name": name, "scale": scale, "sha256": card.sha256 if card is not None else None}
+    """The report's `model`: name, scale, and the network's SHA-256 (null for interpolation); of a light-field network
+    also `alone`, the model of single pictures that makes what the views around don't match.
+    """
+    entry = next(entry for entry in catalogue.entries() if entry.name == name)
+    said = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
+    return said | {"alone": describe_model(catalogue.DEFAULT, scale)} if entry.is_light_field else said
 
 
 def unmatched(share: float) -> list[str]:

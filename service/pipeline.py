@@ -159,7 +159,7 @@ def _job(name: str, content: Scene | LightField, options: Options) -> Job:
         array, channels = plans.mesh_array(options), 3
         grid = (array.pixels_v, array.pixels_u)
     else:
-        grid, channels = content.views.shape[:2], content.views.shape[4]
+        grid, channels = content.views.shape[:2], content.channels
     plans.check_views(options.views, grid)
     return Job(name, isinstance(content, Scene), grid, channels, parse_views(options.views, *grid))
 

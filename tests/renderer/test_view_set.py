@@ -116,8 +116,17 @@ def test_the_first_missing_view_is_named() -> None:
     assert "no view (0, 0)" in message({"a_0_1.png": b"", "a_1_0.png": b"", "a_1_1.png": b""}, InvalidOption)
 
 
+def test_a_part_of_a_larger_set_keeps_its_names() -> None:
+    files = {f"view_{v}_{u}.png": picture(v - 6, u - 3) for v in range(6, 9) for u in range(3, 7)}
+    assert_in_order(read(files), 3, 4)
+    assert "(6, 3) to (8, 6) (row, column), but no view (7, 4)" in message(
+        {name: data for name, data in files.items() if name != "view_7_4.png"}, InvalidOption
+    )
+
+
 def test_a_wild_number_in_a_name_is_a_missing_view() -> None:
     assert "no view (1, 2)" in message({"a_1_1.png": b"", "a_999999999_999999999.png": b""}, InvalidOption)
+    assert "no view (5, 6)" in message({"a_5_5.png": b"", "a_999999999_999999999.png": b""}, InvalidOption)
 
 
 def test_two_files_for_one_view() -> None:

@@ -115,7 +115,7 @@ class StandIn:
     doubt = 0.3
 
     def __call__(self, image, around, rows, cols):
-        there = np.outer(rows[1], cols[1]).reshape(1, -1, 1, 1)
+        there = np.outer(rows, cols).reshape(1, -1, 1, 1)
         mean = (around * there).sum(1, keepdims=True) / there.sum()
         return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3), np.full_like(mean, self.doubt)
 

@@ -44,11 +44,29 @@ def test_pictures_take_the_views_around(samples, stand_in, channels, dtype, want
     for view, picture in views.items():
         assert picture.dtype == dtype
         assert np.abs(picture - samples.as_the_stand_in_has_it(field, view)).max() < ROUNDED
-    sha256 = next(entry.card.sha256 for entry in catalogue.entries() if entry.name == "field")
-    assert report["model"] == {"name": "field", "scale": 2, "sha256": sha256}
+    field_sha256, fast_sha256 = (
+        next(entry.card.sha256 for entry in catalogue.entries() if entry.name == name) for name in ("field", "fast")
+    )
+    alone = {"name": "fast", "scale": 2, "sha256": fast_sha256}
+    assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "alone": alone}
     assert report["plan"]["model"] == "field"
     assert any(reason.startswith("auto: field") for reason in report["plan"]["reasons"])
     assert "upscale" in report["timings_ms"]
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])
+def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(samples, stand_in, channels, dtype):
+    eia = samples.picture(24, 42, channels, dtype)
+    eia[..., -1] = np.iinfo(dtype).max
+    views, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
+    assert report["plan"]["model"] == "field"
+    plain, _ = run(Bundle.from_upload("eia.png", encode_png(eia[..., :-1])), lenses=(4, 7), views="cross")
+    for view, picture in views.items():
+        np.testing.assert_array_equal(picture[..., :-1], plain[view])
+        assert (picture[..., -1] == np.iinfo(dtype).max).all()
+    eia[3, 5, -1] -= 1
+    _, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
+    assert report["plan"]["model"] == "fast"
 
 
 def test_a_folder_of_views_too(samples, stand_in):

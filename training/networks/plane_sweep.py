@@ -35,6 +35,7 @@ class PlaneSweep(nn.Module):
     """Luma of a window of views -> a fine picture for each plane, and how much the views differ about it."""
 
     weights: Tensor
+    order: Tensor
 
     def __init__(self, planes: int) -> None:
         """`planes`: disparities from -`MOST` to `MOST`, evenly."""
@@ -44,6 +45,10 @@ class PlaneSweep(nn.Module):
         self.register_buffer("weights", (1 - (taps - moved).abs() / NEAR).clamp(min=0), persistent=False)
         self.used = [[(int(v), int(tap)) for v, tap in plane.amax(0).nonzero()] for plane in self.weights]
         """Of each plane, the row or column of views and the tap of those samples that count at all."""
+        most = max(len(plane) for plane in self.used)
+        places = [[v * (2 * REACH + 1) + tap for v, tap in plane] for plane in self.used]
+        order = torch.tensor([plane + plane[:1] * (most - len(plane)) for plane in places])
+        self.register_buffer("order", order[:, None], persistent=False)
 
     def kernel(self, there: Tensor) -> Tensor:
         """`there`: `(SIDE,)`, see `LightFieldGenerator` -> `(planes, 2, SIDE, 2*REACH+1)`, which adds up to 1 for each
@@ -78,11 +83,11 @@ class PlaneSweep(nn.Module):
         moved = functional.conv2d(columns, down.reshape(planes * phases, SIDE, taps, 1))
         parts = torch.split(moved.reshape(-1, SIDE * planes * phases, height, width + taps - 1), phases, 1)
         # One of nine taps counts: a convolution would take all of them, and three times as long.
-        every = torch.eye(phases)[:, None, None, :]
+        weights = across.reshape(planes, phases, SIDE * taps).gather(2, self.order.expand(-1, phases, -1))
+        every = torch.eye(phases)[:, None, None, :] * weights[:, None, :, :, None]
+        kernels = torch.split(every.reshape(planes * phases**2, -1, 1, 1), phases**2)
         made = []
         for plane, used in enumerate(self.used):
             samples = torch.cat([parts[u * planes + plane][..., tap : tap + width] for u, tap in used], 1)
-            weight = torch.stack([across[plane, :, u, tap] for u, tap in used], 1)
-            kernel = (every * weight[None, :, :, None]).reshape(phases * phases, -1, 1, 1)
-            made.append(functional.conv2d(samples, kernel))
+            made.append(functional.conv2d(samples, kernels[plane][:, : samples.shape[1]]))
         return torch.cat(made, 1)
