@@ -1,4 +1,4 @@
-"""Which views of a light field help to upscale one of them: a window of 5x5 in the grid, and where it stands."""
+"""Which views of a light field help to upscale one of them: a window of 5x5 in the grid, as far as it is there."""
 
 from __future__ import annotations
 

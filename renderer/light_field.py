@@ -40,12 +40,13 @@ class LightField:
     views: NDArray[np.uint8] | NDArray[np.uint16]
     """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
 
-    @property
-    def channels(self) -> int:
-        """Those that say anything: without alpha where it is full everywhere."""
-        count: int = self.views.shape[4]
-        is_opaque = count in (2, 4) and bool((self.views[..., -1] == np.iinfo(self.views.dtype).max).all())
-        return count - is_opaque
+    notes: tuple[str, ...] = ()
+    """What whoever gave it should know of how it was read."""
+
+    def is_transparent(self) -> bool:
+        """Whether there is alpha, and it is not full everywhere. Looks at every pixel."""
+        has_alpha = self.views.shape[4] in (2, 4)
+        return has_alpha and not (self.views[..., -1] == np.iinfo(self.views.dtype).max).all()
 
     @classmethod
     def from_eia(

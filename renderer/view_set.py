@@ -49,7 +49,8 @@ def read(
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 
-    A file's name tells the view's row v and column u, counted from 0 or from 1: `view_VV_UU` (ours), `out_RR_CC_Y_X`
+    A file's name tells the view's row v and column u, counted from 0 or from 1, or
+    from further on where the set is a part of a larger one, which is noted: `view_VV_UU` (ours), `out_RR_CC_Y_X`
     (Stanford), `input_CamNNN` (HCI, row-major) and anything that ends with `_R_C`. Where names don't tell, the pictures
     in natural order fill `grid` = (pixels_v, pixels_u) row by row, or a square where no grid is given. Hidden files and
     side files (`SIDE_FILES`) are left out. One picture alone is a 1x1 light field.
@@ -88,7 +89,18 @@ def read(
                 pass
         finally:
             pool.shutdown(cancel_futures=True)
-    return LightField(views.reshape(pixels_v, pixels_u, *first.shape))
+    return LightField(views.reshape(pixels_v, pixels_u, *first.shape), notes=_notes(order))
+
+
+def _notes(order: Sequence[str]) -> tuple[str, ...]:
+    """Where the views' names start further on: whether rows or columns are missing before them can't be told."""
+    match = next((m for pattern in (STANFORD, ROW_COLUMN) if (m := pattern.fullmatch(_stem(order[0])))), None)
+    if match is None or len(order) == 1 or min(int(match[1]), int(match[2])) < 2:
+        return ()
+    place = _place((int(match[1]), int(match[2])))
+    return (
+        f"the views are named from {place}: they are taken as a part of a larger set, and counted from (0, 0) here",
+    )
 
 
 def _cores() -> int:
@@ -168,12 +180,12 @@ def _full_grid(
     places: Mapping[tuple[int, int], str], name: str, grid: tuple[int, int] | None
 ) -> tuple[list[str], tuple[int, int]]:
     """The files row by row, where they fill a rectangle: one that starts at 0 or at 1, or a part cut out of a larger
-    set, which starts further on.
+    set, which starts further on along both sides.
     """
     base = 0 if any(0 in place for place in places) else 1
-    (first_row, last_row), (first_column, last_column) = (
-        (min(counts) if min(counts) > 1 else base, max(counts)) for counts in zip(*places, strict=True)
-    )
+    starts = [min(counts) for counts in zip(*places, strict=True)]
+    first_row, first_column = starts if min(starts) > 1 else (base, base)
+    last_row, last_column = (max(counts) for counts in zip(*places, strict=True))
     order = []
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):

@@ -28,8 +28,8 @@ class Job:
     is_mesh: bool
     grid: tuple[int, int]
     """Views there are, rows and columns."""
-    channels: int
-    """Of each view: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha; alpha that is full everywhere doesn't count."""
+    is_transparent: bool
+    """Whether some pixel of some view is not opaque. A mesh's are."""
     wanted: Sequence[View]
 
 
@@ -83,8 +83,8 @@ def _alone(job: Job) -> str:
     """Why the views of `job` can't help one another; empty where they can."""
     if min(job.grid) < LEAST:
         return f"{_views(job)} are not the {LEAST}x{LEAST} or more that help one another"
-    if job.channels in (2, 4):
-        return "views with alpha can't help one another"
+    if job.is_transparent:
+        return "views with transparency can't help one another"
     return ""
 
 

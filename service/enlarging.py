@@ -35,7 +35,7 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
         single = catalogue.load(catalogue.DEFAULT, scale=plan.enlarge)
 
         def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
-            colours, opaque = _without_alpha(views)
+            colours, opaque = _opaque(views)
             made, left = upscale_views(network, single, colours, wanted, grid)
             return np.concatenate([made, np.full_like(made[..., :1], opaque)], axis=3) if opaque else made, left
 
@@ -49,8 +49,10 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
     return alone
 
 
-def _without_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
-    """The views' grey or colours, and what their alpha is, which is full here; 0 where they have none."""
+def _opaque(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
+    """The grey or colours of opaque views, and what their alpha is; 0 where they have none. `service.choice` sees to it
+    that none is transparent.
+    """
     first = next(iter(views.values()))
     if first.shape[2] in (1, 3):
         return views, 0

@@ -107,8 +107,8 @@ class PictureViews:
         """Everything is there already."""
 
     def notes(self) -> list[str]:
-        """Nothing to hear of."""
-        return []
+        """What a caller should hear of."""
+        return [*self._field.notes]
 
     def lens_array(self) -> Report:
         """The report's `lens_array`; pitch and delta are null where nobody said them."""

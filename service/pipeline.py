@@ -156,12 +156,12 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
 
 def _job(name: str, content: Scene | LightField, options: Options) -> Job:
     if isinstance(content, Scene):
-        array, channels = plans.mesh_array(options), 3
+        array, is_transparent = plans.mesh_array(options), False
         grid = (array.pixels_v, array.pixels_u)
     else:
-        grid, channels = content.views.shape[:2], content.channels
+        grid, is_transparent = content.views.shape[:2], content.is_transparent()
     plans.check_views(options.views, grid)
-    return Job(name, isinstance(content, Scene), grid, channels, parse_views(options.views, *grid))
+    return Job(name, isinstance(content, Scene), grid, is_transparent, parse_views(options.views, *grid))
 
 
 def _replaced(options: Options, plan: Plan) -> list[str]:

@@ -1,9 +1,11 @@
 """Light fields of random layered scenes: textured sheets at different distances, cut out, slanted, folded, one before
 another.
 
-What several views add to one another is sub-pixel shifts, and what spoils it is occlusion. Both are exact here: each
-view is sampled where its own rays meet the sheets, twice as finely as the truth along each side, and is made small only
-then. Nothing is specular, so the sheets look the same from all sides, as the plane sweep takes for granted.
+What several views add to one another is sub-pixel shifts, and what spoils it is occlusion. Both are exact for sheets:
+each view is sampled where its own rays meet them, twice as finely as the truth along each side, and is made small only
+then. Of folds (`training.sheets`) which views see how much is exact; they are painted over all that is behind their
+sheet, also where they reach further back than that. Nothing is specular, so the sheets look the same from all sides, as
+the plane sweep takes for granted.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ MASK_REACH = 0.75
 STRAIGHT = 0.35
 """Share of masks that are a straight edge."""
 STEEPNESS = (4.0, 200.0)
-"""How soon a sheet ends at its edge: over 0.75 sides of the picture divided by this."""
+"""How soon a sheet ends at its edge: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
 """Share of those sheets that turn away at their edge, as a roof does from a wall: some views see it, and some don't."""
 LUMA = (0.299, 0.587, 0.114)

@@ -48,7 +48,7 @@ def read(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[np.uin
         raise ValueError(f"{folder}: {said}") from error
     if not isinstance(field, LightField) or field.views.shape[:2] == (1, 1):
         raise ValueError(f"{folder}: no set of views; name a folder of pictures, one for each view")
-    views = field.views
+    views = field.views if field.is_transparent() else field.views[..., : 3 if field.views.shape[4] > 2 else 1]
     if views.dtype != np.uint8 or views.shape[4] not in (1, 3):
         raise ValueError(f"{folder}: views of {views.shape[4]} channels, {views.dtype}; give 8-bit grey or RGB")
     down, across = grid or views.shape[:2]

@@ -50,9 +50,11 @@ def meet(offsets: Tensor, disparity: Tensor, slope: Tensor) -> Places:
 
 
 class Fold(NamedTuple):
-    """A strip along the straight edge of a sheet, beyond it, whose disparity changes fast across: a roof behind a wall.
+    """A strip along the straight edge of a sheet, beyond it, whose disparity changes fast across: a roof behind a wall,
+    or a shelf before it.
 
-    Some views see it, and some don't; the middle one always does, if only a fifth of a pixel of it.
+    Some views see it, and some don't; the middle one always does, if only a fifth of a pixel of it. A view behind it
+    sees nothing of it: of a shelf its back would hide a part of the sheet, which is left out.
     """
 
     normal: Tensor

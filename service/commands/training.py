@@ -57,7 +57,7 @@ def _evaluate(args: argparse.Namespace) -> None:
             score = evaluate_folder(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _tell(score, "pictures")
+        _tell(names[0], score, "pictures")
 
 
 def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
@@ -74,11 +74,13 @@ def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
         score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
-    _tell(score, "views")
+    _tell(model, score, "views")
 
 
-def _tell(score: Accuracy, counted: str) -> None:
-    common.say(f"{score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}")
+def _tell(model: str, score: Accuracy, counted: str) -> None:
+    common.say(
+        f"{model} on {score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}"
+    )
 
 
 def _train(args: argparse.Namespace) -> None:

@@ -118,7 +118,11 @@ def test_the_first_missing_view_is_named() -> None:
 
 def test_a_part_of_a_larger_set_keeps_its_names() -> None:
     files = {f"view_{v}_{u}.png": picture(v - 6, u - 3) for v in range(6, 9) for u in range(3, 7)}
-    assert_in_order(read(files), 3, 4)
+    found = read(files)
+    assert_in_order(found, 3, 4)
+    assert found.notes == (
+        "the views are named from (6, 3): they are taken as a part of a larger set, and counted from (0, 0) here",
+    )
     assert "(6, 3) to (8, 6) (row, column), but no view (7, 4)" in message(
         {name: data for name, data in files.items() if name != "view_7_4.png"}, InvalidOption
     )

@@ -11,12 +11,12 @@ from service.request import Options
 ALL = [(v, u) for v in range(4) for u in range(5)]
 
 
-def pictures(model="auto", *, grid=(4, 5), channels=3, scale=2):
-    return choose(Options(model=model, scale=scale), Job("a.png", False, grid, channels, [(0, 0)]))
+def pictures(model="auto", *, grid=(4, 5), is_transparent=False, scale=2):
+    return choose(Options(model=model, scale=scale), Job("a.png", False, grid, is_transparent, [(0, 0)]))
 
 
 def mesh(model="auto", *, grid=(4, 5), wanted=ALL, scale=2):
-    return choose(Options(model=model, scale=scale), Job("a.glb", True, grid, 3, wanted))
+    return choose(Options(model=model, scale=scale), Job("a.glb", True, grid, False, wanted))
 
 
 def is_alone(choice, *words):
@@ -26,7 +26,7 @@ def is_alone(choice, *words):
     return True
 
 
-@pytest.mark.parametrize("options", [{}, {"grid": (3, 3)}, {"channels": 1}, {"grid": (3, 17)}])
+@pytest.mark.parametrize("options", [{}, {"grid": (3, 3)}, {"grid": (3, 17)}])
 def test_pictures_on_a_grid_help_one_another(stand_in, options):
     choice = pictures(**options)
     assert (choice.model, choice.is_light_field) == (FIELD, True)
@@ -40,10 +40,9 @@ def test_few_views_go_one_by_one(stand_in, grid, model):
     assert is_alone(mesh(model, grid=grid, wanted=[(0, 0)]), f"{grid[0]}x{grid[1]} views")
 
 
-@pytest.mark.parametrize("channels", [2, 4])
 @pytest.mark.parametrize("model", ["auto", FIELD])
-def test_views_with_alpha_go_one_by_one(stand_in, channels, model):
-    assert is_alone(pictures(model, channels=channels), "alpha")
+def test_views_with_transparency_go_one_by_one(stand_in, model):
+    assert is_alone(pictures(model, is_transparent=True), "transparency")
 
 
 def test_auto_leaves_other_scales_to_the_default_and_its_error(stand_in):

@@ -9,11 +9,11 @@ from service.request import Options
 
 
 def mesh(**options):
-    return plan.make(Options(**options), Job("a.glb", True, (15, 15), 3, [(7, 7)]))
+    return plan.make(Options(**options), Job("a.glb", True, (15, 15), False, [(7, 7)]))
 
 
 def pictures(**options):
-    return plan.make(Options(**options), Job("a.png", False, (2, 9), 3, [(1, 4)]))
+    return plan.make(Options(**options), Job("a.png", False, (2, 9), False, [(1, 4)]))
 
 
 def test_upscaling_is_the_default():

@@ -101,6 +101,25 @@ def test_the_nearer_sheet_covers_the_further(sheets, monkeypatch):
     torch.testing.assert_close(colours[0], views[0, 12].expand(3, -1, -1), atol=1e-4, rtol=0)
 
 
+def test_a_fold_begins_where_its_sheet_ends(sheets, monkeypatch):
+    """A white sheet over a black one, and the fold grey: no black shows between them in any view, and outside of the
+    strip all is black."""
+    sheets(-0.5, 0.75)
+    monkeypatch.setattr(layered, "STRAIGHT", 1.0)
+    monkeypatch.setattr(layered, "FOLDED", 1.0)
+    for seed in range(12):
+        shades = iter([0.0, 1.0, 0.5])
+        monkeypatch.setattr(layered, "_texture", lambda random, pictures: torch.full((3, 160, 160), next(shades)))  # noqa: B023
+        views, _ = scenes(1, seed=seed)
+        dark = (views[0] < 0.1).float()[:, None]
+        light = (views[0] > 0.9).float()[:, None]
+        grey = ((views[0] - 0.5).abs() < 0.1).float()
+        # Where the strip is two fine samples wide, black and white are never as near as that.
+        wide = grey.flatten(1).sum(1) > 3 * 24 * layered.FINE
+        near = torch.nn.functional.max_pool2d(dark, 3, 1, 1) * light
+        assert near[wide].sum() == 0, seed
+
+
 def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
     random = np.random.default_rng(0)
 

@@ -84,7 +84,7 @@ class PlaneSweep(nn.Module):
         parts = torch.split(moved.reshape(-1, SIDE * planes * phases, height, width + taps - 1), phases, 1)
         # One of nine taps counts: a convolution would take all of them, and three times as long.
         weights = across.reshape(planes, phases, SIDE * taps).gather(2, self.order.expand(-1, phases, -1))
-        every = torch.eye(phases)[:, None, None, :] * weights[:, None, :, :, None]
+        every = torch.eye(phases, device=weights.device)[:, None, None, :] * weights[:, None, :, :, None]
         kernels = torch.split(every.reshape(planes * phases**2, -1, 1, 1), phases**2)
         made = []
         for plane, used in enumerate(self.used):
