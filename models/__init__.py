@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from models.card import Accuracy, Card
-from models.catalogue import DEFAULT, Entry, entries, load, names
+from models.catalogue import DEFAULT, Entry, default, entries, load, names
 from models.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
 from models.pixels import upscale_pixels
 from models.upscaler import Upscaler
@@ -26,6 +26,7 @@ __all__ = [
     "UnknownModel",
     "UnsupportedScale",
     "Upscaler",
+    "default",
     "entries",
     "load",
     "names",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
 DEFAULT = "fast"
-"""The model that is used for single pictures where none is named."""
+"""The float network for single pictures where none is named; `default` says what takes its place."""
 FIELD = "field"
-"""The one that is used for views of a light field where none is named."""
+"""The one for views of a light field where none is named; `field` says what takes its place."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Name -> constructor from a scale."""
 
@@ -51,9 +52,13 @@ class Entry:
         return processor.against_int8() if self.card is not None and self.card.precision == "int8" else ""
 
 
+_read = cache(cards.read)
+"""Each card once: they don't change while we run."""
+
+
 def entries() -> list[Entry]:
     """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
-    networks = (cards.read(path) for path in sorted(SHIPPED.glob("*.json"), key=lambda path: path.stem))
+    networks = (_read(path) for path in sorted(SHIPPED.glob("*.json"), key=lambda path: path.stem))
     return [Entry(card.name, card.kind, (card.scale,), card) for card in networks] + [
         Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES
     ]
@@ -67,6 +72,24 @@ def names() -> list[str]:
 def singles() -> list[str]:
     """The names that `load` takes, in the order of `entries`."""
     return [entry.name for entry in entries() if not entry.is_light_field]
+
+
+def default() -> str:
+    """The model that is used for single pictures where none is named: `quickest` of `DEFAULT`."""
+    return quickest(DEFAULT)
+
+
+def field() -> str:
+    """The one that is used for views of a light field where none is named: `quickest` of `FIELD`."""
+    return quickest(FIELD)
+
+
+def quickest(name: str) -> str:
+    """The int8 twin of the network `name` where one is shipped and this processor is made for it, else `name`."""
+    if processor.against_int8():
+        return name
+    cards_of_all = [entry.card for entry in entries() if entry.card is not None]
+    return next((card.name for card in cards_of_all if card.float_twin == name and card.precision == "int8"), name)
 
 
 _loaded: dict[tuple[str, int, int | None], Upscaler] = {}

@@ -49,8 +49,13 @@ class LightFieldNetwork(Shipped):
 
 
 def luma(picture: NDArray[np.float32], peak: float) -> NDArray[np.float32]:
-    """`(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1], but for rounding."""
-    return picture[..., 0] * np.float32(1 / peak) if picture.shape[-1] == 1 else picture @ (LUMA / np.float32(peak))
+    """`(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1], but for rounding, which is the same at every place:
+    a product of matrices adds up in an order that depends on it.
+    """
+    if picture.shape[-1] == 1:
+        return picture[..., 0] * np.float32(1 / peak)
+    red, green, blue = (picture[..., channel] * weight for channel, weight in enumerate(LUMA / np.float32(peak)))
+    return np.asarray(red + green + blue)
 
 
 def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from models import tiles
+from models import bounded, skip, tiles
 from models.errors import InvalidImage
+from models.skip import EXACT, Tally
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import NDArray
 
+    from models.skip import Skipping
+    from models.tiles import Tile
     from models.upscaler import Upscaler
 
 Depth = TypeVar("Depth", np.uint8, np.uint16)
@@ -20,7 +26,9 @@ BLOCK = 1 << 20
 """Most input pixels held as float at once: 12 MiB, and `scale**2` times that of output, for each pass."""
 
 
-def upscale_pixels(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Depth]:
+def upscale_pixels(
+    upscaler: Upscaler, pictures: NDArray[Depth], *, skipping: Skipping = EXACT, tally: Tally | None = None
+) -> NDArray[Depth]:
     """`(N, H, W, C)` -> `(N, scale*H, scale*W, C)` of the same type, rounded to nearest.
 
     C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha; 8 or 16 bit. Grey goes through as three equal channels and
@@ -28,12 +36,76 @@ def upscale_pixels(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Dept
     what is hidden doesn't bleed into what shows, and alpha has a pass of its own. Alpha is exact where it was flat:
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
+    `skipping`: what isn't computed, see `models.skip`; with its default the result is the same. What was skipped is
+    added to `tally`.
+
     Raises `InvalidImage` where the array is of another shape or type.
     """
     if pictures.ndim != 4 or not 1 <= pictures.shape[3] <= 4 or 0 in pictures.shape[1:3]:
         raise InvalidImage(f"an array of shape {pictures.shape}: give (N, H, W, C) with C from 1 to 4")
     if pictures.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(f"pictures of type {pictures.dtype}: give 8 or 16 bit unsigned integers")
+    tally = Tally() if tally is None else tally
+    count, height, width, _ = pictures.shape
+    tally.pixels += count * height * width
+    if not skipping.exact:
+        return _computed(upscaler, pictures, skipping, tally, of=height * width)
+    firsts = skip.repeats(pictures) if count > 1 else [0] * count
+    singles = sorted(set(firsts))
+    if len(singles) == count:
+        return _boxed(upscaler, pictures, skipping, tally)
+    tally.repeated += (count - len(singles)) * height * width
+    made = _boxed(upscaler, pictures[singles], skipping, tally)
+    return made[np.searchsorted(singles, firsts)]
+
+
+def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], skipping: Skipping, tally: Tally) -> NDArray[Depth]:
+    """All of them, but only what is not one colour all around is computed."""
+    count, height, width, channels = pictures.shape
+    scale, radius = upscaler.scale, upscaler.radius
+    pixels = height * width
+    found = [skip.found(picture, radius) for picture in pictures] if skip.suits(upscaler) else []
+    if all(colour is None for colour, _ in found):
+        return _computed(upscaler, pictures, skipping, tally, of=pixels)
+    result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)
+    alike: dict[tuple[tuple[int, ...], int], list[tuple[int, Tile]]] = {}
+    for number, (colour, boxes) in enumerate(found):
+        computed = sum(skip.area(box.window) for box in boxes)
+        if colour is not None:
+            pattern = _pattern(cast("Any", upscaler), colour.tobytes(), pictures.dtype.name)
+            skip.fill(result[number], pattern, radius, scale)
+            tally.plain += max(0, pixels - computed)
+        for box in boxes:
+            # What may be wrong with a picture is shared out among its boxes by their size.
+            of = pixels * skip.area(box.window) // computed
+            alike.setdefault((pictures[number][box.window].shape, of), []).append((number, box))
+    for (_, of), some in alike.items():
+        parts = np.stack([pictures[at][part.window] for at, part in some])
+        for (at, part), large in zip(some, _computed(upscaler, parts, skipping, tally, of=of), strict=True):
+            result[at][part.target(scale)] = large[part.source(scale)]
+    return result
+
+
+def _computed(
+    upscaler: Upscaler, pictures: NDArray[Depth], skipping: Skipping, tally: Tally, *, of: int
+) -> NDArray[Depth]:
+    """`_whole`, but for what may be interpolated: see `models.bounded.upscale` for `of`."""
+    if skipping.max_error is None:
+        return _whole(upscaler, pictures)
+    return bounded.upscale(_whole, upscaler, pictures, skipping.max_error, tally, of=of)
+
+
+@lru_cache(maxsize=64)
+def _pattern(upscaler: Any, colour: bytes, dtype: str) -> NDArray[Any]:
+    """What a picture of one colour becomes, as `skip.fill` takes it."""
+    side = 2 * upscaler.radius + 1
+    one = np.frombuffer(colour, dtype)
+    made: NDArray[Any] = _whole(upscaler, np.tile(one, (1, side, side, 1)))[0]
+    return made
+
+
+def _whole(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Depth]:
+    """`upscale_pixels`, everything computed."""
     count, height, width, channels = pictures.shape
     scale = upscaler.scale
     result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     Plane = NDArray[np.float32]
     Pixels = NDArray[np.uint8] | NDArray[np.uint16]
     View = tuple[int, int]
+
+Value = TypeVar("Value", np.float32, np.bool_)
 
 MOST = 8
 """Largest whole disparity that is looked for, pixels from one view to the next."""
@@ -66,23 +68,26 @@ def _difference(one: Plane, other: Plane, down: int, right: int) -> float:
 
 
 def luma(picture: Pixels, part: Span | None = None, by: int = 0) -> Plane:
-    """Luma in [0, 1] of a part of a picture `(H, W, C)`, with as much around it as views may be moved by; beyond the
-    picture its edge pixels are repeated.
-    """
-    margin = abs(by) * (SIDE // 2)
-    if margin and part is not None:
-        rows, cols = (
-            np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
-            for side, length in zip(part, picture.shape[:2], strict=True)
-        )
-        picture = picture[rows[:, None], cols]
-    elif part is not None:
-        picture = picture[part]
+    """Luma in [0, 1] of a picture `(H, W, C)`, or of a part of it as `margined` takes it."""
+    picture = picture if part is None else margined(picture, part, by)
     return np.minimum(light_field.luma(picture.astype(np.float32), np.iinfo(picture.dtype).max), 1)
 
 
-def moved(plane: Plane, by: int, offset: tuple[int, int]) -> Plane:
-    """Of a part with its margin, as `luma` makes it, what lies `by` pixels further for each view down and right."""
+def margined(picture: Pixels, part: Span, by: int) -> Pixels:
+    """A part of a picture `(H, W, C)`, with as much around it as views may be moved by; beyond the picture its edge
+    pixels are repeated.
+    """
+    margin = abs(by) * (SIDE // 2)
+    rows, cols = (
+        np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
+        for side, length in zip(part, picture.shape[:2], strict=True)
+    )
+    made: Pixels = picture[rows[:, None], cols] if margin else picture[part]
+    return made
+
+
+def moved(plane: NDArray[Value], by: int, offset: tuple[int, int]) -> NDArray[Value]:
+    """Of a part with its margin, `(H, W)`, what lies `by` pixels further for each view down and right."""
     margin = abs(by) * (SIDE // 2)
     rows, cols = (
         slice(margin + by * step, length - margin + by * step) for step, length in zip(offset, plane.shape, strict=True)

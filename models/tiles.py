@@ -26,9 +26,23 @@ class Tile:
     kept: Span
     """What its result is good for, in input pixels; the kept spans of all tiles cover the picture once."""
 
+    def within(self, other: Tile) -> Tile:
+        """This one, placed in the window of `other`, as a part of `other`: no more is kept than of that."""
+        window, kept = [], []
+        for side, good, outer, limit in zip(self.window, self.kept, other.window, other.kept, strict=True):
+            window.append(_scaled(side, 1, origin=-outer.start))
+            start = min(max(good.start + outer.start, limit.start), limit.stop)
+            kept.append(slice(start, max(start, min(good.stop + outer.start, limit.stop))))
+        return Tile((window[0], window[1]), (kept[0], kept[1]))
+
     def source(self, scale: int) -> Span:
         """The kept part within the window's result, in output pixels."""
         rows, cols = (_scaled(k, scale, origin=w.start) for k, w in zip(self.kept, self.window, strict=True))
+        return rows, cols
+
+    def inside(self, part: Span) -> Span:
+        """The window within a part of the picture that holds it."""
+        rows, cols = (_scaled(w, 1, origin=p.start) for w, p in zip(self.window, part, strict=True))
         return rows, cols
 
     def target(self, scale: int) -> Span:

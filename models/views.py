@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from models import shear
+from models import plain_views, shear, skip
 from models.errors import InvalidImage
 from models.pixels import upscale_pixels
 from models.session import BATCH, WINDOW
+from models.skip import EXACT, NOTHING, Tally
 from models.tiles import split
-from models.windows import axis
+from models.windows import axis, window
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from models.light_field import LightFieldNetwork
     from models.shear import Pixels
+    from models.skip import Skipping
     from models.tiles import Span, Tile
     from models.upscaler import Upscaler
     from models.windows import Axis
@@ -37,7 +39,7 @@ ROWS = 256
 
 def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
     """Every view (v, u) of the windows about `wanted`, in a grid of `grid` views, row by row and each once."""
-    return sorted({view for at in wanted for view in _window(at, grid)})
+    return sorted({view for at in wanted for view, _ in window(at, grid)})
 
 
 def upscale_views(
@@ -46,6 +48,9 @@ def upscale_views(
     views: Mapping[View, Pixels],
     wanted: Sequence[View],
     grid: tuple[int, int],
+    *,
+    skipping: Skipping = EXACT,
+    tally: Tally | None = None,
 ) -> tuple[Pixels, float]:
     """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`; and the share
     of their pixels that `alone`, a model of single pictures, made for the most part.
@@ -59,58 +64,114 @@ def upscale_views(
     Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
     made in tiles, of all views one place after the other: what is held beside input and result stays small.
 
+    `skipping`: what isn't computed, see `models.skip`; what was skipped is added to `tally`.
+
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
     first = _alike(views, wanted[0], needed(wanted, grid))
+    tally = Tally() if tally is None else tally
+    pixels = first.shape[0] * first.shape[1]
+    tally.pixels += len(wanted) * pixels
+    may_repeat = skipping.exact and len(wanted) > 1
+    firsts = plain_views.repeats(views, wanted, grid) if may_repeat else list(range(len(wanted)))
+    singles = sorted(set(firsts))
+    tally.repeated += (len(wanted) - len(singles)) * pixels
+    job = _Job(network, views, grid, skipping, tally)
+    result, left = _blended(job, alone, [wanted[number] for number in singles])
+    places = np.searchsorted(singles, firsts)
+    return result if len(singles) == len(wanted) else result[places], float(left[places].mean())
+
+
+class _Job(NamedTuple):
+    """What is upscaled, and by what."""
+
+    network: LightFieldNetwork
+    views: Mapping[View, Pixels]
+    grid: tuple[int, int]
+    skipping: Skipping
+    tally: Tally
+
+
+def _blended(job: _Job, alone: Upscaler, wanted: Sequence[View]) -> tuple[Pixels, NDArray[np.float64]]:
+    """The views `wanted`, and the share of each that `alone` made."""
+    scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
-    size = (height * network.scale, width * network.scale, channels)
-    result = np.empty((len(wanted), *size), first.dtype)
-    doubt = np.empty((len(wanted), height, width), np.float32)
+    result = np.empty((len(wanted), height * scale, width * scale, channels), first.dtype)
+    doubt = np.empty((len(wanted), height, width, 1), np.float32)
     alike: dict[int, dict[int, View]] = {}
     for number, at in enumerate(wanted):
-        alike.setdefault(shear.of(views, at, grid), {})[number] = at
-    scale, peak = network.scale, np.float32(np.iinfo(first.dtype).max)
+        alike.setdefault(shear.of(job.views, at, job.grid), {})[number] = at
+    colours = {number: _fill(job, at, result[number], doubt[number]) for number, at in enumerate(wanted)}
     for by, chosen in alike.items():
-        for number, tile, picture, doubtful in _made(network, views, chosen, grid, by):
-            grey = picture.mean(axis=2, keepdims=True) if channels == 1 else picture
-            result[number][tile.target(scale)] = np.floor(grey * peak + np.float32(0.5))
-            doubt[number][tile.kept] = doubtful
-    left = 0.0
+        for number, part, picture, doubtful in _made(job, chosen, colours, by):
+            result[number][part.target(scale)] = _rounded(picture, result)
+            doubt[number][part.kept] = doubtful
+    left = np.zeros(len(wanted))
     for number, at in enumerate(wanted):
-        strange = np.clip((doubt[number] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
+        strange = np.clip((doubt[number, ..., 0] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
         if np.mean(strange > 0) > NEGLIGIBLE:
-            _blend(result[number], _alone(alone, views[at]), strange)
-            left += float(np.mean(strange > 0.5))
-    return result, left / len(wanted)
+            _blend(result[number], _alone(alone, job.views[at], EXACT if job.skipping.exact else NOTHING), strange)
+            left[number] = np.mean(strange > 0.5)
+    return result, left
+
+
+def _fill(job: _Job, at: View, result: Pixels, doubt: NDArray[np.float32]) -> Pixels | None:
+    """Makes `result` and `doubt` what view `at` becomes where all is the colour around the object, which is returned;
+    None where there is no such colour.
+    """
+    network = job.network
+    colour = plain_views.colour(network, job.views[at]) if job.skipping.exact else None
+    if colour is not None:
+        large, doubtful = plain_views.pattern(network, colour, at, job.grid)
+        skip.fill(result, _rounded(large, result), network.radius, network.scale)
+        skip.fill(doubt, doubtful, network.radius, 1)
+    return colour
 
 
 def _made(
-    network: LightFieldNetwork, views: Mapping[View, Pixels], chosen: Mapping[int, View], grid: tuple[int, int], by: int
+    job: _Job, chosen: Mapping[int, View], colours: Mapping[int, Pixels | None], by: int
 ) -> Iterator[tuple[int, Tile, NDArray[np.float32], NDArray[np.float32]]]:
-    """Of each of the views `chosen`, under its number, and each tile: the picture `(scale*h, scale*w, 3)` in [0, 1] and
-    the doubt `(h, w)`. The views around are moved by `by`.
+    """Of each of the views `chosen`, under its number, and each part that is not one of `colours` all around: the
+    picture `(scale*h, scale*w, 3)` in [0, 1] and the doubt `(h, w, 1)`. The views around are moved by `by`.
     """
-    scale, every = network.scale, needed(list(chosen.values()), grid)
+    network, views, grid = job[:3]
+    every = needed(list(chosen.values()), grid)
     height, width = views[every[0]].shape[:2]
     for tile in split(height, width, radius=network.radius, window=WINDOW):
         lumas = {view: shear.luma(views[view], tile.window, by) for view in every}
-        for rows, cols, numbers in _together(chosen, grid, most=max(1, BATCH // _pixels(tile.window))):
-            image = np.stack([_colour(views[chosen[number]][tile.window]) for number in numbers])
+        differing = plain_views.Differing(views, grid, tile, by)
+        parts: list[tuple[int, Tile]] = []
+        for number, at in chosen.items():
+            colour = colours[number]
+            boxes = [tile] if colour is None else differing.boxes(at, colour, network.radius, job.tally)
+            parts += [(number, box) for box in boxes]
+        for rows, cols, some in _together(parts, chosen, grid):
+            image = np.stack([_colour(views[chosen[number]][part.window]) for number, part in some])
             around = np.stack(
-                [
-                    [shear.moved(lumas[view], by, offset) for view, offset in _offsets(chosen[number], grid)]
-                    for number in numbers
-                ]
+                [_around(lumas, part.inside(tile.window), chosen[number], grid, by) for number, part in some]
             )
-            large, doubt = network(image, around, rows.there, cols.there)
-            pictures = large[:, :, *tile.source(scale)].transpose(0, 2, 3, 1)
-            for number, picture, doubtful in zip(numbers, pictures, doubt[:, 0, *tile.source(1)], strict=True):
-                yield number, tile, picture, doubtful
+            large, doubt = (made.transpose(0, 2, 3, 1) for made in network(image, around, rows.there, cols.there))
+            for (number, part), picture, doubtful in zip(some, large, doubt, strict=True):
+                yield number, part, picture[part.source(network.scale)], doubtful[part.source(1)]
 
 
-def _alone(upscaler: Upscaler, view: Pixels) -> Pixels:
+def _around(
+    lumas: Mapping[View, shear.Plane], part: Span, at: View, grid: tuple[int, int], by: int
+) -> NDArray[np.float32]:
+    """A part of the views of a window about one, `(25, h, w)`."""
+    return np.stack([shear.moved(lumas[view], by, offset)[part] for view, offset in window(at, grid)])
+
+
+def _rounded(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:
+    """`(h, w, 3)` in [0, 1] -> whole levels of the channels and the type of `like`."""
+    grey = picture.mean(axis=2, keepdims=True) if like.shape[-1] == 1 else picture
+    levels: NDArray[np.float32] = np.floor(grey * np.float32(np.iinfo(like.dtype).max) + np.float32(0.5))
+    return levels
+
+
+def _alone(upscaler: Upscaler, view: Pixels, skipping: Skipping) -> Pixels:
     # Its type variable takes 8 or 16 bit, where a view is either: one of them stands for both.
-    made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]))[0]
+    made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skipping=skipping)[0]
     return made
 
 
@@ -142,33 +203,20 @@ def _alike(views: Mapping[View, Pixels], one: View, every: Sequence[View]) -> Pi
 
 
 def _together(
-    chosen: Mapping[int, View], grid: tuple[int, int], *, most: int
-) -> Iterator[tuple[Axis, Axis, list[int]]]:
-    """The numbers of views whose windows stand alike, up to `most` at a time."""
-    groups: dict[bytes, list[int]] = {}
-    for number, (v, u) in chosen.items():
-        key = axis(v, grid[0]).there.tobytes() + axis(u, grid[1]).there.tobytes()
-        groups.setdefault(key, []).append(number)
-    for numbers in groups.values():
-        v, u = chosen[numbers[0]]
-        for begin in range(0, len(numbers), most):
-            yield axis(v, grid[0]), axis(u, grid[1]), numbers[begin : begin + most]
-
-
-def _window(at: View, grid: tuple[int, int]) -> list[View]:
-    """The views of the window about one, row by row."""
-    rows, cols = axis(at[0], grid[0]), axis(at[1], grid[1])
-    return [(row, col) for row in rows.views for col in cols.views]
-
-
-def _offsets(at: View, grid: tuple[int, int]) -> list[tuple[View, View]]:
-    """Each view of the window about one, and how far down and to the right of it it is."""
-    return [(view, (view[0] - at[0], view[1] - at[1])) for view in _window(at, grid)]
-
-
-def _pixels(part: Span) -> int:
-    rows, cols = part
-    return int((rows.stop - rows.start) * (cols.stop - cols.start))
+    parts: Sequence[tuple[int, Tile]], chosen: Mapping[int, View], grid: tuple[int, int]
+) -> Iterator[tuple[Axis, Axis, Sequence[tuple[int, Tile]]]]:
+    """The parts of one size, of views whose windows stand alike, up to `BATCH` pixels at a time."""
+    groups: dict[tuple[object, ...], list[tuple[int, Tile]]] = {}
+    for number, part in parts:
+        v, u = chosen[number]
+        there = axis(v, grid[0]).there.tobytes() + axis(u, grid[1]).there.tobytes()
+        rows, cols = part.window
+        groups.setdefault((there, rows.stop - rows.start, cols.stop - cols.start), []).append((number, part))
+    for some in groups.values():
+        v, u = chosen[some[0][0]]
+        most = max(1, BATCH // skip.area(some[0][1].window))
+        for begin in range(0, len(some), most):
+            yield axis(v, grid[0]), axis(u, grid[1]), some[begin : begin + most]
 
 
 def _colour(picture: Pixels) -> NDArray[np.float32]:

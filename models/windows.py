@@ -9,6 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    View = tuple[int, int]
+
 SIDE = 5
 """Views along each side of a window."""
 LEAST = 3
@@ -37,3 +39,11 @@ def axis(position: int, count: int) -> Axis:
     there = [0 <= position + offset < count for offset in offsets]
     views = tuple(position + offset * is_there for offset, is_there in zip(offsets, there, strict=True))
     return Axis(views, np.array(there, np.float32))
+
+
+def window(at: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:
+    """The views (v, u) of the window about one of a grid of `grid`, row by row, and how far down and to the right of it
+    each is.
+    """
+    rows, cols = axis(at[0], grid[0]), axis(at[1], grid[1])
+    return [((row, col), (row - at[0], col - at[1])) for row in rows.views for col in cols.views]

@@ -80,6 +80,22 @@ def _opened(name: str) -> Backend:
         return _open[name]
 
 
+def is_open(name: str) -> bool:
+    """Whether this process has opened the backend already, so that it need not be started."""
+    return name in _open
+
+
+def expected(name: str, *, triangles: int, rays: int) -> str:
+    """The name of the backend that `open_backend` will take, as far as that is known without opening one."""
+    if name != "auto":
+        return name
+    return "raytrace" if _are_cheap(rays, triangles) or "raster" in _refused else "raster"
+
+
+def _are_cheap(rays: int, triangles: int) -> bool:
+    return rays <= max(triangles, FEW_RAYS)
+
+
 def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
     """The backend that `name` asks for, and why it was taken, in one line for the report.
 
@@ -94,7 +110,7 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
         return _opened(name), f"{name}: asked for"
     if name != "auto":
         raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
-    if rays <= max(triangles, FEW_RAYS):
+    if _are_cheap(rays, triangles):
         return _opened(
             "raytrace"
         ), f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"

@@ -6,10 +6,8 @@ import asyncio
 import hashlib
 import json
 import logging
-import tempfile
 import threading
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from importlib.metadata import version
 from typing import IO, TYPE_CHECKING, Any
 
@@ -23,12 +21,13 @@ from starlette.requests import ClientDisconnect
 from starlette.staticfiles import StaticFiles
 
 from models import catalogue
+from models.skip import NOTHING
 from renderer.bundle import Bundle
 from renderer.views import parse_views
-from service import enlarging, listing, multipart, pipeline, problems, upload
+from service import enlarging, listing, multipart, problems, upload
+from service.answers import Answer, answer
 from service.body_limit import BodyLimit
 from service.errors import NotReady
-from service.outputs import FileSink
 from service.plan import Plan
 from service.request import AUTO_TAKES, NO_MODEL
 from service.settings import Settings
@@ -37,28 +36,16 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator
 
     from service.report import Report
+    from service.store import Store
     from service.upload import Upload
 
 MEDIA_TYPES = {"png": "image/png", "zip": "application/zip", "npz": "application/x-npz"}
 CHUNK = 2**18
-MEMORY_BYTES = 8 * 2**20
-"""An answer up to this size stays in memory; a larger one goes through a temporary file."""
 WARM_GRID, WARM_VIEW = (3, 3), np.zeros((32, 32, 3), np.uint8)
 """What models are first run on: the least of a light field."""
 WATCH_SECONDS = 0.5
 """How often it is asked whether a client is still there: nobody waits for a reconstruction that nobody will get."""
 _log = logging.getLogger("uvicorn.error")
-
-
-@dataclass(frozen=True)
-class Result:
-    """A finished reconstruction."""
-
-    id: str
-    file: IO[bytes]
-    size: int
-    format: str
-    report: Report
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -74,6 +61,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.openapi_version = "3.0.3"  # the newest that the Swagger UI of swagger-ui-bundle shows
     app.state.settings = settings
+    app.state.store = settings.open_store()
     app.add_middleware(BodyLimit, limit=settings.max_body_bytes)
     problems.install(app)
     _add_reconstructions(app)
@@ -93,9 +81,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 def _warm_up() -> None:
     """Runs what the model `auto` may take once."""
-    for model, is_light_field in ((catalogue.DEFAULT, False), (catalogue.FIELD, True)):
+    for model, is_light_field in ((catalogue.default(), False), (catalogue.field(), True)):
         if model in catalogue.names():
-            run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), WARM_GRID)
+            run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), WARM_GRID, NOTHING)
             run(dict.fromkeys(parse_views("all", *WARM_GRID), WARM_VIEW), [(1, 1)])
 
 
@@ -145,11 +133,13 @@ def _add_reconstructions(app: FastAPI) -> None:
         watch = asyncio.create_task(_watch(request, gone))
         try:
             given = upload.parse(parts.multi_items())
-            result = await to_thread.run_sync(_reconstruct, given, app.state.settings, gone, limiter=app.state.limiter)
+            id_, result = await to_thread.run_sync(
+                _reconstruct, given, app.state.settings, app.state.store, gone, limiter=app.state.limiter
+            )
         finally:
             watch.cancel()
             await parts.close()
-        return _answer(result)
+        return _response(id_, result)
 
 
 async def _watch(request: Request, gone: threading.Event) -> None:
@@ -159,8 +149,11 @@ async def _watch(request: Request, gone: threading.Event) -> None:
     gone.set()
 
 
-def _reconstruct(given: Upload, settings: Settings, gone: threading.Event) -> Result:
-    """Runs in a worker thread; raises `ClientDisconnect` at the next batch of views once `gone` is set."""
+def _reconstruct(given: Upload, settings: Settings, store: Store | None, gone: threading.Event) -> tuple[str, Answer]:
+    """The result's id, and the result. Runs in a worker thread.
+
+    Raises `ClientDisconnect` at the next turn of views once `gone` is set.
+    """
 
     def go_on(_: int) -> None:
         if gone.is_set():
@@ -169,18 +162,12 @@ def _reconstruct(given: Upload, settings: Settings, gone: threading.Event) -> Re
     go_on(0)
     data = given.file.read()
     bundle = Bundle.from_upload(given.name, data)
-    file = tempfile.SpooledTemporaryFile(MEMORY_BYTES)  # noqa: SIM115 - the answer reads and closes it
-    try:
-        with FileSink(file, given.format) as sink:
-            report = pipeline.reconstruct(
-                bundle, given.options, sink, max_pixels=settings.max_output_pixels, progress=go_on
-            )
-        size = file.tell()
-        file.seek(0)
-    except BaseException:
-        file.close()
-        raise
-    return Result(content_id(given, data, report), file, size, sink.format, report)
+    made = answer(
+        bundle, given.options, given.format, store=store, max_pixels=settings.max_output_pixels, progress=go_on
+    )
+    if made.trouble:
+        _log.warning("%s", made.trouble)
+    return content_id(given, data, made.report), made
 
 
 def content_id(given: Upload, data: bytes, report: Report) -> str:
@@ -193,15 +180,15 @@ def content_id(given: Upload, data: bytes, report: Report) -> str:
     return hashlib.sha256(key.encode() + b"\0" + data).hexdigest()[:32]
 
 
-def _answer(result: Result) -> StreamingResponse:
+def _response(id_: str, result: Answer) -> StreamingResponse:
     # A zip and an npz hold a report with timings, so two of one id agree in all but some bytes: a weak tag.
-    tag = f'"{result.id}"' if result.format == "png" else f'W/"{result.id}-{result.format}"'
+    tag = f'"{id_}"' if result.format == "png" else f'W/"{id_}-{result.format}"'
     timings = result.report["timings_ms"]
     headers = {
         "Content-Length": str(result.size),
-        "Content-Disposition": f'attachment; filename="{result.id}.{result.format}"',
+        "Content-Disposition": f'attachment; filename="{id_}.{result.format}"',
         "ETag": tag,
-        "X-Reconstruction-Id": result.id,
+        "X-Reconstruction-Id": id_,
         "Server-Timing": ", ".join(f"{stage};dur={ms:.3f}" for stage, ms in timings.items()),
     }
     return StreamingResponse(_chunks(result.file), headers=headers, media_type=MEDIA_TYPES[result.format])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import uuid
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING
 
 from renderer.errors import InvalidOption
@@ -17,10 +18,12 @@ if TYPE_CHECKING:
 
 def place_for_file(path: Path) -> Path:
     """`path`, absolute and without links. Raises `InvalidOption` where a file can't be put there; makes nothing."""
-    if path.is_dir():
-        raise InvalidOption(f"{path}: a folder is there; name a file for the output")
-    if path.exists() and not path.is_file():  # a device or a pipe, which a finished file would replace
-        raise InvalidOption(f"{path}: no plain file; name another place for the output")
+    with suppress(FileNotFoundError, NotADirectoryError):  # others may take the file away at any moment: one look
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InvalidOption(f"{path}: a folder is there; name a file for the output")
+        if not stat.S_ISREG(mode):  # a device or a pipe, which a finished file would replace
+            raise InvalidOption(f"{path}: no plain file; name another place for the output")
     path = path.resolve()
     _check_folder(path)
     return path

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models import catalogue
-from models.catalogue import DEFAULT, FIELD
+from models import catalogue, processor
 from models.errors import UnknownModel
 from models.views import needed
 from models.windows import LEAST
@@ -54,25 +53,34 @@ def check_model(name: str) -> None:
 def choose(options: Options, job: Job) -> Choice:
     """What `options.model`, one that `check_model` lets pass, comes to for `job`.
 
-    `auto` takes `FIELD` where the views around each wanted one are there or are made anyway, `DEFAULT` elsewhere. A
-    light-field network that was named has a mesh's neighbours rendered; where views can't help one another `DEFAULT`
-    takes its place.
+    `auto` takes `catalogue.field()` where the views around each wanted one are there or are made anyway, elsewhere
+    `catalogue.default()`: int8 networks where the processor is made for them. A light-field network that was named has
+    a mesh's neighbours rendered; where views can't help one another the default takes its place.
     """
     if options.model == NO_MODEL:
         return Choice(NO_MODEL)
     fields = {entry.name: entry for entry in catalogue.entries() if entry.is_light_field}
-    further = _further(job)
+    default, field, further = catalogue.default(), catalogue.field(), _further(job)
     if options.model == AUTO:
-        against = _against(fields.get(FIELD), options.scale, job, further)
+        against = _against(field, fields.get(field), options.scale, job, further)
         if against:
-            return Choice(DEFAULT, reasons=(f"auto: {DEFAULT}, view by view, as {against}",))
-        return Choice(FIELD, True, (f"auto: {FIELD}, as {_views(job)} help one another",))
+            return Choice(default, reasons=(f"auto: {default}, view by view, as {against}{_precision(default)}",))
+        return Choice(field, True, (f"auto: {field}, as {_views(job)} help one another{_precision(field)}",))
     if options.model not in fields:
         return Choice(options.model)
     if alone := _alone(job):
-        return Choice(DEFAULT, reasons=(f"{DEFAULT}, view by view, in place of {options.model}, as {alone}",))
+        return Choice(default, reasons=(f"{default}, view by view, in place of {options.model}, as {alone}",))
     rendered = f"{options.model}: views around those asked for are rendered too, {further} of them"
     return Choice(options.model, True, (rendered,) if further else ())
+
+
+def _precision(name: str) -> str:
+    """Why `auto` takes the network `name` in its precision."""
+    card = next(entry.card for entry in catalogue.entries() if entry.name == name)
+    if card is not None and card.precision == "int8":
+        return "; in int8, which this processor is made for"
+    against = processor.against_int8()
+    return f"; in float, as {against}" if against else ""
 
 
 def _views(job: Job) -> str:
@@ -93,14 +101,14 @@ def _further(job: Job) -> int:
     return len(set(needed(job.wanted, job.grid)) - set(job.wanted)) if job.is_mesh else 0
 
 
-def _against(field: Entry | None, scale: int, job: Job, further: int) -> str:
-    """Why `auto` doesn't take `field`; empty where it does."""
+def _against(name: str, field: Entry | None, scale: int, job: Job, further: int) -> str:
+    """Why `auto` doesn't take `field`, the model `name`; empty where it does."""
     if field is None:
-        return f"{FIELD} is not installed"
+        return f"{name} is not installed"
     if alone := _alone(job):
         return alone
     if scale not in field.scales:
-        return f"{FIELD} upscales by {', '.join(map(str, field.scales))} only"
+        return f"{name} upscales by {', '.join(map(str, field.scales))} only"
     if further:
-        return f"{FIELD} would have {further} more rendered around those asked for; name it for more accuracy"
+        return f"{name} would have {further} more rendered around those asked for; name it for more accuracy"
     return ""

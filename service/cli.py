@@ -60,7 +60,9 @@ def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], **texts:
     """Options of `service.request`; `texts`: help in place of what stands there."""
     for name in names:
         metavar, text = HELP[name][0], texts.get(name, HELP[name][1])
-        parser.add_argument(f"--{name}", metavar=metavar, help=text, default=argparse.SUPPRESS, dest=f"option_{name}")
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", metavar=metavar, help=text, default=argparse.SUPPRESS, dest=f"option_{name}"
+        )
 
 
 def parser() -> argparse.ArgumentParser:
@@ -91,7 +93,8 @@ def parser() -> argparse.ArgumentParser:
     add = command("upscale", "any picture, or a folder of them, upscaled")
     add.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
     add.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture's name, or a folder")
-    _add_options(add, ("model", "scale"), model=f"a listed model that takes pictures (default {DEFAULT})")
+    takes = f"a listed model that takes pictures (default {DEFAULT}, or its int8 twin where the processor suits)"
+    _add_options(add, ("model", "scale", "skip", "max_error"), model=takes)
     add.add_argument("--report", metavar="FILE", help="write the report (JSON) here")
 
     add = command("models", "the models that can be named")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from models import catalogue
+from models import bounded, catalogue
+from models.skip import EXACT
 from models.views import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from models.skip import Skipping, Tally
     from models.upscaler import Upscaler
     from renderer.pictures import Pixels
     from renderer.views import View
@@ -23,8 +26,9 @@ Enlarge = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels"
 pixels that another model made, as the views around don't match."""
 
 
-def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
-    """What `plan.model`, one of the catalogue, makes of views of a light field of `grid` views.
+def opened(plan: Plan, grid: tuple[int, int], skipping: Skipping = EXACT, tally: Tally | None = None) -> Enlarge:
+    """What `plan.model`, one of the catalogue, makes of views of a light field of `grid` views. What `skipping` leaves
+    out is added to `tally`.
 
     Raises as `models.catalogue.load`.
     """
@@ -32,21 +36,35 @@ def opened(plan: Plan, grid: tuple[int, int]) -> Enlarge:
         from models.views import upscale_views
 
         network = catalogue.load_light_field(plan.model, scale=plan.enlarge)
-        single = catalogue.load(catalogue.DEFAULT, scale=plan.enlarge)
+        single = catalogue.load(catalogue.default(), scale=plan.enlarge)
 
         def together(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
             colours, opaque = _opaque(views)
-            made, left = upscale_views(network, single, colours, wanted, grid)
+            made, left = upscale_views(network, single, colours, wanted, grid, skipping=skipping, tally=tally)
             return np.concatenate([made, np.full_like(made[..., :1], opaque)], axis=3) if opaque else made, left
 
-        return together
+        return _timed(together, tally)
     upscaler = catalogue.load(plan.model, scale=plan.enlarge)
 
     def alone(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return enlarge(upscaler, pictures), 0.0
+        return enlarge(upscaler, pictures, skipping=skipping, tally=tally), 0.0
 
-    return alone
+    return _timed(alone, tally)
+
+
+def _timed(run: Enlarge, tally: Tally | None) -> Enlarge:
+    """`run`, whose time is added to `tally`."""
+    if tally is None:
+        return run
+
+    def timed(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+        begun = time.perf_counter()
+        made = run(views, wanted)
+        tally.seconds += time.perf_counter() - begun
+        return made
+
+    return timed
 
 
 def _opaque(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
@@ -59,12 +77,12 @@ def _opaque(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
 
 
-def enlarge(upscaler: Upscaler, pictures: Pixels) -> Pixels:
+def enlarge(upscaler: Upscaler, pictures: Pixels, *, skipping: Skipping = EXACT, tally: Tally | None = None) -> Pixels:
     """`models.upscale_pixels`: `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type."""
     from models.pixels import upscale_pixels
 
     # Its type variable takes 8 or 16 bit, where a picture that was read is either: one of them stands for both.
-    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures))
+    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures), skipping=skipping, tally=tally)
 
 
 def describe_model(name: str, scale: int) -> dict[str, Any]:
@@ -73,7 +91,34 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     """
     entry = next(entry for entry in catalogue.entries() if entry.name == name)
     said = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
-    return said | {"alone": describe_model(catalogue.DEFAULT, scale)} if entry.is_light_field else said
+    return said | {"alone": describe_model(catalogue.default(), scale)} if entry.is_light_field else said
+
+
+def skipped(tally: Tally) -> dict[str, Any]:
+    """The report's `skipped`: input pixels of the model, the share of them that it needn't see, by reason, and
+    `saved_ms`, what those would have taken it at the others' pace, at most: what boxes see around them is not taken
+    off; null where there are no others.
+    """
+    pixels = max(1, tally.pixels)
+    shares = {"plain": tally.plain, "repeated": tally.repeated, "interpolated": tally.interpolated}
+    left_out = sum(shares.values())
+    left = tally.pixels - left_out
+    saved = round(1000 * tally.seconds * left_out / left, 3) if left else None
+    by_reason = {reason: round(count / pixels, 4) for reason, count in shares.items()}
+    return {"pixels": tally.pixels} | by_reason | {"saved_ms": saved}
+
+
+def uninterpolated(plan: Plan, tally: Tally) -> list[str]:
+    """The report's note where an error was allowed and nothing was interpolated for it."""
+    if tally.interpolated:
+        return []
+    if plan.is_light_field:
+        why = "views that help one another never are"
+    elif describe_model(plan.model, plan.enlarge)["sha256"] not in bounded.tables():
+        why = f"nothing was learnt of how far {plan.model} is from interpolation"
+    else:
+        why = "that would not be quicker: the views are small, detailed or transparent"
+    return [f"max_error: nothing was interpolated, as {why}"]
 
 
 def unmatched(share: float) -> list[str]:
@@ -81,5 +126,5 @@ def unmatched(share: float) -> list[str]:
     if share < NEGLIGIBLE:
         return []
     why = "another scene, noise, or depths too far apart"
-    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.DEFAULT} from their view alone"
+    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.default()} from their view alone"
     return [f"{made}, as the views around don't match there: {why}"]

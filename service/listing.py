@@ -11,13 +11,14 @@ def models() -> list[dict[str, Any]]:
     """Each entry of the catalogue: name, kind, scales, what it takes, whether it is the default for single pictures,
     and the card (null for none).
     """
+    default = catalogue.default()
     return [
         {
             "name": entry.name,
             "kind": entry.kind,
             "scales": list(entry.scales),
             "takes": "a view and those around it" if entry.is_light_field else "a picture",
-            "default": entry.name == catalogue.DEFAULT,
+            "default": entry.name == default,
             "card": card.to_dict(entry.card) if entry.card is not None else None,
         }
         for entry in catalogue.entries()

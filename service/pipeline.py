@@ -6,14 +6,17 @@ The command line and the HTTP routes call `reconstruct` and add nothing to it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
+from models.skip import Skipping, Tally
 from renderer.light_field import LightField
 from renderer.scene import Scene
 from renderer.views import parse_views
 from service import plan as plans
+from service.ahead import ahead
 from service.choice import Job
-from service.enlarging import describe_model, opened, unmatched
+from service.enlarging import describe_model, opened, skipped, uninterpolated, unmatched
 from service.makers import MeshViews, PictureViews
 from service.plan import Plan
 from service.report import Clock, Report, versions
@@ -22,19 +25,20 @@ from service.source import Input, Source
 from service.turns import turns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Generator, Iterable, Sequence
 
     from renderer.pictures import Pixels
     from renderer.views import View
     from service.enlarging import Enlarge
     from service.outputs import Sink
     from service.request import Options
+    from service.turns import Turn
 
 Progress = Callable[[int], object]
 """Called with the number of views that were finished since its last call."""
 
-BATCH_PIXELS = 4_000_000
-"""Output pixels that are worked on at once, in whole views: what bounds memory."""
+BATCH_PIXELS = 500_000
+"""Output pixels of one turn, in whole views: what bounds memory, and lets the stages overlap where views are many."""
 
 
 def reconstruct(
@@ -47,6 +51,10 @@ def reconstruct(
 ) -> Report:
     """Puts the views that `options` ask for into `sink`, and returns the report that `sink` got too.
 
+    Views are made, upscaled and encoded in turns, each stage in a thread of its own: their times overlap, so that they
+    may add up to more than the total. `sink` and `progress` are called in the caller's thread. The first error in the
+    order of views is raised, and no thread outlives the call.
+
     `max_pixels`: most output pixels of all views together; and samples of a mesh, where those views count too that are
     rendered only to help others. A mesh's views are RGB; pictures keep channels and depth.
 
@@ -58,7 +66,7 @@ def reconstruct(
     with clock.stage("decode"):
         content = given.read(options)
     job = _job(given.name, content, options)
-    plan = plans.make(options, job)
+    plan = plans.make(options, job, mesh=content if isinstance(content, Scene) else None, limit=max_pixels)
     maker = _maker(content, options, plan, clock)
     rows, cols = maker.lenses
     plans.check_size(rows, cols, plan.enlarge, len(job.wanted), max_pixels)
@@ -66,32 +74,27 @@ def reconstruct(
     in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
     made = [view for turn in in_order for view in turn.new]
     plans.check_work(maker.samples, len(made), max_pixels, further=len(made) - len(job.wanted))
-    enlarge = _load(plan, job.grid, clock)
+    tally = Tally()
+    enlarge = _load(plan, job.grid, Skipping(options.skip == "exact", options.max_error), tally, clock)
     sink.begin(len(job.wanted))
     maker.start()
 
     written: list[dict[str, Any]] = []
     strange = 0.0
-    kept: dict[View, Pixels] = {}
-    pictures = maker.make(made)
-    for turn in in_order:
-        kept.update(zip(turn.new, maker.take(pictures, len(turn.new)), strict=True))
-        finished: Iterable[Pixels] = [kept[view] for view in turn.wanted]
-        if enlarge is not None:
-            with clock.stage("upscale"):
-                finished, left = enlarge(kept, turn.wanted)
-            strange += left * len(turn.wanted) / len(job.wanted)
-        for view in turn.done:
-            del kept[view]
-        with clock.stage("encode"):
-            for view, picture in zip(turn.wanted, finished, strict=True):
-                height, width = picture.shape[:2]
-                name = sink.add(view, picture)
-                written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width})
-        if progress is not None:
-            progress(len(turn.wanted))
+    pictures = ahead(_made(maker, in_order), name="views")
+    with closing(ahead(_enlarged(pictures, enlarge, clock), name="upscale")) as finished:
+        for wanted, large, left in finished:
+            strange += left * len(wanted) / len(job.wanted)
+            with clock.stage("encode"):
+                for view, picture in zip(wanted, large, strict=True):
+                    height, width = picture.shape[:2]
+                    name = sink.add(view, picture)
+                    written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width})
+            if progress is not None:
+                progress(len(wanted))
 
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
+    bound = uninterpolated(plan, tally) if options.max_error is not None and enlarge is not None else []
     report: Report = {
         "input": given.described(content),
         "lens_array": maker.lens_array(),
@@ -105,15 +108,41 @@ def reconstruct(
             "model": plan.model,
             "scale": plan.enlarge,
             "reasons": [*plan.reasons, *maker.reasons],
+            "skipped": skipped(tally) if enlarge is not None else None,
         },
         "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),
-        "notes": [*maker.notes(), *_replaced(options, plan), *unmatched(strange)],
+        "notes": [*maker.notes(), *_replaced(options, plan), *bound, *unmatched(strange)],
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }
     sink.finish(report)
     return report
+
+
+def _made(maker: MeshViews | PictureViews, in_order: Sequence[Turn]) -> Generator[tuple[Turn, list[Pixels]]]:
+    """Each turn with its new views."""
+    pictures = maker.make([view for turn in in_order for view in turn.new])
+    for turn in in_order:
+        yield turn, maker.take(pictures, len(turn.new))
+
+
+def _enlarged(
+    made: Generator[tuple[Turn, list[Pixels]]], enlarge: Enlarge | None, clock: Clock
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
+    """Of each turn the wanted views, what is written of them, and the share of their pixels that another model made."""
+    kept: dict[View, Pixels] = {}
+    with closing(made):
+        for turn, new in made:
+            kept.update(zip(turn.new, new, strict=True))
+            large: Iterable[Pixels] = [kept[view] for view in turn.wanted]
+            left = 0.0
+            if enlarge is not None:
+                with clock.stage("upscale"):
+                    large, left = enlarge(kept, turn.wanted)
+            for view in turn.done:
+                del kept[view]
+            yield turn.wanted, large, left
 
 
 def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]) -> Report:
@@ -176,8 +205,8 @@ def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clo
     return PictureViews(content, options, clock)
 
 
-def _load(plan: Plan, grid: tuple[int, int], clock: Clock) -> Enlarge | None:
+def _load(plan: Plan, grid: tuple[int, int], skipping: Skipping, tally: Tally, clock: Clock) -> Enlarge | None:
     if plan.model == NO_MODEL:
         return None
     with clock.stage("upscale"):  # the first call in a process reads the network
-        return opened(plan, grid)
+        return opened(plan, grid, skipping, tally)

@@ -14,6 +14,7 @@ from service.choice import check_model, choose
 from service.request import NO_MODEL
 
 if TYPE_CHECKING:
+    from renderer.scene import Scene
     from service.choice import Job
     from service.request import Options
 
@@ -50,8 +51,8 @@ def samples(options: Options) -> int:
     return LENSLET_SAMPLES if options.sampling == "lenslet" else 1
 
 
-def make(options: Options, job: Job) -> Plan:
-    """The plan for `job`.
+def make(options: Options, job: Job, *, mesh: Scene | None = None, limit: int | None = None) -> Plan:
+    """The plan for `job`, with its mesh where it is one; all views together may have `limit` samples of that.
 
     Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel` where the model isn't there.
     """
@@ -65,15 +66,10 @@ def make(options: Options, job: Job) -> Plan:
         if options.strategy == "direct":
             raise InvalidOption(f"strategy: direct renders a mesh and {job.name} holds pictures; give upscale or auto")
     check_model(options.model)
-    strategy: Literal["upscale", "direct"] = "upscale" if options.strategy == "auto" else options.strategy
+    strategy: Literal["upscale", "direct"] = "direct" if options.strategy == "direct" else "upscale"
     if options.strategy == "auto":
-        if options.model == NO_MODEL:
-            reasons.append("auto: no model is wanted, so nothing is enlarged")
-        elif job.is_mesh:
-            strategy = "direct"
-            reasons.append("auto: the input is a mesh, so views are rendered at the larger size; no model is needed")
-        else:
-            reasons.append("auto: the input holds pictures, so views are upscaled")
+        strategy, reason = _cheapest(options, job, mesh, limit)
+        reasons.append(f"auto: {reason}")
     if strategy == "direct":
         reasons.append(
             f"direct: each pixel is the mean of {LENSLET_SAMPLES}x{LENSLET_SAMPLES} rays over its own cell; "
@@ -93,6 +89,25 @@ def make(options: Options, job: Job) -> Plan:
         (*reasons, *chosen.reasons),
         chosen.is_light_field,
     )
+
+
+def _cheapest(
+    options: Options, job: Job, mesh: Scene | None, limit: int | None
+) -> tuple[Literal["upscale", "direct"], str]:
+    """What `auto` comes to, and why.
+
+    A mesh's views rendered at the larger size are the truth. How far a network is from it depends on the scene, so
+    where an error is bounded they are the only way; else the cheaper one by `service.cost` is taken.
+    """
+    if options.model == NO_MODEL:
+        return "upscale", "no model is wanted, so nothing is enlarged"
+    if mesh is None:
+        return "upscale", "the input holds pictures, so views are upscaled"
+    if options.max_error is not None:
+        return "direct", "views rendered at the larger size are exact; no network can promise max_error for every mesh"
+    from service import strategy
+
+    return strategy.cheapest(options, job, mesh, limit)
 
 
 def mesh_array(options: Options) -> LensArray:

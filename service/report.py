@@ -10,15 +10,18 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any
 
-STAGES = ("decode", "render", "map", "upscale", "encode")
-"""In the order of the work; `total` follows."""
+STAGES = ("stored", "decode", "render", "map", "upscale", "encode")
+"""In the order of the work; `total` follows. `stored` alone: the result was taken out of the store."""
 
 Report = dict[str, Any]
 """Ready for JSON; `service.pipeline` puts its keys together."""
 
 
 class Clock:
-    """Wall-clock milliseconds for each stage, summed over its turns. `total` runs from the clock's making."""
+    """Wall-clock milliseconds for each stage, summed over its turns. `total` runs from the clock's making.
+
+    Stages of a pipeline overlap, so that they may add up to more than `total`; each stage is in one thread at a time.
+    """
 
     def __init__(self) -> None:
         self._begun = time.perf_counter()

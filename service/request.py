@@ -17,16 +17,22 @@ if TYPE_CHECKING:
 Strategy = Literal["upscale", "direct", "auto"]
 Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
+Skip = Literal["exact", "none"]
 AUTO, NO_MODEL = "auto", "none"
 """Values of `model` that name none of the catalogue: `service.choice` chooses; views stay as they were made."""
-AUTO_TAKES = f"{FIELD} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}"
+AUTO_TAKES = (
+    f"{FIELD} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; their int8 twins "
+    "where the processor is made for them"
+)
 """What `auto` comes to, in words; `service.choice` has the rule."""
 MAX_SCALE = 8
+MAX_ERROR = 255.0
 _CHOICES: dict[str, tuple[str, ...]] = {
     "strategy": get_args(Strategy),
     "backend": get_args(Backend),
     "sampling": get_args(Sampling),
     "pickup": get_args(Pickup),
+    "skip": get_args(Skip),
 }
 _LENGTHS = (1e-9, 1e9)
 
@@ -49,13 +55,19 @@ class Options:
     scale: int = 2
     """Output pixels for each view pixel, along each side."""
     strategy: Strategy = "upscale"
-    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: direct where possible."""
+    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the quicker one that meets
+    `max_error`."""
     backend: Backend = "auto"
     """What renders a mesh."""
     sampling: Sampling = "pinhole"
     """What a lens does to a mesh's light: `pinhole` takes a point sample, `lenslet` averages over the pitch."""
     pickup: Pickup = "virtual"
     """`optical`: each elemental image of the EIA is turned by 180 degrees, as real lenses do."""
+    skip: Skip = "exact"
+    """`exact`: what is known without the model isn't computed, the result is the same; `none`: all is computed."""
+    max_error: float | None = None
+    """Root mean square, in levels of 255, by which views may differ for the sake of speed; none by default. From what
+    the model makes with nothing skipped; with `auto` from the mesh rendered at the larger size."""
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255, where a mesh leaves a view empty."""
     pitch: float | None = None
@@ -69,6 +81,12 @@ class Options:
                 raise InvalidOption(f"{name}: {getattr(self, name)!r} is not known; give {' or '.join(allowed)}")
         if not 1 <= self.scale <= MAX_SCALE:
             raise InvalidOption(f"scale: {self.scale} is out of range; give 1 to {MAX_SCALE}")
+        if self.max_error is not None and not 0 < self.max_error <= MAX_ERROR:
+            raise InvalidOption(f"max_error: {self.max_error} is out of range; give levels over 0, up to {MAX_ERROR:g}")
+        if self.max_error is not None and self.skip == "none":
+            raise InvalidOption(
+                "max_error, skip: none skips nothing, so that no error is needed; leave one of them out"
+            )
         for name in ("pitch", "delta"):
             length = getattr(self, name)
             if length is not None and not (math.isfinite(length) and _LENGTHS[0] <= length <= _LENGTHS[1]):
@@ -99,10 +117,18 @@ HELP: dict[str, tuple[str, str]] = {
         f"a listed model, none for views as they are, or auto: {AUTO_TAKES} (default auto)",
     ),
     "scale": ("S", "output pixels for each view pixel, along a side, 1 to 8 (default 2)"),
-    "strategy": ("NAME", "upscale, direct (a mesh, rendered at the larger size) or auto (default upscale)"),
+    "strategy": (
+        "NAME",
+        "upscale, direct (a mesh rendered at the larger size) or auto, the quicker (default upscale)",
+    ),
     "backend": ("NAME", "what renders a mesh: auto, raster or raytrace (default auto)"),
     "sampling": ("NAME", "a mesh's light: pinhole (points) or lenslet (mean over a pitch) (default pinhole)"),
     "pickup": ("NAME", "virtual, or optical: elemental images turned by 180 degrees (default virtual)"),
+    "skip": ("NAME", "exact: what is known without the model isn't computed; none: all is (default exact)"),
+    "max_error": (
+        "LEVELS",
+        "views may be off by this, RMS of 255 levels; with strategy auto meshes are rendered directly (default: not)",
+    ),
     "background": ("RRGGBB", "colour behind a mesh (default 000000)"),
     "pitch": ("LENGTH", "distance between lenses, scene units (default for a mesh: 1)"),
     "delta": ("TANGENT", "pixel size / gap (default for a mesh: 0.4 / the larger count of pixels)"),
@@ -155,6 +181,8 @@ _PARSERS: dict[str, Callable[[str, str], Any]] = {
     "backend": _text,
     "sampling": _text,
     "pickup": _text,
+    "skip": _text,
+    "max_error": _number,
     "background": _colour,
     "pitch": _number,
     "delta": _number,

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from models import catalogue
+from models.skip import EXACT, Tally
 from renderer import pictures
 from renderer.errors import InvalidOption
-from service.enlarging import describe_model, enlarge
+from service.enlarging import describe_model, enlarge, skipped
 from service.plan import check_size
 from service.report import Clock, Report, versions
 from service.request import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
+    from models.skip import Skipping
     from renderer.pictures import Pixels
     from service.pipeline import Progress
 
@@ -48,29 +51,33 @@ def upscale_pictures(
     *,
     model: str,
     scale: int,
+    skipping: Skipping = EXACT,
     progress: Progress | None = None,
 ) -> Report:
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
-    `model`: one that takes single pictures; `auto` is the catalogue's default.
+    `model`: one that takes single pictures; `auto` is the catalogue's default. `skipping`: what needn't be computed.
 
     Raises the input faults of `renderer.errors`, with the picture's name, and those of `models.errors`.
     """
     clock = Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
-    name_of_model = catalogue.DEFAULT if model == AUTO else model
+    name_of_model = catalogue.default() if model == AUTO else model
     with clock.stage("upscale"):
         upscaler = catalogue.load(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
+    tally = Tally()
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
         with clock.stage("upscale"):
-            large = enlarge(upscaler, pixels[np.newaxis])[0]
+            begun = time.perf_counter()
+            large = enlarge(upscaler, pixels[np.newaxis], skipping=skipping, tally=tally)[0]
+            tally.seconds += time.perf_counter() - begun
         with clock.stage("encode"):
             write(output, _encode(large, output))
         height, width, channels = large.shape
@@ -90,6 +97,7 @@ def upscale_pictures(
         "pictures": done,
         "notes": [],
         "model": describe_model(name_of_model, scale),
+        "skipped": skipped(tally),
         "timings_ms": clock.timings_ms(),
         "versions": versions("onnxruntime"),
     }

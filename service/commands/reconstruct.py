@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from service.report import Report
     from service.request import Options
     from service.source import Source
+    from service.store import Store
 
 
 def run(args: argparse.Namespace) -> None:
@@ -24,20 +28,65 @@ def run(args: argparse.Namespace) -> None:
     path = Path(args.out)
     out.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
-    options, source = common.options(args), common.source(args.input)
-    report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
+    options, source, store = common.options(args), common.source(args.input), _store()
+    if store is not None:
+        report = _stored(source, options, store, path, None if is_file else Path(args.input))
+    elif is_file:
+        report = _to_file(source, options, path)
+    else:
+        report = _to_folder(source, options, path, Path(args.input))
     common.finish(report, args.report)
     views = report["views"]
     size = f"{views[0]['width']}x{views[0]['height']}"
     common.say(f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.timings(report)})")
 
 
+def _store() -> Store | None:
+    """Where results are stored: nowhere, unless `CIIR_STORE` names a folder."""
+    if not os.environ.get("CIIR_STORE"):
+        return None
+    from service import settings
+
+    return settings.read().open_store()
+
+
 def _to_file(source: Source, options: Options, path: Path) -> Report:
-    wanted = path.suffix.lower().removeprefix(".")
-    with replacing(path) as file, FileSink(file, wanted) as sink, common.bar("view") as count:
+    with replacing(path) as file, FileSink(file, _format(path)) as sink, common.bar("view") as count:
         return pipeline.reconstruct(source, options, sink, progress=count)
 
 
 def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
     with FolderSink(path, given) as sink, common.bar("view") as count:
         return pipeline.reconstruct(source, options, sink, progress=count)
+
+
+def _stored(source: Source, options: Options, store: Store, path: Path, given: Path | None) -> Report:
+    """Into the file `path`, or where the input `given` is named the folder, by way of the store."""
+    from service.answers import answer
+
+    with common.bar("view") as count:
+        made = answer(source, options, _format(path) if given is None else "zip", store=store, progress=count)
+    with made.file:
+        if made.trouble:
+            made.report["notes"].append(made.trouble)
+        if given is None:
+            with replacing(path) as file:
+                shutil.copyfileobj(made.file, file)
+        else:
+            with FolderSink(path, given) as sink:
+                _unpack(made.report, zipfile.ZipFile(made.file), sink)
+    return made.report
+
+
+def _unpack(report: Report, archive: zipfile.ZipFile, sink: FolderSink) -> None:
+    """The views of a zip into a folder; encoding them again makes the same bytes."""
+    from renderer.pictures import decode
+
+    sink.begin(len(report["views"]))
+    for view in report["views"]:
+        sink.add((view["v"], view["u"]), decode(archive.read(view["file"]), name=view["file"]))
+    sink.finish(report)
+
+
+def _format(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")

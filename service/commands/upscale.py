@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from models.skip import Skipping
 from renderer import pictures
 from renderer.bundle import is_kind
 from renderer.errors import InvalidOption, UnsupportedType
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from renderer.bundle import Bundle
+    from service.pipeline import Progress
     from service.report import Report
     from service.request import Options
+    from service.upscaling import Write
 
 _TAKEN = ", ".join([*sorted(pictures.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
 
@@ -62,17 +65,29 @@ def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:
         def write(_: str, data: bytes) -> None:
             file.write(data)
 
-        return upscale_pictures(bundle.files, {name: path.name}, write, model=options.model, scale=options.scale)
+        return _upscaled(bundle, {name: path.name}, write, options)
 
 
 def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Options) -> Report:
     staged = Staged(path)
     try:
         with common.bar("picture", total=len(outputs)) as count:
-            report = upscale_pictures(
-                bundle.files, outputs, staged.write, model=options.model, scale=options.scale, progress=count
-            )
+            report = _upscaled(bundle, outputs, staged.write, options, count)
         staged.commit()
     finally:
         staged.discard()
     return report
+
+
+def _upscaled(
+    bundle: Bundle, outputs: Mapping[str, str], write: Write, options: Options, progress: Progress | None = None
+) -> Report:
+    return upscale_pictures(
+        bundle.files,
+        outputs,
+        write,
+        model=options.model,
+        scale=options.scale,
+        skipping=Skipping(options.skip == "exact", options.max_error),
+        progress=progress,
+    )

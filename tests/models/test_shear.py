@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.shear import MOST, WITHIN, whole_disparity
+from models.shear import MOST, WITHIN, luma, margined, whole_disparity
 
 PICTURE = np.random.default_rng(0).random((90, 80), dtype=np.float32)
 OFFSETS = [(0, 1), (1, 0), (0, -1), (-1, 0)]
@@ -29,3 +29,22 @@ def test_views_that_do_not_match_are_not_moved():
 def test_small_and_flat_views_are_not_moved(shape):
     flat = np.full(shape, 0.5, np.float32)
     assert whole_disparity(flat, dict.fromkeys(OFFSETS, flat)) == 0
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.integers(1, 60), st.integers(1, 60), st.sampled_from([np.uint8, np.uint16]), st.integers(0, 99))
+def test_luma_is_the_same_to_the_bit_wherever_a_colour_stands(height, width, dtype, seed):
+    colours = np.random.default_rng(seed).integers(0, np.iinfo(dtype).max, (2, 3), dtype, endpoint=True)
+    picture = np.tile(colours[0], (height, width, 1))
+    assert np.unique(luma(picture)).size == 1
+    picture[::2] = colours[1]
+    assert luma(picture)[-1, -1] == luma(picture[-1:, -1:])[0, 0]
+
+
+@pytest.mark.parametrize("by", [-2, 0, 1])
+def test_a_part_comes_with_its_margin_and_edge_pixels_beyond_the_picture(by):
+    picture = np.arange(35, dtype=np.uint8).reshape(5, 7, 1)
+    got = margined(picture, (slice(1, 4), slice(3, 7)), by)
+    wide = np.pad(picture, ((4, 4), (4, 4), (0, 0)), mode="edge")
+    margin = 2 * abs(by)
+    np.testing.assert_array_equal(got, wide[5 - margin : 8 + margin, 7 - margin : 11 + margin])

@@ -93,3 +93,17 @@ def test_runs_stay_within_their_limits():
     tiles.apply(run, np.zeros((2, 3, 50, 50), np.float32), scale=1, radius=1, window=400, batch=100)
     assert {shape[0] for shape in seen} == {1}
     assert max(shape[2] * shape[3] for shape in seen) <= 400
+
+
+def test_a_tile_of_a_tile_is_placed_and_keeps_no_more():
+    outer = tiles.Tile(np.s_[10:40, 20:50], np.s_[14:36, 24:50])
+    inner = tiles.Tile(np.s_[0:12, 9:30], np.s_[0:8, 13:30]).within(outer)
+    assert inner == tiles.Tile(np.s_[10:22, 29:50], np.s_[14:18, 33:50])
+    assert inner.inside(outer.window) == np.s_[0:12, 9:30]
+
+
+def test_a_tile_of_which_nothing_is_kept_is_empty():
+    outer = tiles.Tile(np.s_[10:40, 0:30], np.s_[14:36, 0:30])
+    rows, cols = tiles.Tile(np.s_[0:6, 0:30], np.s_[0:3, 0:30]).within(outer).kept
+    assert rows.start == rows.stop
+    assert cols == np.s_[0:30]

@@ -135,7 +135,7 @@ def as_the_stand_in_has_it(views, view):
 
 @pytest.fixture
 def stand_in(monkeypatch):
-    """The catalogue with `StandIn` as `field`, whatever is shipped."""
+    """The catalogue with `StandIn` as `field`, whatever is shipped, and no int8 twins in place of what is named."""
     entries = [entry for entry in catalogue.entries() if entry.name != catalogue.FIELD]
     (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
     further = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
@@ -148,6 +148,7 @@ def stand_in(monkeypatch):
         return network if (name, scale) == (catalogue.FIELD, 2) else load(name, scale=scale, threads=threads)
 
     monkeypatch.setattr(catalogue, "entries", lambda: entries)
+    monkeypatch.setattr(catalogue, "quickest", lambda name: name)
     monkeypatch.setattr(catalogue, "load_light_field", load_light_field)
     return network
 
@@ -160,6 +161,15 @@ def holds(line, words):
 def pytest_generate_tests(metafunc):
     if "bad_input" in metafunc.fixturenames:
         metafunc.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """Nothing is kept in the user's cache folder, nor taken from there."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CIIR_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.delenv("CIIR_STORE", raising=False)
+        yield
 
 
 @pytest.fixture(scope="session")

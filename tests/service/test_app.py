@@ -14,8 +14,8 @@ from models import catalogue
 from models.errors import BadCard
 from renderer.errors import InvalidOption, TooLarge
 from renderer.pictures import decode
+from service import answers, multipart, settings
 from service import app as app_module
-from service import multipart, settings
 from service.app import create_app
 from service.outputs import FORMATS, FileSink
 from service.request import NAMES, Options
@@ -48,7 +48,7 @@ def until(holds, seconds=30):
 
 @pytest.fixture(scope="module")
 def client():
-    with TestClient(create_app(Settings()), raise_server_exceptions=False) as client:
+    with TestClient(create_app(Settings(store_bytes=0)), raise_server_exceptions=False) as client:
         yield wait_until_ready(client)
 
 
@@ -115,7 +115,7 @@ def test_a_mesh(client, samples):
 
 def test_a_large_answer_goes_through_a_file(client, samples, eia, monkeypatch):
     whole = send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
-    monkeypatch.setattr(app_module, "MEMORY_BYTES", 100)
+    monkeypatch.setattr(answers, "MEMORY_BYTES", 100)
     monkeypatch.setattr(app_module, "CHUNK", 37)
     spooled = send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
     with np.load(io.BytesIO(whole.content)) as a, np.load(io.BytesIO(spooled.content)) as b:
@@ -199,6 +199,44 @@ def test_faults_of_the_server_are_problems_without_details(client, eia, monkeypa
     assert "secret" not in problem(client.get("/v1/models"), 500, "log")
 
 
+def test_a_result_asked_for_twice_is_made_once(samples, eia, monkeypatch, tmp_path):
+    runs = []
+    whole = answers.pipeline.reconstruct
+    monkeypatch.setattr(answers.pipeline, "reconstruct", lambda *a, **b: runs.append(a) or whole(*a, **b))
+    with TestClient(create_app(Settings(store=str(tmp_path)))) as client:
+        wait_until_ready(client)
+        first, again = (send(client, data=eia, lenses="6x9", views="cross", model="bicubic") for _ in range(2))
+        send(client, data=eia, lenses="6x9", views="cross", model="nearest")
+        png, stored = (send(client, data=eia, lenses="6x9", model="bicubic") for _ in range(2))
+    assert len(runs) == 3
+    for header in ("x-reconstruction-id", "etag", "content-type", "content-disposition"):
+        assert first.headers[header] == again.headers[header]
+    assert "stored;dur=" in again.headers["server-timing"]
+    assert "stored" not in first.headers["server-timing"]
+    with zipfile.ZipFile(io.BytesIO(first.content)) as a, zipfile.ZipFile(io.BytesIO(again.content)) as b:
+        reports = [json.loads(archive.read("report.json")) for archive in (a, b)]
+        assert a.namelist() == b.namelist()
+    assert {**reports[0], "timings_ms": 0} == {**reports[1], "timings_ms": 0}
+    assert png.content == stored.content
+
+
+def test_a_store_that_fails_is_no_matter_to_the_client(eia, tmp_path, caplog):
+    (tmp_path / "file").write_bytes(b"no folder")
+    with TestClient(create_app(Settings(store=str(tmp_path / "file")))) as client:
+        wait_until_ready(client)
+        assert send(client, data=eia, lenses="6x9", model="none").status_code == 200
+    assert str(tmp_path / "file") in caplog.text
+
+
+def test_results_are_stored_in_the_cache_folder_unless_told_otherwise(monkeypatch, tmp_path):
+    monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
+    assert Settings().open_store()._folder == tmp_path / "results"
+    monkeypatch.setenv("CIIR_STORE", str(tmp_path / "mine"))
+    assert Settings().open_store()._folder == tmp_path / "mine"
+    monkeypatch.setenv("CIIR_STORE_BYTES", "0")
+    assert settings.read().open_store() is None
+
+
 def test_limit_on_output_pixels(samples, eia):
     with TestClient(create_app(Settings(max_output_pixels=1000))) as client:
         wait_until_ready(client)
@@ -258,7 +296,7 @@ def test_work_ends_when_the_client_has_gone(eia, monkeypatch):
     import threading
 
     gone, made = threading.Event(), []
-    monkeypatch.setattr(app_module.pipeline, "BATCH_PIXELS", 1)  # a view at a time
+    monkeypatch.setattr(answers.pipeline, "BATCH_PIXELS", 1)  # a view at a time
 
     class SeesItLeave(FileSink):
         def add(self, view, pixels):
@@ -266,14 +304,14 @@ def test_work_ends_when_the_client_has_gone(eia, monkeypatch):
             gone.set()
             return super().add(view, pixels)
 
-    monkeypatch.setattr(app_module, "FileSink", SeesItLeave)
+    monkeypatch.setattr(answers, "FileSink", SeesItLeave)
     options = Options(lenses=(6, 9), views="all", model="none")
     given = Upload("a.png", io.BytesIO(eia), options, "zip")
     with pytest.raises(ClientDisconnect):
-        app_module._reconstruct(given, Settings(), gone)
+        app_module._reconstruct(given, Settings(), None, gone)
     assert len(made) == 1
     with pytest.raises(ClientDisconnect):  # and one that was waiting does not begin
-        app_module._reconstruct(given, Settings(), gone)
+        app_module._reconstruct(given, Settings(), None, gone)
     assert len(made) == 1
 
 
@@ -342,6 +380,7 @@ def test_settings_come_from_the_environment(monkeypatch):
     ("name", "value", "words"),
     [
         ("CIIR_WORKERS", "0", ["'0'", "1 to 64", "default of 2"]),
+        ("CIIR_STORE_BYTES", "-1", ["'-1'", "0 to"]),
         ("CIIR_MAX_BODY_BYTES", "many", ["'many'", "1024 to", "default of 67108864"]),
         ("CIIR_MAX_OUTPUT_PIXELS", "1.5", ["'1.5'", "whole number"]),
     ],

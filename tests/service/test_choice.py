@@ -2,7 +2,7 @@
 
 import pytest
 
-from models import catalogue
+from models import catalogue, processor
 from models.catalogue import DEFAULT, FIELD
 from models.errors import UnknownModel
 from service.choice import Job, check_model, choose
@@ -84,3 +84,15 @@ def test_a_name_that_nothing_has(stand_in):
         check_model(name)
     with pytest.raises(UnknownModel, match=r"no 'gpt' here; give one of field, .*nearest, auto, none$"):
         check_model("gpt")
+
+
+@pytest.mark.parametrize(("against", "twin", "why"), [("", "-int8", "int8"), ("it is too old", "", "it is too old")])
+def test_auto_takes_the_int8_twins_where_the_processor_is_made_for_them(monkeypatch, against, twin, why):
+    monkeypatch.setattr(processor, "against_int8", lambda: against)
+    for choice, model in ((pictures(), FIELD), (pictures(grid=(2, 2)), DEFAULT), (mesh(wanted=[(0, 0)]), DEFAULT)):
+        assert choice.model == model + twin
+        assert choice.reasons[0].startswith(f"auto: {model}{twin}, ")
+        assert choice.reasons[0].endswith(f"{why}{', which this processor is made for' if twin else ''}")
+    assert pictures(FIELD, grid=(2, 2)).model == DEFAULT + twin
+    assert pictures(FIELD).model == FIELD
+    assert pictures(DEFAULT).model == DEFAULT

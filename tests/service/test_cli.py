@@ -121,7 +121,7 @@ def test_models(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert [model["name"] for model in listed] == models.names()
     assert all(model["name"] in text for model in listed)
-    assert [model["name"] for model in listed if model["default"]] == [models.DEFAULT]
+    assert [model["name"] for model in listed if model["default"]] == [models.default()]
     assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
 
 
@@ -392,3 +392,76 @@ def test_every_command_has_help(command, capsys):
         main([command, "--help"])
     assert stop.value.code == 0
     assert capsys.readouterr().out.startswith(f"usage: ciir {command}")
+
+
+def test_what_may_be_skipped_can_be_told(samples, tmp_path, capsys):
+    picture = np.zeros((40, 60, 3), np.uint8)
+    picture[10:14, 10:14] = 200
+    (tmp_path / "a.png").write_bytes(encode(picture, ".png"))
+    argv = ["upscale", str(tmp_path / "a.png"), "--model", "fast"]
+    assert main([*argv, "-o", str(tmp_path / "b.png"), "--report", str(tmp_path / "b.json")]) == 0
+    assert main([*argv, "-o", str(tmp_path / "c.png"), "--report", str(tmp_path / "c.json"), "--skip", "none"]) == 0
+    exact, none = (json.loads((tmp_path / name).read_text())["skipped"] for name in ("b.json", "c.json"))
+    assert np.abs(read(tmp_path / "b.png").astype(int) - read(tmp_path / "c.png")).max() <= 1  # rounded once more
+    assert exact["pixels"] == none["pixels"] == 2400
+    assert exact["plain"] > 0.2
+    assert exact["saved_ms"] > 0
+    assert {name: none[name] for name in none if name != "pixels"} == dict.fromkeys(
+        ("plain", "repeated", "interpolated", "saved_ms"), 0
+    )
+    assert main([*argv, "-o", str(tmp_path / "d.png"), "--max-error", "1.5"]) == 0
+    capsys.readouterr()
+    line = fails(capsys, *argv, "-o", tmp_path / "d.png", "--max-error", "1", "--skip", "none")
+    assert samples.holds(line, ["max_error", "none skips nothing", "leave one of them out"])
+    assert "levels over 0" in fails(capsys, *argv, "-o", tmp_path / "d.png", "--max-error", "0")
+    assert "exact or none" in fails(capsys, *argv, "-o", tmp_path / "d.png", "--skip", "some")
+
+
+def test_skipping_of_a_reconstruction(cube_file, tmp_path):
+    argv = ["reconstruct", str(cube_file), "--model", "fast", *SMALL]
+    assert main([*argv, "-o", str(tmp_path / "a"), "--skip", "none"]) == 0
+    assert json.loads((tmp_path / "a" / "report.json").read_text())["plan"]["skipped"]["plain"] == 0
+
+
+def test_auto_that_promises_an_error_renders(cube_file, tmp_path):
+    argv = ["reconstruct", str(cube_file), "--strategy", "auto", "--max-error", "0.5", *SMALL]
+    assert main([*argv, "-o", str(tmp_path / "a")]) == 0
+    assert main(["reconstruct", str(cube_file), "--strategy", "direct", "-o", str(tmp_path / "b"), *SMALL]) == 0
+    report = json.loads((tmp_path / "a" / "report.json").read_text())
+    assert (report["plan"]["strategy"], report["plan"]["skipped"]) == ("direct", None)
+    assert np.array_equal(read(tmp_path / "a" / "view_01_02.png"), read(tmp_path / "b" / "view_01_02.png"))
+
+
+@pytest.mark.parametrize("name", ["out", "a.zip", "a.npz", "a.png"])
+def test_the_command_line_stores_results_where_a_folder_is_named(cube_file, tmp_path, monkeypatch, name):
+    from service import pipeline
+
+    argv = ["reconstruct", str(cube_file), "--model", "bicubic", *SMALL]
+    runs = []
+    whole = pipeline.reconstruct
+    monkeypatch.setattr(pipeline, "reconstruct", lambda *a, **b: runs.append(a) or whole(*a, **b))
+    places = [tmp_path / folder / name for folder in ("plain", "first", "again")]
+    for place in places:
+        place.parent.mkdir()
+        assert main([*argv, "-o", str(place), "--report", str(place.parent / "r.json")]) == 0
+        monkeypatch.setenv("CIIR_STORE", str(tmp_path / "store"))
+    assert len(runs) == 2  # plain, and the first with a store
+    reports = [json.loads((place.parent / "r.json").read_text()) for place in places]
+    assert ["stored" in report["timings_ms"] for report in reports] == [False, False, True]
+    assert reports[0] | {"timings_ms": 0} == reports[1] | {"timings_ms": 0} == reports[2] | {"timings_ms": 0}
+    if name == "out":
+        names = [sorted(path.name for path in place.iterdir()) for place in places]
+        assert names[0] == names[1] == names[2]
+        pictures = [(place / "view_01_02.png").read_bytes() for place in places]
+        assert pictures[0] == pictures[1] == pictures[2]
+        assert json.loads((places[2] / "report.json").read_text()) == reports[2]
+    if name == "a.png":
+        assert places[0].read_bytes() == places[1].read_bytes() == places[2].read_bytes()
+
+
+def test_a_store_that_fails_is_a_note(cube_file, tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").write_bytes(b"no folder")
+    monkeypatch.setenv("CIIR_STORE", str(tmp_path / "file"))
+    assert main(["reconstruct", str(cube_file), "--model", "bicubic", *SMALL, "-o", str(tmp_path / "a.png")]) == 0
+    assert "ciir: note: the result can't be stored" in capsys.readouterr().err
+    assert read(tmp_path / "a.png").shape == (24, 20, 3)

@@ -104,8 +104,8 @@ def test_views_are_let_go_of(cube, stand_in, monkeypatch):
     kept = []
     opened = pipeline.opened
 
-    def noted(plan, grid):
-        enlarge = opened(plan, grid)
+    def noted(plan, grid, *options):
+        enlarge = opened(plan, grid, *options)
         return lambda views, wanted: kept.append(len(views)) or enlarge(views, wanted)
 
     monkeypatch.setattr(pipeline, "opened", noted)
@@ -140,9 +140,8 @@ def test_views_that_only_help_count_for_the_limit(cube, stand_in):
         reconstruct(cube, options, NpzSink(io.BytesIO()), max_pixels=9 * 120 - 1)
 
 
-@pytest.mark.parametrize("options", [{"strategy": "direct"}, {"strategy": "auto"}])
-def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in, options):
-    _, report = run(cube, views="all", **MESH, **options)
+def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in):
+    _, report = run(cube, views="all", strategy="direct", **MESH)
     assert (report["plan"]["strategy"], report["plan"]["model"], report["model"]) == ("direct", "none", None)
 
 
@@ -174,6 +173,7 @@ def test_what_was_made_from_views_alone_is_told(samples, stand_in):
 
 def test_the_network_that_is_shipped(samples):
     views, report = run(Bundle.from_upload("eia.png", encode_png(samples.EIA)), lenses=(6, 9), views="0,0;1,2")
-    assert report["plan"]["model"] == "field"
+    assert report["plan"]["model"] == catalogue.field()
+    assert report["model"]["alone"]["name"] == catalogue.default()
     assert views[1, 2].shape == (12, 18, 3)
     assert len(report["model"]["sha256"]) == 64

@@ -1,5 +1,6 @@
 import io
 import json
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,15 @@ def run(source, **options):
 @pytest.fixture
 def cube(samples):
     return Bundle.from_upload("cube.off", samples.CUBE)
+
+
+def test_an_error_that_buys_nothing_is_noted(cube):
+    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="fast", max_error=2.0, backend="raytrace")
+    assert any(note.startswith("max_error: nothing was interpolated, as that would") for note in report["notes"])
+    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="bicubic", max_error=2.0, backend="raytrace")
+    assert any("nothing was learnt of how far bicubic" in note for note in report["notes"])
+    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="field", max_error=2.0, backend="raytrace")
+    assert any("views that help one another never are" in note for note in report["notes"])
 
 
 def eia_bundle(eia):
@@ -339,3 +349,73 @@ def test_the_duck_with_five_views():
         assert not pixels[[0, -1]].any()  # nothing is cut off
         assert not pixels[:, [0, -1]].any()
     assert report["input"]["triangles"] == 4212
+
+
+def pipeline_threads():
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith(("views", "upscale"))]
+
+
+@pytest.mark.parametrize("model", ["none", "bicubic", "fast"])
+@pytest.mark.parametrize("pixels", [1, 700, 4_000_000])
+def test_stages_overlap_and_the_result_is_the_same(cube, monkeypatch, model, pixels):
+    want, told = run(cube, views="all", model=model, **SMALL)
+    monkeypatch.setattr(pipeline, "BATCH_PIXELS", pixels)
+    views, report = run(cube, views="all", model=model, **SMALL)
+    assert list(views) == list(want) == [(v, u) for v in range(3) for u in range(5)]
+    for view, picture in views.items():
+        np.testing.assert_array_equal(picture, want[view])
+    assert report["plan"]["skipped"] is None or report["plan"]["skipped"]["pixels"] == told["plan"]["skipped"]["pixels"]
+    assert pipeline_threads() == []
+
+
+@pytest.mark.parametrize("stage", ["render", "upscale", "encode", "progress"])
+@pytest.mark.parametrize("turn", [0, 1, 14])
+def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
+    """Each stage fails at a turn of one view; what comes before it was written, and nothing after."""
+    monkeypatch.setattr(pipeline, "BATCH_PIXELS", 1)
+    seen = {"render": 0, "upscale": 0, "encode": 0, "progress": 0}
+
+    def failing(name, call):
+        def counted(*args, **kwargs):
+            seen[name] += 1
+            if name == stage and seen[name] == turn + 1:
+                raise OSError(f"{name} {turn}")
+            return call(*args, **kwargs)
+
+        return counted
+
+    monkeypatch.setattr(pipeline.MeshViews, "take", failing("render", pipeline.MeshViews.take))
+    opened = pipeline.opened
+    monkeypatch.setattr(pipeline, "opened", lambda *args: failing("upscale", opened(*args)))
+    sink = Kept()
+    sink.add = failing("encode", sink.add)
+    options = Options(views="all", model="bicubic", **SMALL)
+    with pytest.raises(OSError, match=f"^{stage} {turn}$"):
+        reconstruct(cube, options, sink, progress=failing("progress", lambda _: None))
+    assert len(sink.views) == turn + (stage == "progress")
+    assert seen["render"] <= turn + 5  # no more were begun than wait in two queues
+    assert sink.report is None
+    assert pipeline_threads() == []
+
+
+def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypatch):
+    monkeypatch.setattr(pipeline, "BATCH_PIXELS", 1)
+    rendered = threading.Event()
+    take = pipeline.MeshViews.take
+
+    def second_fails(self, pictures, count):
+        if rendered.is_set():
+            raise OSError("the second view")
+        rendered.set()
+        return take(self, pictures, count)
+
+    monkeypatch.setattr(pipeline.MeshViews, "take", second_fails)
+    sink = Kept()
+
+    def first_fails(view, pixels):
+        raise OSError("the first view")
+
+    sink.add = first_fails
+    with pytest.raises(OSError, match="the first view"):
+        reconstruct(cube, Options(views="all", model="bicubic", **SMALL), sink)
+    assert pipeline_threads() == []

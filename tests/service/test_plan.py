@@ -1,15 +1,16 @@
 import pytest
 
-from models.catalogue import DEFAULT
+from models.catalogue import default
 from models.errors import UnknownModel
 from renderer.errors import InvalidOption, TooLarge
+from renderer.scenes import scene
 from service import plan
 from service.choice import Job
 from service.request import Options
 
 
 def mesh(**options):
-    return plan.make(Options(**options), Job("a.glb", True, (15, 15), False, [(7, 7)]))
+    return plan.make(Options(**options), Job("a.glb", True, (15, 15), False, [(7, 7)]), mesh=scene("vase"))
 
 
 def pictures(**options):
@@ -18,7 +19,7 @@ def pictures(**options):
 
 def test_upscaling_is_the_default():
     for made in (mesh(), pictures()):
-        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", DEFAULT, 2, 1)
+        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", default(), 2, 1)
         assert not made.is_light_field
 
 
@@ -28,9 +29,7 @@ def test_direct_averages_over_cells_and_needs_no_model():
 
 
 def test_auto_says_why():
-    assert mesh(strategy="auto").strategy == "direct"
     assert pictures(strategy="auto").strategy == "upscale"
-    assert any("mesh" in reason for reason in mesh(strategy="auto").reasons)
     assert any("pictures" in reason for reason in pictures(strategy="auto").reasons)
 
 
@@ -41,8 +40,16 @@ def test_without_a_model_nothing_is_enlarged():
 
 
 def test_without_a_model_auto_leaves_views_as_they_are():
-    made = mesh(model="none", strategy="auto", scale=4)
+    made = mesh(model="none", strategy="auto", scale=4, max_error=1.0)
     assert (made.strategy, made.model, made.enlarge) == ("upscale", "none", 1)
+
+
+def test_auto_promises_an_error_only_where_it_is_exact():
+    made = mesh(strategy="auto", max_error=250.0)
+    assert (made.strategy, made.model, made.samples) == ("direct", "none", 4)
+    assert made.reasons[0].startswith("auto: views rendered at the larger size are exact")
+    assert mesh(strategy="upscale", max_error=1.0).strategy == "upscale"
+    assert pictures(strategy="auto", max_error=1.0).strategy == "upscale"
 
 
 @pytest.mark.parametrize("strategy", ["upscale", "direct", "auto"])

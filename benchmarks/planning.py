@@ -1,0 +1,158 @@
+"""`--strategy auto` held against both fixed strategies, and what it predicts against what was measured.
+
+    python -m benchmarks.planning [--rounds 5] [--lenses 25 50 100 200] [--mesh FILE ...] [--json FILE]
+
+Whole jobs from bytes or scene to an npz in memory, warm, taking turns in one process: upscale, direct, auto. A row for
+each mesh, lens count, sampling and choice of views: the quickest of all rounds, the strategy that `auto` took with what
+it predicted, and by how much it is slower than the best fixed one in the same round (median). `!` marks more than 15 %.
+The last lines sum up: the worst of all, what always taking one strategy would have cost in its worst row, and how far
+predictions were off.
+
+Then the error that is promised: `auto` with `--max-error` against `direct`, root mean square in levels of 255.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import statistics
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from benchmarks.machine import describe
+from renderer.bundle import Bundle
+from renderer.scenes import SCENES
+from service.outputs import FileSink
+from service.pipeline import reconstruct
+from service.request import Options, Strategy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from service.report import Report
+    from service.source import Source
+
+LENSES = (25, 50, 100, 200)
+VIEWS = ("center", "cross", "all")
+SAMPLINGS = ("pinhole", "lenslet")
+STRATEGIES = get_args(Strategy)
+SLOWER = 0.15
+"""By how much `auto` may be slower than the best fixed strategy."""
+MAX_ERROR = 1.0
+"""Levels that are promised in the second table."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints the tables; `--json` writes every time. Returns 1 where a promise didn't hold."""
+    parser = argparse.ArgumentParser(prog="benchmarks.planning", description=main.__doc__)
+    parser.add_argument("--rounds", type=int, default=5, help="times that each job runs (default 5)")
+    parser.add_argument("--lenses", type=int, nargs="+", default=LENSES, help="of arrays N x N")
+    parser.add_argument("--views", nargs="+", default=VIEWS, help="choices of views (default: center cross all)")
+    parser.add_argument("--mesh", type=Path, nargs="+", default=[], help="mesh files beside the shipped scenes")
+    parser.add_argument("--json", type=Path, help="file for all rows, milliseconds")
+    given = parser.parse_args(argv)
+    sources: dict[str, Source] = {name: name for name in SCENES} | {
+        path.stem: Bundle.from_path(path) for path in given.mesh
+    }
+    machine = describe()
+    sys.stdout.write(f"{machine['processor']}, {machine['cores']} cores, {given.rounds} rounds; milliseconds\n")
+    sys.stdout.write("mesh         lenses  sampling views    upscale    direct      auto  took     predicted  slower\n")
+    rows = []
+    for row in _rows(sources, given.lenses, given.views, given.rounds):
+        rows.append(row)
+        sys.stdout.write(line(row))
+        sys.stdout.flush()
+    worst = max(rows, key=slower)
+    sys.stdout.write(f"auto: {100 * slower(worst):.0f} % slower than the best at worst ({worst['mesh']})\n")
+    for strategy in STRATEGIES[:2]:
+        ratio = max(row[strategy] / min(row["upscale"], row["direct"]) for row in rows)
+        sys.stdout.write(f"always {strategy}: {ratio:.1f} times the best at worst\n")
+    off = sorted(row["predicted"] / row["work"] for row in rows)
+    sys.stdout.write(f"predicted / measured: {statistics.median(off):.2f} (from {off[0]:.2f} to {off[-1]:.2f})\n")
+    error = max(_error(source) for source in sources.values())
+    sys.stdout.write(f"max_error {MAX_ERROR}: {error:.3f} levels at worst\n")
+    if given.json:
+        given.json.write_text(json.dumps({"machine": machine, "rows": rows}, indent=1))
+    return int(slower(worst) > SLOWER or error > MAX_ERROR)
+
+
+def slower(row: dict[str, Any]) -> float:
+    """By how much `auto` is slower than the best fixed strategy: the median of rounds, each by itself."""
+    rounds = row["rounds"]
+    best = min(("upscale", "direct"), key=row.__getitem__)
+    ratios = [auto / fixed for auto, fixed in zip(rounds["auto"], rounds[best], strict=True)]
+    return float(statistics.median(ratios)) - 1
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row of the table."""
+    mark = " !" if slower(row) > SLOWER else ""
+    return (
+        f"{row['mesh']:12s} {row['lenses']:6d}  {row['sampling']:8s} {row['views']:6s} {row['upscale']:10.1f}"
+        f"{row['direct']:10.1f}{row['auto']:10.1f}  {row['took']:8s} {row['predicted']:9.1f} {100 * slower(row):6.0f} %"
+        f"{mark}\n"
+    )
+
+
+def _rows(
+    sources: dict[str, Source], lenses: Sequence[int], views: Sequence[str], rounds: int
+) -> Iterator[dict[str, Any]]:
+    for name, source in sources.items():
+        for count in lenses:
+            for sampling in SAMPLINGS:
+                for chosen in views:
+                    asked = {"lenses": (count, count), "sampling": sampling, "views": chosen}
+                    row = {"mesh": name, "lenses": count, "sampling": sampling, "views": chosen}
+                    yield row | _measured(source, asked, rounds)
+
+
+def _measured(source: Source, asked: dict[str, Any], rounds: int) -> dict[str, Any]:
+    """The quickest of `rounds` by strategy, after one that warms up, and what `auto` said."""
+    times: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
+    report: Report = {}
+    work = []
+    for _ in range(rounds + 1):
+        for strategy in STRATEGIES:
+            begun = time.perf_counter()
+            report = _run(source, Options(**asked, strategy=strategy))[0]
+            times[strategy].append(1000 * (time.perf_counter() - begun))
+        work.append(sum(report["timings_ms"].get(stage, 0.0) for stage in ("render", "upscale")))
+    took = report["plan"]["strategy"]
+    (reason,) = [text for text in report["plan"]["reasons"] if " ms here" in text]
+    predicted = float(reason.partition(" ms here")[0].rpartition(" ")[2])
+    rounds_of = {strategy: taken[1:] for strategy, taken in times.items()}
+    best = {strategy: min(taken) for strategy, taken in rounds_of.items()}
+    return best | {"took": took, "predicted": predicted, "work": min(work[1:]), "rounds": rounds_of}
+
+
+def _error(source: Source) -> float:
+    """Levels, root mean square, between `auto` with `MAX_ERROR` and `direct`, at worst over lenses and samplings."""
+    found = [0.0]
+    for count in (25, 100):
+        for sampling in SAMPLINGS:
+            asked: dict[str, Any] = {"lenses": (count, count), "sampling": sampling}
+            truth = _run(source, Options(**asked, strategy="direct"))[1]
+            views = _run(source, Options(**asked, strategy="auto", max_error=MAX_ERROR))[1]
+            found.append(float(np.sqrt(np.mean((views.astype(np.float64) - truth) ** 2))))
+    return max(found)
+
+
+def _run(source: Source, options: Options) -> tuple[Report, NDArray[np.uint8]]:
+    """The report, and the views `(n, H, W, 3)`."""
+    file = io.BytesIO()
+    with FileSink(file, "npz") as sink:
+        report = reconstruct(source, options, sink)
+    file.seek(0)
+    with np.load(file) as arrays:
+        return report, arrays["views"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

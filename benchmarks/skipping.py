@@ -1,0 +1,186 @@
+"""What exact skipping wins on views with something around the object, and what it costs where there is nothing.
+
+    python -m benchmarks.skipping [--model NAME ...] [--lenses 100 200 512] [--mesh FILE ...] [--rounds 11]
+
+Middle views of the shipped scenes, through the upscale stage alone, with and without it, in turns within one process;
+times are medians, and how much faster is the median over rounds of the ratio of the two, which load hits alike.
+`covered` is the share of the view with alpha > 0, `box` that of the object's bounding box, `seen` that which went
+through the network, halo included. `differs`: levels of 255, at most; 0 for int8 networks. Below, views without
+background, of which nothing can be left out: with corners that differ, which tells at once, and with corners alike;
+`costs` is how much longer they took.
+
+A network that sees r far needs 2*r around what differs, as it has zeros around what it is given: of 100x100 pixels with
+r = 8, a third of each side. What else was tried, all of it the same to the bit with `fast-int8`:
+
+- edge pixels repeated before every layer in place of zeros. Around the object all features are constant, so r is
+  enough; but onnxruntime's `Pad` took as much time as the smaller box won;
+- that before every second or fourth layer, and no padding in between. It wins, least on large views, but takes a second
+  file for each network, and where the object is nearer than 2*r to an edge of the view that axis needs the zeros;
+- boxes cut in two along rows or columns where that saves enough (`models.skip.boxes`, which does so): the globe at 512
+  lenses gains; at 100 and 200 the halo that a cut adds costs what it saves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models import catalogue
+from models.pixels import upscale_pixels
+from models.skip import EXACT, NOTHING, Tally
+from models.views import upscale_views
+from renderer.bundle import Bundle
+from renderer.framing import frame
+from renderer.lens_array import LensArray
+from renderer.raytrace import RaytraceBackend
+from renderer.scenes import SCENES, scene
+from service.request import Options
+from service.source import Input
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from models.skip import Skipping
+    from renderer.scene import Scene
+
+    View = NDArray[np.uint8]
+    Upscale = Callable[[Skipping, Tally], NDArray[np.uint8]]
+
+MODELS = ("fast-int8", "field-int8")
+MIDDLE, SIDE = 7, 5
+"""Of 15x15 views, the one that is upscaled; and the window around it, for light-field networks."""
+FULL = (50, 100, 200)
+"""Sizes of the views without background."""
+PIXELS = 400 * 400
+"""Small views take so many more rounds, up to 20 times, that as many pixels go through them."""
+
+
+class Row(NamedTuple):
+    """One view, with and without skipping."""
+
+    skipping: float
+    """Milliseconds, median."""
+    whole: float
+    tally: Tally
+    ratio: float
+    """How many times faster skipping is: median over rounds."""
+    differs: int
+
+    @property
+    def seen(self) -> float:
+        """Share of the view that went through the network."""
+        return 1 - (self.tally.plain + self.tally.repeated) / self.tally.pixels
+
+
+def measured(upscale: Upscale, rounds: int) -> Row:
+    """Both in turns, each first in every other round; the first round of each doesn't count."""
+    tally = Tally()
+    pair = [upscale(EXACT, tally).astype(int), upscale(NOTHING, Tally()).astype(int)]
+    times: dict[bool, list[float]] = {True: [], False: []}
+    for number in range(rounds):
+        for is_skipping in (number % 2 == 0, number % 2 == 1):
+            begun = time.perf_counter()
+            upscale(EXACT if is_skipping else NOTHING, Tally())
+            times[is_skipping].append(1000 * (time.perf_counter() - begun))
+    skipped, whole = (statistics.median(times[key]) for key in (True, False))
+    ratio = statistics.median(slow / quick for quick, slow in zip(times[True], times[False], strict=True))
+    return Row(skipped, whole, tally, ratio, int(np.abs(pair[0] - pair[1]).max()))
+
+
+def upscaler(name: str, views: dict[tuple[int, int], View]) -> Upscale:
+    """What model `name` makes of the middle one of `SIDE` x `SIDE` views `(H, W, 3)`; it opens the model."""
+    middle = (SIDE // 2, SIDE // 2)
+    if next(entry for entry in catalogue.entries() if entry.name == name).is_light_field:
+        network, alone = catalogue.load_light_field(name), catalogue.load(catalogue.DEFAULT)
+
+        def together(skipping: Skipping, tally: Tally) -> NDArray[np.uint8]:
+            made, _ = upscale_views(network, alone, views, [middle], (SIDE, SIDE), skipping=skipping, tally=tally)
+            return made.astype(np.uint8)
+
+        return together
+    model, picture = catalogue.load(name), np.ascontiguousarray(views[middle][np.newaxis])
+    return lambda skipping, tally: upscale_pixels(model, picture, skipping=skipping, tally=tally)
+
+
+def rendered(mesh: Scene, lenses: int) -> dict[tuple[int, int], View]:
+    """RGBA views of the window about the middle one, `(lenses, lenses, 4)`, numbered from 0."""
+    array = LensArray(lenses, lenses, 15, 15)
+    low = MIDDLE - SIDE // 2
+    at = [(v, u) for v in range(low, low + SIDE) for u in range(low, low + SIDE)]
+    made = RaytraceBackend().views(mesh.transformed(frame(mesh, array)), array, at, samples=1)
+    return {(v - low, u - low): view for (v, u), view in zip(at, made, strict=True)}
+
+
+def shares(view: View) -> tuple[float, float]:
+    """Of an RGBA view: the share that the object covers, and that of its bounding box."""
+    covered = view[..., 3] > 0
+    sides = [np.ptp(np.flatnonzero(covered.any(axis=axis))) + 1 for axis in (0, 1)] if covered.any() else [0, 0]
+    return float(covered.mean()), float(sides[0] * sides[1] / covered.size)
+
+
+def full(size: int, *, alike: bool) -> dict[tuple[int, int], View]:
+    """Views of noise, `(size, size, 3)`; `alike`: with black corners."""
+    random = np.random.default_rng(0)
+    view = random.integers(1, 256, (size, size, 3)).astype(np.uint8)
+    if alike:
+        view[:: size - 1, :: size - 1] = 0
+    return {(v, u): view for v in range(SIDE) for u in range(SIDE)}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints a row for each model, scene and size, and one for each view without background."""
+    parser = argparse.ArgumentParser(prog="benchmarks.skipping", description=main.__doc__)
+    parser.add_argument("--model", nargs="*", default=MODELS, help=f"names (default {' '.join(MODELS)})")
+    parser.add_argument("--lenses", type=int, nargs="*", default=[100, 200, 512], help="along each side, of the scenes")
+    parser.add_argument("--full", type=int, nargs="*", default=FULL, help="sides of the views without background")
+    parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="mesh files beside the shipped scenes")
+    parser.add_argument("--rounds", type=int, default=11, help="times that each row runs at least (default 11)")
+    given = parser.parse_args(argv)
+    scenes = {name: scene(name) for name in SCENES}
+    scenes |= {path.stem: Input(Bundle.from_path(path)).read_mesh(Options()) for path in given.mesh}
+
+    def rounds(size: int) -> int:
+        return int(given.rounds * min(20, max(1, PIXELS // size**2)))
+
+    _write(("model", "scene", "lenses", "covered", "box", "seen", "ms with", "without", "faster", "differs"))
+    for name, mesh in scenes.items():
+        for size in given.lenses:
+            seen = rendered(mesh, size)
+            covered, box = shares(seen[SIDE // 2, SIDE // 2])
+            views = {at: np.ascontiguousarray(view[..., :3]) for at, view in seen.items()}
+            for model in given.model:
+                row = measured(upscaler(model, views), rounds(size))
+                words = [f"{value:.3f}" for value in (covered, box, row.seen)]
+                words += [
+                    f"{row.skipping:.1f}",
+                    f"{row.whole:.1f}",
+                    f"{row.ratio:.2f}",
+                    str(row.differs),
+                ]
+                _write((model, name, str(size), *words))
+    sys.stdout.write("\n")
+    _write(("model", "corners", "pixels", "ms with", "without", "costs"))
+    for size in given.full:
+        for alike in (False, True):
+            for model in given.model:
+                row = measured(upscaler(model, full(size, alike=alike)), rounds(size))
+                costs = (f"{row.skipping:.2f}", f"{row.whole:.2f}", f"{100 / row.ratio - 100:+.1f} %")
+                _write((model, "alike" if alike else "differ", str(size), *costs))
+    return 0
+
+
+def _write(words: Sequence[str]) -> None:
+    sys.stdout.write(f"{words[0]:12s}{words[1]:12s}" + "".join(f"{word:>9s}" for word in words[2:]) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

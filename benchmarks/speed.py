@@ -1,0 +1,300 @@
+"""How fast the default path is, against what it replaces and against what the processor can do at all.
+
+    python -m benchmarks.speed [--rounds 5] [--mesh FILE] [--eia FILE] [--only view|array|idle|png|memory ...]
+
+`view`: a view of 512x512 pixels to 1024x1024, the model that `auto` takes for single pictures against the paper's
+generator in float, both by onnxruntime; pixels to pixels, and the network alone. The view is noise, so that nothing can
+be skipped. The processor's peak is the quickest product of two matrices of 1024x1024 by onnxruntime on all cores, float
+and int8 (MatMul, MatMulInteger), in the same rounds; a network's share of it is by its card's multiply-adds. Both
+are of the quickest quarter of the rounds.
+
+`array`: a mesh to a whole upscaled elemental image array, 50x50 lenses of 15x15 pixels to 100x100 of 15x15: all 225
+views, each doubled, interleaved again. Against the field's usual way: a perspective render for each lens, its pixels
+mapped into views, the paper's generator in float on each. From bytes in memory to the array in memory.
+
+`idle`: a small view through the default model, alone and just after each of six other sessions has run; and what those
+take of the processor while nobody calls them.
+
+`png`: PNG coding as it is against libpng's at level 1 with the Paeth filter, of upscaled views and of an elemental
+image array: time and size.
+
+`memory`: most resident memory of a process that upscales all 225 views of 200x200 lenses into a zip.
+
+Jobs take turns in one process, so that what slows the machine slows all; ratios are medians over rounds. Exit status 1
+where a bound does not hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import imagecodecs
+import numpy as np
+
+from benchmarks.bench.timing import alone, in_turns
+from benchmarks.bench.work import views
+from models import catalogue
+from models.pixels import upscale_pixels
+from models.session import Network, available_cores, open_session
+from models.skip import NOTHING
+from renderer import pictures
+from renderer.backends import open_backend
+from renderer.bundle import Bundle
+from renderer.framing import frame
+from renderer.light_field import LightField
+from renderer.scenes import SCENES
+from service.pipeline import reconstruct
+from service.plan import mesh_array
+from service.request import Options
+from service.source import Input
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from models.card import Card
+    from service.report import Report
+    from service.source import Source
+
+    Job = Callable[[], dict[str, float]]
+    Checked = tuple[str, bool]
+    """A line of the table that states a bound, and whether it holds."""
+
+PAPER = "paper"
+SIDE = 512
+GEMM = 1024
+"""Rows and columns of the matrices that show the peak: 1.1 G multiply-adds, in and out of the cache as layers are."""
+LENSES, PIXELS = (50, 50), (15, 15)
+MOST_SECONDS, VIEW_RATIO, ARRAY_RATIO, MOST_MIB = 3.0, 10.0, 6.0, 1.2e9 / 2**20
+"""The bounds: of the whole array, of a view and the array against the usual way, and of memory."""
+OTHERS = 6
+MESH, EIA = Path("../shared/data/meshes/duck.glb"), Path("../shared/data/lightfields/eia-200x200x15.jpg")
+
+
+class Interleaved:
+    """A sink that puts the views together to an elemental image array."""
+
+    def __init__(self, pixels: tuple[int, int]) -> None:
+        self._pixels = pixels
+        self.array: NDArray[Any] = np.empty((0, 0, 0), np.uint8)
+        self.report: Report = {}
+
+    def begin(self, count: int) -> None:
+        """All views are expected: `pixels` says how many."""
+        assert count == self._pixels[0] * self._pixels[1]  # noqa: S101 - asked for with views=all
+
+    def add(self, view: tuple[int, int], pixels: NDArray[Any]) -> str:
+        """Puts view (v, u) at every lens's pixel (v, u)."""
+        rows, cols, channels = pixels.shape
+        if not self.array.size:
+            self.array = np.empty((rows * self._pixels[0], cols * self._pixels[1], channels), pixels.dtype)
+        self.array[view[0] :: self._pixels[0], view[1] :: self._pixels[1]] = pixels
+        return ""
+
+    def finish(self, report: Report) -> None:
+        """Keeps the report."""
+        self.report = report
+
+
+def timed(work: Callable[[], object]) -> Job:
+    """`work` as a job of `in_turns`."""
+
+    def run() -> dict[str, float]:
+        begun = time.perf_counter()
+        work()
+        return {"total": 1e3 * (time.perf_counter() - begun)}
+
+    return run
+
+
+def quickest(work: Callable[[], object], times: int = 10) -> Job:
+    """The quickest of some runs of `work` as a job: what nothing else on the machine held up."""
+    return lambda: min((timed(work)() for _ in range(times)), key=lambda run: run["total"])
+
+
+def multiply_adds(card: Card, height: int, width: int) -> float:
+    """Of a network for a picture of `height x width` input pixels."""
+    return card.macs_per_output_pixel * height * width * card.scale**2
+
+
+def product(*, int8: bool, side: int = GEMM) -> Callable[[], object]:
+    """One product of two matrices of `side x side` by onnxruntime, the second a constant, as weights are."""
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
+
+    random = np.random.default_rng(0)
+    kinds = (TensorProto.UINT8, TensorProto.INT32) if int8 else (TensorProto.FLOAT, TensorProto.FLOAT)
+    left: NDArray[Any] = random.integers(0, 256, (side, side)).astype(np.uint8 if int8 else np.float32)
+    right = random.integers(-127, 128, (side, side)).astype(np.int8 if int8 else np.float32)
+    graph = helper.make_graph(
+        [helper.make_node("MatMulInteger" if int8 else "MatMul", ["a", "b"], ["c"])],
+        "product",
+        [helper.make_tensor_value_info("a", kinds[0], [side, side])],
+        [helper.make_tensor_value_info("c", kinds[1], [side, side])],
+        [numpy_helper.from_array(right, "b")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    session = open_session(onnx.ModelProto.SerializeToString(model), available_cores())
+    return lambda: session.run(["c"], {"a": left})
+
+
+def network(name: str) -> Network:
+    """A shipped network of single pictures."""
+    return Network(catalogue.SHIPPED / f"{name}.json")
+
+
+def view(rounds: int) -> Iterator[str | Checked]:
+    """A view by the default and by the paper's generator, and the share of the peak that each reaches."""
+    pixels = np.random.default_rng(0).integers(0, 256, (1, SIDE, SIDE, 3), np.uint8)
+    planes = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2), np.float32) / np.float32(255)
+    default = catalogue.default()
+    networks = {name: network(name) for name in (PAPER, default)}
+    jobs = {"float GEMM": quickest(product(int8=False)), "int8 GEMM": quickest(product(int8=True))}
+    for name, model in networks.items():
+        jobs[name] = timed(partial(upscale_pixels, model, pixels))
+        jobs[f"{name} alone"] = timed(partial(model.run, **{model.card.input.name: planes}))
+    whole = in_turns(jobs, rounds, reference=PAPER)
+    yield f"view {SIDE}x{SIDE} -> {2 * SIDE}x{2 * SIDE}, {rounds} rounds"
+    peaks = {"float32": GEMM**3 / whole["float GEMM"].low, "int8": GEMM**3 / whole["int8 GEMM"].low}
+    for precision, peak in peaks.items():
+        yield f"  peak {precision}: {peak / 1e6:.0f} G multiply-adds a second"
+    for name, model in networks.items():
+        needed = multiply_adds(model.card, SIDE, SIDE)
+        share = needed / whole[f"{name} alone"].low / peaks[model.card.precision]
+        yield (
+            f"  {name}: {whole[name].median:.0f} ms, alone {whole[f'{name} alone'].median:.0f} ms, "
+            f"{needed / whole[f'{name} alone'].low / 1e6:.0f} G a second, {100 * share:.0f} % of the peak "
+            f"of {model.card.precision}"
+        )
+    alone_ratio = whole[f"{PAPER} alone"].median / whole[f"{default} alone"].median
+    yield f"  {default} alone: {alone_ratio:.1f} times faster than {PAPER} alone"
+    ratio = whole[default].ratio or 0.0
+    yield (
+        f"  {default}: {ratio:.1f} times faster than {PAPER}, at least {VIEW_RATIO:.0f} asked for",
+        ratio >= VIEW_RATIO,
+    )
+
+
+def upscaled(source: Source, options: Options) -> Interleaved:
+    """All views of a mesh by the pipeline, interleaved."""
+    sink = Interleaved(PIXELS)
+    reconstruct(source, options, sink)
+    return sink
+
+
+def usual(source: Source, options: Options) -> NDArray[np.uint8]:
+    """The same array by a perspective render for each lens and `PAPER` on each view, nothing skipped."""
+    array = mesh_array(options)
+    scene = Input(source).read_mesh(options)
+    raster = open_backend("raster")[0]
+    placed = scene.transformed(frame(scene, array))
+    eia = raster.by_lens(placed, array)[..., :3]  # type: ignore[attr-defined]  # the raster's own
+    mapped = LightField.from_eia(eia, rows=array.rows, cols=array.cols).views
+    v, u, rows, cols, channels = mapped.shape
+    small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)
+    large: NDArray[np.uint8] = upscale_pixels(catalogue.load(PAPER), small, skipping=NOTHING)
+    return LightField(large.reshape(v, u, *large.shape[1:])).to_eia().astype(np.uint8)
+
+
+def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
+    """The upscaled elemental image array by each way."""
+    options = Options(lenses=LENSES, pixels=PIXELS, views="all")
+    single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default())
+    auto = f"auto ({upscaled(source, options).report['plan']['model']})"
+    jobs = {
+        "usual": timed(lambda: usual(source, options)),
+        auto: timed(lambda: upscaled(source, options)),
+        catalogue.default(): timed(lambda: upscaled(source, single)),
+    }
+    times = in_turns(jobs, rounds, reference="usual")
+    yield "mesh to an upscaled elemental image array, 50x50 -> 100x100 lenses of 15x15 pixels, seconds"
+    yield f"  a render for each lens, then {PAPER}: {times['usual'].median / 1e3:.2f}"
+    for name in (auto, catalogue.default()):
+        yield f"  {name}: {times[name].median / 1e3:.2f}, {times[name].ratio:.1f} times faster"
+    seconds, ratio = times[auto].median / 1e3, times[auto].ratio or 0.0
+    yield f"  {auto}: {seconds:.2f} s, at most {MOST_SECONDS:.0f} asked for", seconds <= MOST_SECONDS
+    yield f"  {auto}: {ratio:.1f} times faster, at least {ARRAY_RATIO:.0f} asked for", ratio >= ARRAY_RATIO
+
+
+def idle(rounds: int) -> Iterator[str]:
+    """What six other sessions cost the one that works."""
+    small = np.random.default_rng(0).integers(0, 256, (1, 50, 50, 3), np.uint8)
+    name = catalogue.default()
+    first = network(name)
+    others = [network(name) for _ in range(OTHERS)]
+
+    def after(sessions: list[Network]) -> dict[str, float]:
+        for session in sessions:
+            upscale_pixels(session, small)
+        return timed(lambda: upscale_pixels(first, small))()
+
+    jobs = {"by itself": partial(after, [first]), "after others": partial(after, others)}
+    times = in_turns(jobs, 10 * rounds)
+    begun = time.process_time()
+    time.sleep(1)
+    used = time.process_time() - begun
+    yield f"a view of 50x50 by {name}, {OTHERS} other sessions loaded, milliseconds"
+    yield f"  by itself {times['by itself'].median:.1f}, just after the others ran {times['after others'].median:.1f}"
+    yield f"  all sessions idle for a second: {1e3 * used:.1f} ms of processor time"
+
+
+def png(eia: Path, rounds: int) -> Iterator[str]:
+    """Our PNG coding against libpng's at level 1 with the Paeth filter on all rows."""
+    array: NDArray[Any] = pictures.decode(eia.read_bytes(), name=eia.name)[:1000, :1000, :3]
+    shown = {scene: views(scene, Options(lenses=(200, 200)))[0] for scene in SCENES}
+    yield "PNG of 8 bits, milliseconds and kB: libpng, ours"
+    for name, picture in (shown | {eia.name: np.ascontiguousarray(array)}).items():
+        both: dict[str, Callable[[], bytes | bytearray]] = {
+            "libpng": partial(imagecodecs.png_encode, picture, level=1, filter=imagecodecs.PNG.FILTER.PAETH),
+            "ours": partial(pictures.encode_png, picture),
+        }
+        times = in_turns({way: timed(code) for way, code in both.items()}, 10 * rounds, reference="libpng")
+        told = ", ".join(f"{times[way].median:.2f} ms {len(code()) / 1e3:.0f} kB" for way, code in both.items())
+        yield f"  {name} {picture.shape[1]}x{picture.shape[0]}: {told}; {times['ours'].ratio:.1f} times faster"
+
+
+def memory(eia: Path) -> Iterator[str | Checked]:
+    """Peak memory of all views of 200x200 lenses of 15x15 pixels."""
+    yield "all 225 views of 200x200 lenses, a process of its own"
+    given = {"lenses": (200, 200), "pixels": PIXELS, "views": "all"}
+    for source in ("scene:vase", str(eia)):
+        peak = alone(source, given).peak_mib
+        told = "not told by this system" if peak is None else f"{peak:.0f} MiB"
+        yield f"  {Path(source).name}: {told}, at most {MOST_MIB:.0f} asked for", peak is not None and peak <= MOST_MIB
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints the parts that are asked for, all of them by default."""
+    parser = argparse.ArgumentParser(prog="benchmarks.speed", description=main.__doc__)
+    parts = ("view", "array", "idle", "png", "memory")
+    parser.add_argument("--rounds", type=int, default=5, help="times that each job runs (default 5)")
+    parser.add_argument("--mesh", type=Path, default=MESH, help=f"mesh of the array (default {MESH})")
+    parser.add_argument("--eia", type=Path, default=EIA, help=f"elemental image array (default {EIA})")
+    parser.add_argument("--only", nargs="+", choices=parts, default=parts, help="parts to run (default: all)")
+    given = parser.parse_args(argv)
+    made: dict[str, Callable[[], Iterator[str | Checked]]] = {
+        "view": lambda: view(given.rounds),
+        "array": lambda: whole_array(Bundle.from_path(given.mesh), given.rounds),
+        "idle": lambda: idle(given.rounds),
+        "png": lambda: png(given.eia, given.rounds),
+        "memory": lambda: memory(given.eia),
+    }
+    holds = True
+    for part in given.only:
+        for row in made[part]():
+            line, is_kept = (row, None) if isinstance(row, str) else row
+            verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[is_kept]
+            sys.stdout.write(f"{line}{verdict}\n")
+            sys.stdout.flush()
+            holds = holds and is_kept is not False
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,21 @@
+"""Where what can be made again is kept between runs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def folder() -> Path | None:
+    """`CIIR_CACHE`, else `ciir` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`).
+
+    It may not be there yet. None where none of them is known: a process without a home.
+    """
+    if given := os.environ.get("CIIR_CACHE"):
+        return Path(given)
+    if given := os.environ.get("XDG_CACHE_HOME"):
+        return Path(given) / "ciir"
+    try:
+        return Path.home() / ".cache" / "ciir"
+    except RuntimeError:
+        return None

@@ -1,0 +1,37 @@
+"""The table's columns say what they are said to."""
+
+import numpy as np
+import pytest
+
+from benchmarks import skipping
+from models.skip import EXACT
+
+
+def test_shares_of_a_view():
+    view = np.zeros((10, 20, 4), np.uint8)
+    view[2:6, 5:7, 3] = 255
+    view[5, 5:15, 3] = 1
+    covered, box = skipping.shares(view)
+    assert covered == pytest.approx((4 * 2 + 8) / 200)
+    assert box == pytest.approx(4 * 10 / 200)
+    assert skipping.shares(np.zeros((3, 3, 4), np.uint8)) == (0, 0)
+
+
+def test_both_are_run_as_often_and_compared():
+    asked = []
+
+    def upscale(how, tally):
+        asked.append(how is EXACT)
+        tally.pixels, tally.plain = 100, 25 * how.exact
+        return np.array([200 if how.exact else 3], np.uint8)
+
+    row = skipping.measured(upscale, rounds=4)
+    assert row.differs == 197
+    assert row.seen == 0.75
+    assert asked == [True, False] + [True, False, False, True] * 2
+
+
+def test_a_row_for_each_view(capsys):
+    skipping.main(["--model", "bicubic", "--lenses", "24", "--full", "20", "--rounds", "1"])
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line]
+    assert [line[1] for line in lines] == ["scene", "vase", "globe", "hamburger", "corners", "differ", "alike"]

@@ -1,0 +1,127 @@
+import pytest
+
+from models import catalogue
+from models.views import needed
+from renderer import backends
+from renderer.errors import BackendUnavailable
+from renderer.scenes import scene
+from service import cost, plan, strategy
+from service.choice import Job
+from service.request import Options
+
+
+class Costs:
+    """Prices by the ray and by the pixel, and a list of what was asked."""
+
+    trouble = ""
+
+    def __init__(self, **prices):
+        self.prices = {"raytrace": 1e-4, "raster": 1e-5, "pixel": 1e-3, "start": 0.0} | prices
+        self.asked = []
+
+    def rendering(self, backend, mesh, *, rays, views):
+        self.asked.append((backend, mesh, rays, views))
+        start = self.prices["start"] if backend == "raster" and not backends.is_open("raster") else 0.0
+        return start + views * rays * self.prices[backend]
+
+    def upscaling(self, model, scale, *, pixels, views):
+        self.asked.append((model, scale, pixels, views))
+        return views * pixels * self.prices["pixel"]
+
+
+@pytest.fixture
+def prices(monkeypatch):
+    """What makes `Costs` the process's; nothing is measured, and no OpenGL is started."""
+    monkeypatch.setattr(backends, "_open", {})
+    monkeypatch.setattr(backends, "_refused", {})
+
+    def opened(name, **_):
+        backends._open[name] = object()
+
+    monkeypatch.setattr(backends, "open_backend", opened)
+
+    def put(**given):
+        made = Costs(**given)
+        monkeypatch.setattr(cost, "costs", lambda: made)
+        return made
+
+    return put
+
+
+def job(wanted=((7, 7),)):
+    return Job("a.glb", True, (15, 15), False, list(wanted))
+
+
+def cheapest(limit=None, wanted=((7, 7),), **options):
+    return strategy.cheapest(Options(**options), job(wanted), scene("vase"), limit)
+
+
+def test_the_cheaper_one_is_taken_and_both_prices_are_told(prices):
+    prices(pixel=1e-3)  # 10,000 pixels: 10 ms and 1 ms of rays, against 640,000 samples: 6.4 ms
+    taken, reason = cheapest()
+    assert (taken, reason) == ("direct", f"direct is to take 6.4 ms here, upscale by {catalogue.default()} 11.0 ms")
+    prices(pixel=1e-4)
+    taken, reason = cheapest()
+    assert (taken, reason) == ("upscale", f"upscale by {catalogue.default()} is to take 2.0 ms here, direct 6.4 ms")
+
+
+def test_what_is_asked_for_is_what_is_priced(prices):
+    costs = prices()
+    cheapest(lenses=(20, 30), scale=2, sampling="lenslet", model="paper", backend="raytrace", wanted=[(0, 0), (1, 1)])
+    mesh = scene("vase")
+    assert set(costs.asked) == {
+        ("paper", 2, 600, 2),
+        ("raytrace", mesh, 600 * 16, 2),
+        ("raytrace", mesh, 600 * 64, 2),
+    }
+    costs = prices()
+    cheapest(lenses=(20, 30), model="field", backend="raytrace")
+    further = len(needed([(7, 7)], (15, 15)))
+    assert {("field", 2, 600, 1), ("raytrace", mesh, 600, further)} < set(costs.asked)
+
+
+def test_opengl_is_started_only_where_the_cheaper_one_needs_it(prices):
+    prices(start=700.0)
+    assert cheapest()[0] == "upscale"
+    assert not backends.is_open("raster")
+    prices(start=700.0, pixel=1.0)
+    assert cheapest()[0] == "direct"
+    assert backends.is_open("raster")
+
+
+def test_where_opengl_does_not_work_rays_are_priced(prices, monkeypatch):
+    def refuse(name, **_):
+        backends._refused[name] = "no OpenGL"
+        raise BackendUnavailable("no OpenGL")
+
+    monkeypatch.setattr(backends, "open_backend", refuse)
+    prices(pixel=3e-3)  # direct: 6 ms by OpenGL, 64 by rays; upscale: 31
+    taken, reason = cheapest()
+    assert (taken, "direct 64.0 ms" in reason) == ("upscale", True)
+
+
+def test_what_can_not_be_done_is_not_taken(prices):
+    prices(pixel=1e-9)
+    taken, reason = cheapest(scale=3)
+    assert (taken, reason) == ("direct", f"direct, as {catalogue.default()} doesn't upscale by 3")
+    prices(pixel=1e9)
+    taken, reason = cheapest(lenses=(2000, 2000))
+    assert (taken, reason) == (
+        "upscale", f"upscale, as {2000 * 2000 * 64:,} samples for each view at the larger size are over the limit"
+    )  # fmt: skip
+    views = [(v, 7) for v in range(10)]
+    assert cheapest(limit=10 * 100 * 100 * 64, wanted=views)[0] == "direct"
+    assert cheapest(limit=10 * 100 * 100 * 64 - 1, wanted=views)[0] == "upscale"
+    assert cheapest(scale=3, lenses=(2000, 2000))[0] == "upscale"  # neither can be done; the pipeline says why
+
+
+def test_costs_that_are_not_kept_are_told_of(prices):
+    prices().trouble = "the disk is full"
+    assert cheapest()[1].endswith("; what was measured for it is not kept, as the disk is full")
+
+
+def test_the_plan_tells_it(prices):
+    prices(pixel=1.0)
+    made = plan.make(Options(strategy="auto"), job(), mesh=scene("vase"))
+    assert (made.strategy, made.enlarge, made.samples) == ("direct", 2, 4)
+    assert made.reasons[0].startswith("auto: direct is to take 6.4 ms here")
