@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from models.catalogue import DEFAULT
+from models import catalogue
 from renderer.bundle import Bundle
 from renderer.pictures import encode_png
 from service.outputs import FileSink
@@ -64,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     rows: dict[str, Callable[[], Mapping[str, float]]] = {
         f"{backend}: view 50x50 -> 100x100, {model}": one_view(source, backend=backend, model=model)
         for backend in ("raster", "raytrace")
-        for model in (DEFAULT, "bicubic")
+        for model in (catalogue.default(), "bicubic")
     }
     for backend in ("raster", "raytrace"):
         rows[f"{backend}: view 100x100 directly"] = one_view(source, backend=backend, strategy="direct")

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.bench import arrays
 from benchmarks.bench.run import Asked, bench, quick
+from models import catalogue
 from renderer.pictures import encode_png
 from service.cli import main
 
@@ -24,7 +25,8 @@ def test_every_method_has_a_row_and_a_place_in_the_tables(done):
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == len(found["rows"]) == 2 * len({row["method"] for row in rows})
     text = (out / "results.md").read_text(encoding="utf-8")
-    for name in ("nearest", "bicubic", "fast", "paper", "direct-raster", "direct-rays"):
+    default = catalogue.default()
+    for name in ("nearest", "fast", f"{default}-whole", f"{default}-within-2", "paper", "direct-raster", "direct-rays"):
         assert sum(line.startswith(f"| `{name}`") for line in text.splitlines()) == 3  # two samplings, own process
     assert all(row["ms_median"] for row in rows if not row["fault"])
     assert (out / "pareto.png").stat().st_size > 5000
