@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,9 @@ from service.outputs import FORMATS, FileSink, FolderSink
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
+    from service.answers import Answer
     from service.report import Report
     from service.request import Options
     from service.source import Source
@@ -62,20 +65,26 @@ def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Rep
 
 def _stored(source: Source, options: Options, store: Store, path: Path, given: Path | None) -> Report:
     """Into the file `path`, or where the input `given` is named the folder, by way of the store."""
+    if given is None:
+        with replacing(path) as file, _answer(source, options, store, _format(path)) as made:
+            shutil.copyfileobj(made.file, file)
+            return made.report
+    with FolderSink(path, given) as sink, _answer(source, options, store, "zip") as made:
+        _unpack(made.report, zipfile.ZipFile(made.file), sink)
+        return made.report
+
+
+@contextmanager
+def _answer(source: Source, options: Options, store: Store, form: str) -> Iterator[Answer]:
+    """Stored or made, in a file that is closed in the end; what troubled the store is noted in the report."""
     from service.answers import answer
 
     with common.bar("view") as count:
-        made = answer(source, options, _format(path) if given is None else "zip", store=store, progress=count)
+        made = answer(source, options, form, store=store, progress=count)
     with made.file:
         if made.trouble:
             made.report["notes"].append(made.trouble)
-        if given is None:
-            with replacing(path) as file:
-                shutil.copyfileobj(made.file, file)
-        else:
-            with FolderSink(path, given) as sink:
-                _unpack(made.report, zipfile.ZipFile(made.file), sink)
-    return made.report
+        yield made
 
 
 def _unpack(report: Report, archive: zipfile.ZipFile, sink: FolderSink) -> None:
