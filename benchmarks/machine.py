@@ -15,25 +15,13 @@ PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch", "ope
 def describe() -> dict[str, Any]:
     """Processor, cores, system and versions; None for what is not installed."""
     return {
-        "processor": processor_name(),
+        "processor": processor.name(),
         "cores": available_cores(),
         "int8": not processor.against_int8(),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in PACKAGES},
     }
-
-
-def processor_name() -> str:
-    """As the system calls it."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:  # noqa: PTH123 - no file on a disk
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:  # no Linux: the platform module knows
-        pass
-    return platform.processor() or platform.machine()
 
 
 def _version(name: str) -> str | None:

@@ -48,14 +48,17 @@ class LightFieldNetwork(Shipped):
         return finish(np.ascontiguousarray(large[:, :, *kept]), self.name), doubt[:, :, *small]
 
 
-def luma(picture: NDArray[np.float32], peak: float) -> NDArray[np.float32]:
+def luma(picture: NDArray[np.float32 | np.uint8 | np.uint16], peak: float) -> NDArray[np.float32]:
     """`(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1], but for rounding, which is the same at every place:
     a product of matrices adds up in an order that depends on it.
     """
     if picture.shape[-1] == 1:
-        return picture[..., 0] * np.float32(1 / peak)
-    red, green, blue = (picture[..., channel] * weight for channel, weight in enumerate(LUMA / np.float32(peak)))
-    return np.asarray(red + green + blue)
+        return np.asarray(picture[..., 0] * np.float32(1 / peak))
+    weights = LUMA / np.float32(peak)
+    made: NDArray[np.float32] = picture[..., 0] * weights[0]
+    made += picture[..., 1] * weights[1]
+    made += picture[..., 2] * weights[2]
+    return made
 
 
 def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:

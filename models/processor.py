@@ -41,3 +41,15 @@ def against_int8() -> str:
     if flags & names:
         return ""
     return "this processor has no VNNI" if names is X86 else "this processor has no dot product (asimddp)"
+
+
+def name() -> str:
+    """The processor, as the system calls it."""
+    try:
+        with CPUINFO.open(encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:  # no Linux: the platform module knows
+        pass
+    return platform.processor() or platform.machine()

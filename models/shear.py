@@ -70,19 +70,21 @@ def _difference(one: Plane, other: Plane, down: int, right: int) -> float:
 def luma(picture: Pixels, part: Span | None = None, by: int = 0) -> Plane:
     """Luma in [0, 1] of a picture `(H, W, C)`, or of a part of it as `margined` takes it."""
     picture = picture if part is None else margined(picture, part, by)
-    return np.minimum(light_field.luma(picture.astype(np.float32), np.iinfo(picture.dtype).max), 1)
+    return np.minimum(light_field.luma(picture, np.iinfo(picture.dtype).max), 1)
 
 
 def margined(picture: Pixels, part: Span, by: int) -> Pixels:
     """A part of a picture `(H, W, C)`, with as much around it as views may be moved by; beyond the picture its edge
     pixels are repeated.
     """
+    if not by:
+        return picture[part]
     margin = abs(by) * (SIDE // 2)
     rows, cols = (
         np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
         for side, length in zip(part, picture.shape[:2], strict=True)
     )
-    made: Pixels = picture[rows[:, None], cols] if margin else picture[part]
+    made: Pixels = picture[rows[:, None], cols]
     return made
 
 

@@ -16,12 +16,11 @@ import time
 from functools import cache
 from importlib.metadata import version
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import catalogue
+from models import catalogue, processor
 from models.session import available_cores
 from renderer import backends
 from service import cache as cached
@@ -29,6 +28,7 @@ from service.atomic import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from renderer.scene import Scene
     from renderer.views import View
@@ -45,6 +45,8 @@ OPENGL_START_MS, NETWORK_START_MS = 700.0, 60.0
 nobody starts OpenGL to learn that it would have been the wrong way."""
 OPENGL_TYPICAL = (1.5e-4, 1e-5, 6e-5, 2.5e-5)
 """What `opengl` gives where OpenGL has not run on this machine yet."""
+_FEW = 2
+"""Coefficients of all other work."""
 _PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender")
 TEXELS = 512
 """Along a side of the texture that OpenGL is measured with."""
@@ -113,7 +115,7 @@ class Costs:
 def machine() -> str:
     """What the coefficients hold for: processor, cores and versions."""
     packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
-    return f"{FORMAT}: {processor_name()}, {available_cores()} cores, Python {platform.python_version()}, {packages}"
+    return f"{FORMAT}: {processor.name()}, {available_cores()} cores, Python {platform.python_version()}, {packages}"
 
 
 @cache
@@ -121,18 +123,6 @@ def costs() -> Costs:
     """This process's, of the file in the cache folder."""
     folder = cached.folder()
     return Costs(None if folder is None else folder / FILE)
-
-
-def processor_name() -> str:
-    """As the system calls it."""
-    try:
-        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:  # no Linux: the platform module knows
-        pass
-    return platform.processor() or platform.machine()
 
 
 def rays_cost() -> tuple[float, float]:
@@ -248,4 +238,9 @@ def _read(path: Path) -> dict[str, tuple[float, ...]]:
         known = {str(name): tuple(float(value) for value in values) for name, values in held["ms"].items()}
     except (OSError, LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         return {}
-    return {name: values for name, values in known.items() if all(math.isfinite(v) and v >= 0 for v in values)}
+    counts = {"opengl": len(OPENGL_TYPICAL)}
+    return {
+        name: values
+        for name, values in known.items()
+        if len(values) == counts.get(name, _FEW) and all(math.isfinite(v) and v >= 0 for v in values)
+    }

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InvalidImage
+from models.skip import EXACT, NOTHING, Skipping
 from models.views import DOUBTED, TRUSTED, needed, upscale_views
 from models.windows import SIDE, axis
 
@@ -117,6 +118,22 @@ def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - part) * own + part * 255, atol=1.01)  # rounded twice
     assert left == share
+
+
+def test_what_takes_a_strange_views_place_is_exact(monkeypatch):
+    """No error is allowed for views that the report says are not interpolated."""
+    asked = []
+
+    def noted(upscaler, pictures, *, skipping):
+        asked.append(skipping)
+        return pictures.repeat(2, axis=1).repeat(2, axis=2)
+
+    monkeypatch.setattr("models.views.upscale_pixels", noted)
+    views = field((3, 3), (9, 8, 3))
+    for exact in (True, False):
+        skipping = Skipping(exact, None if not exact else 2.0)
+        upscale_views(Told(0.9), alone, views, [(1, 1)], (3, 3), skipping=skipping)
+    assert asked == [EXACT, NOTHING]
 
 
 class Unsure(Told):

@@ -89,6 +89,15 @@ def test_what_differs_is_made(samples, store, runs, monkeypatch):
     assert len(runs) == 8
 
 
+def test_another_processor_makes_its_own(samples, store, runs, monkeypatch):
+    """What `auto` takes depends on it."""
+    data = samples.encode_png(samples.EIA)
+    asked(data, store=store)
+    monkeypatch.setattr(answers.processor, "against_int8", lambda: "this processor has no VNNI")
+    asked(data, store=store)
+    assert len(runs) == 2
+
+
 def test_a_damaged_result_is_made_again(samples, store, runs, tmp_path):
     data = samples.encode_png(samples.EIA)
     asked(data, store=store)
