@@ -2,11 +2,14 @@
 
     python -m benchmarks.planning [--rounds 5] [--lenses 25 50 100 200] [--mesh FILE ...] [--json FILE]
 
-Whole jobs from bytes or scene to an npz in memory, warm, taking turns in one process: upscale, direct, auto. A row for
-each mesh, lens count, sampling and choice of views: the quickest of all rounds, the strategy that `auto` took with what
-it predicted, and by how much it is slower than the best fixed one in the same round (median). `!` marks more than 15 %.
-The last lines sum up: the worst of all, what always taking one strategy would have cost in its worst row, and how far
-predictions were off.
+Whole jobs from bytes or scene to a zip of PNGs in memory, warm, taking turns in one process: upscale, direct, auto. A
+row for each mesh, lens count, sampling and choice of views: the quickest of all rounds, the strategy that `auto` took
+with what it predicted, and by how much it is slower than the best fixed one in the same round (median). `!` marks more
+than 15 %. The lines below sum up: the worst of all, what always taking one strategy would have cost in its worst row,
+and how far predictions were off.
+
+Then starts: what OpenGL and the first network cost a process of its own, against what `service.cost` reckons with, and
+rows as above of whole `ciir reconstruct` commands for one view of a scene.
 
 Then the error that is promised: `auto` with `--max-error` against `direct`, root mean square in levels of 255.
 """
@@ -24,9 +27,11 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from benchmarks import cold
 from benchmarks.machine import describe
 from renderer.bundle import Bundle
 from renderer.scenes import SCENES
+from service import cost
 from service.outputs import FileSink
 from service.pipeline import reconstruct
 from service.request import Options, Strategy
@@ -74,8 +79,15 @@ def main(argv: list[str] | None = None) -> int:
     for strategy in STRATEGIES[:2]:
         ratio = max(row[strategy] / min(row["upscale"], row["direct"]) for row in rows)
         sys.stdout.write(f"always {strategy}: {ratio:.1f} times the best at worst\n")
-    off = sorted(row["predicted"] / row["work"] for row in rows)
+    off = sorted(row["predicted"] / row["auto"] for row in rows)
     sys.stdout.write(f"predicted / measured: {statistics.median(off):.2f} (from {off[0]:.2f} to {off[-1]:.2f})\n")
+    for kind, reckoned in (("opengl", cost.OPENGL_START_MS), ("network", cost.NETWORK_START_MS)):
+        sys.stdout.write(f"start of {kind}: {cold.start(kind, given.rounds):.0f} ms, {reckoned:.0f} reckoned with\n")
+    for row in _cold_rows(given.lenses, given.rounds):
+        rows.append(row)
+        sys.stdout.write(line(row))
+        sys.stdout.flush()
+    worst = max(rows, key=slower)
     error = max(_error(source) for source in sources.values())
     sys.stdout.write(f"max_error {MAX_ERROR}: {error:.3f} levels at worst\n")
     if given.json:
@@ -94,9 +106,10 @@ def slower(row: dict[str, Any]) -> float:
 def line(row: dict[str, Any]) -> str:
     """A row of the table."""
     mark = " !" if slower(row) > SLOWER else ""
+    predicted = "" if row["predicted"] is None else f"{row['predicted']:.1f}"
     return (
         f"{row['mesh']:12s} {row['lenses']:6d}  {row['sampling']:8s} {row['views']:6s} {row['upscale']:10.1f}"
-        f"{row['direct']:10.1f}{row['auto']:10.1f}  {row['took']:8s} {row['predicted']:9.1f} {100 * slower(row):6.0f} %"
+        f"{row['direct']:10.1f}{row['auto']:10.1f}  {row['took']:8s} {predicted:>9s} {100 * slower(row):6.0f} %"
         f"{mark}\n"
     )
 
@@ -117,19 +130,31 @@ def _measured(source: Source, asked: dict[str, Any], rounds: int) -> dict[str, A
     """The quickest of `rounds` by strategy, after one that warms up, and what `auto` said."""
     times: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
     report: Report = {}
-    work = []
     for _ in range(rounds + 1):
         for strategy in STRATEGIES:
             begun = time.perf_counter()
-            report = _run(source, Options(**asked, strategy=strategy))[0]
+            with FileSink(io.BytesIO(), "zip") as sink:
+                report = reconstruct(source, Options(**asked, strategy=strategy), sink)
             times[strategy].append(1000 * (time.perf_counter() - begun))
-        work.append(sum(report["timings_ms"].get(stage, 0.0) for stage in ("render", "upscale")))
     took = report["plan"]["strategy"]
     (reason,) = [text for text in report["plan"]["reasons"] if " ms here" in text]
     predicted = float(reason.partition(" ms here")[0].rpartition(" ")[2])
     rounds_of = {strategy: taken[1:] for strategy, taken in times.items()}
     best = {strategy: min(taken) for strategy, taken in rounds_of.items()}
-    return best | {"took": took, "predicted": predicted, "work": min(work[1:]), "rounds": rounds_of}
+    return best | {"took": took, "predicted": predicted, "rounds": rounds_of}
+
+
+def _cold_rows(lenses: Sequence[int], rounds: int) -> Iterator[dict[str, Any]]:
+    """Rows of whole processes, one view each; which strategy `auto` takes there is not looked at."""
+    for name in SCENES:
+        for count in lenses:
+            row = {"mesh": name, "lenses": count, "sampling": "cold", "views": "center"}
+            asked = [f"scene:{name}", "--lenses", f"{count}x{count}"]
+            of = {strategy: [*asked, "--strategy", strategy] for strategy in STRATEGIES}
+            turns = [{strategy: cold.reconstruction(of[strategy]) for strategy in STRATEGIES} for _ in range(rounds)]
+            taken = {strategy: [turn[strategy] for turn in turns] for strategy in STRATEGIES}
+            best = {strategy: min(times) for strategy, times in taken.items()}
+            yield row | best | {"took": "", "predicted": None, "rounds": taken}
 
 
 def _error(source: Source) -> float:

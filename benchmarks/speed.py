@@ -158,7 +158,7 @@ def view(rounds: int) -> Iterator[str | Checked]:
     jobs = {"float GEMM": quickest(product(int8=False)), "int8 GEMM": quickest(product(int8=True))}
     for name, model in networks.items():
         jobs[name] = timed(partial(upscale_pixels, model, pixels))
-        jobs[f"{name} alone"] = timed(partial(model.run, **{model.card.input.name: planes}))
+        jobs[f"{name} alone"] = timed(partial(model.run, {model.card.input.name: planes}))
     whole = in_turns(jobs, rounds, reference=PAPER)
     yield f"view {SIDE}x{SIDE} -> {2 * SIDE}x{2 * SIDE}, {rounds} rounds"
     peaks = {"float32": GEMM**3 / whole["float GEMM"].low, "int8": GEMM**3 / whole["int8 GEMM"].low}

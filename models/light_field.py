@@ -28,13 +28,15 @@ class LightFieldNetwork(Shipped):
         around: NDArray[np.float32],
         rows: NDArray[np.float32],
         cols: NDArray[np.float32],
+        *,
+        cores: int | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """`image`: views as RGB in [0, 1], `(N, 3, H, W)`; `around`: the luma of the windows about them, row by row,
         `(N, 25, H, W)`; `rows` and `cols`: what is there of all those windows (`models.windows.Axis.there`).
 
         Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]; and the doubt, `(N, 1, H, W)`, nominally in
         [0, 1]: how little the views around have to do with the view. All goes in one run: `models.views` cuts large
-        views into tiles.
+        views into tiles. `cores`: see `Shipped.run`.
 
         Raises as `Upscaler.__call__`.
         """
@@ -43,7 +45,7 @@ class LightFieldNetwork(Shipped):
         size = self.card.sizes.fitted(*image.shape[2:])
         image, kept = tiles.padded(image, *size, scale=self.scale)
         around, _ = tiles.padded(around, *size, scale=self.scale)
-        large, doubt = self.run(image=image, around=around, rows=rows, cols=cols)
+        large, doubt = self.run({"image": image, "around": around, "rows": rows, "cols": cols}, cores)
         small = tuple(slice(side.start // self.scale, side.stop // self.scale) for side in kept)
         return finish(np.ascontiguousarray(large[:, :, *kept]), self.name), doubt[:, :, *small]
 

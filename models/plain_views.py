@@ -98,5 +98,6 @@ def _pattern(
     image = np.broadcast_to(shear.as_float(plain), (side, side, 3)).transpose(2, 0, 1)
     around = np.broadcast_to(shear.luma(plain), (SIDE * SIDE, side, side))
     there = (np.frombuffer(part, np.float32) for part in (rows, cols))
-    large, doubt = network(np.ascontiguousarray(image)[np.newaxis], np.ascontiguousarray(around)[np.newaxis], *there)
+    pictures = (np.ascontiguousarray(part)[np.newaxis] for part in (image, around))
+    large, doubt = network(*pictures, *there, cores=1)  # too small for more to be of use
     return large[0].transpose(1, 2, 0), doubt[0].transpose(1, 2, 0)

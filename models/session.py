@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from models.errors import BadCard, UnsuitedProcessor
 from models.upscaler import check, finish
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -31,7 +33,7 @@ not, so that two runs would differ in which thread did which part. No picture of
 
 
 class Shipped:
-    """A network and its card, opened; calls from several threads share one session and run side by side."""
+    """A network and its card; calls from several threads share a session and run side by side."""
 
     def __init__(self, path: Path, *, threads: int | None = None) -> None:
         """`path`: the card; its `.onnx` lies beside it. `threads`: for each call, all of the process's cores if None.
@@ -43,13 +45,25 @@ class Shipped:
         _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or available_cores()
-        self._session = open_session(_read(path.with_suffix(".onnx"), self.card), self.threads)
+        self._network = _read(path.with_suffix(".onnx"), self.card)
+        self._sessions: dict[int, Any] = {}
+        self._opening = Lock()
 
-    def run(self, **inputs: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """The network's outputs, in the card's order, for its inputs by name, as they come."""
+    def run(self, inputs: Mapping[str, NDArray[np.float32]], cores: int | None = None) -> list[NDArray[np.float32]]:
+        """The network's outputs, in the card's order, for its inputs by name, as they come.
+
+        `cores`: what this call may take; all of `threads` if None. The first call with each number opens a session,
+        which takes 5 to 200 ms. The outputs don't depend on it.
+        """
         kept = {name: np.where(np.abs(part) < FAINTEST, np.float32(0), part) for name, part in inputs.items()}
         names = [self.card.output.name, *(tensor.name for tensor in self.card.further_outputs)]
-        return [np.asarray(output) for output in self._session.run(names, kept)]
+        return [np.asarray(output) for output in self._session(cores or self.threads).run(names, kept)]
+
+    def _session(self, cores: int) -> Any:
+        with self._opening:
+            if cores not in self._sessions:
+                self._sessions[cores] = open_session(self._network, cores)
+            return self._sessions[cores]
 
 
 class Network(Shipped):
@@ -72,7 +86,7 @@ class Network(Shipped):
         return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        return self.run(**{self.card.input.name: images})[0]
+        return self.run({self.card.input.name: images})[0]
 
 
 def available_cores() -> int:

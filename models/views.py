@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from models import plain_views, shear, skip
+from models.abreast import each, suits
 from models.errors import InvalidImage
 from models.pixels import upscale_pixels
 from models.session import BATCH, WINDOW
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from models.light_field import LightFieldNetwork
     from models.shear import Pixels
     from models.skip import Skipping
-    from models.tiles import Span, Tile
+    from models.tiles import Tile
     from models.upscaler import Upscaler
     from models.windows import Axis
 
@@ -103,9 +104,7 @@ def _blended(job: _Job, alone: Upscaler, wanted: Sequence[View]) -> tuple[Pixels
         alike.setdefault(shear.of(job.views, at, job.grid), {})[number] = at
     colours = {number: _fill(job, at, result[number], doubt[number]) for number, at in enumerate(wanted)}
     for by, chosen in alike.items():
-        for number, part, picture, doubtful in _made(job, chosen, colours, by):
-            result[number][part.target(scale)] = _rounded(picture, result)
-            doubt[number][part.kept] = doubtful
+        _make(job, chosen, colours, by, _Made(result, doubt))
     left = np.zeros(len(wanted))
     for number, at in enumerate(wanted):
         strange = np.clip((doubt[number, ..., 0] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
@@ -128,11 +127,15 @@ def _fill(job: _Job, at: View, result: Pixels, doubt: NDArray[np.float32]) -> Pi
     return colour
 
 
-def _made(
-    job: _Job, chosen: Mapping[int, View], colours: Mapping[int, Pixels | None], by: int
-) -> Iterator[tuple[int, Tile, NDArray[np.float32], NDArray[np.float32]]]:
-    """Of each of the views `chosen`, under its number, and each part that is not one of `colours` all around: the
-    picture `(scale*h, scale*w, 3)` in [0, 1] and the doubt `(h, w, 1)`. The views around are moved by `by`.
+def _make(
+    job: _Job,
+    chosen: Mapping[int, View],
+    colours: Mapping[int, Pixels | None],
+    by: int,
+    made: _Made,
+) -> None:
+    """Puts into `made` each of the views `chosen`, under its number, but for what is one of `colours` all
+    around. The views around are moved by `by`.
     """
     network, views, grid = job[:3]
     every = needed(list(chosen.values()), grid)
@@ -145,21 +148,49 @@ def _made(
             colour = colours[number]
             boxes = [tile] if colour is None else differing.boxes(at, colour, network.radius, job.tally)
             parts += [(number, box) for box in boxes]
-        for rows, cols, some in _together(parts, chosen, grid):
-            image = np.stack([_colour(views[chosen[number]][part.window]) for number, part in some])
-            around = np.stack(
-                [_around(lumas, part.inside(tile.window), chosen[number], grid, by) for number, part in some]
-            )
-            large, doubt = (made.transpose(0, 2, 3, 1) for made in network(image, around, rows.there, cols.there))
-            for (number, part), picture, doubtful in zip(some, large, doubt, strict=True):
-                yield number, part, picture[part.source(network.scale)], doubtful[part.source(1)]
+        runs = list(_together(parts, chosen, grid))
+        abreast = network.threads if suits(len(runs), network.threads) else 1
+        run = _Run(job, chosen, tile, lumas, by, made, cores=network.threads if abreast == 1 else 1)
+        each(run.make, runs, abreast)
 
 
-def _around(
-    lumas: Mapping[View, shear.Plane], part: Span, at: View, grid: tuple[int, int], by: int
-) -> NDArray[np.float32]:
-    """A part of the views of a window about one, `(25, h, w)`."""
-    return np.stack([shear.moved(lumas[view], by, offset)[part] for view, offset in window(at, grid)])
+class _Made(NamedTuple):
+    """What is filled in, by the numbers of views."""
+
+    pictures: Pixels
+    """`(n, scale*H, scale*W, C)`."""
+    doubt: NDArray[np.float32]
+    """`(n, H, W, 1)`."""
+
+
+class _Run(NamedTuple):
+    """Runs of the network on parts of one tile; may be called from several threads, as no two parts overlap."""
+
+    job: _Job
+    chosen: Mapping[int, View]
+    tile: Tile
+    lumas: Mapping[View, shear.Plane]
+    by: int
+    made: _Made
+    cores: int
+
+    def make(self, run: tuple[Axis, Axis, Sequence[tuple[int, Tile]]]) -> None:
+        """Makes some parts, all of one size, of views by their numbers."""
+        network, views, grid = self.job[:3]
+        rows, cols, some = run
+        image = np.stack([_colour(views[self.chosen[number]][part.window]) for number, part in some])
+        around = np.stack([self._around(part, self.chosen[number], grid) for number, part in some])
+        both = network(image, around, rows.there, cols.there, cores=self.cores)
+        large, doubt = (one.transpose(0, 2, 3, 1) for one in both)
+        for (number, part), picture, doubtful in zip(some, large, doubt, strict=True):
+            kept = _rounded(picture[part.source(network.scale)], self.made.pictures)
+            self.made.pictures[number][part.target(network.scale)] = kept
+            self.made.doubt[number][part.kept] = doubtful[part.source(1)]
+
+    def _around(self, tile: Tile, at: View, grid: tuple[int, int]) -> NDArray[np.float32]:
+        """A part of the views of a window about one, `(25, h, w)`."""
+        part = tile.inside(self.tile.window)
+        return np.stack([shear.moved(self.lumas[view], self.by, offset)[part] for view, offset in window(at, grid)])
 
 
 def _rounded(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:

@@ -33,7 +33,7 @@ def frame(scene: Scene, array: LensArray) -> NDArray[np.float64]:
     reach_y = np.abs(array.tangent_y()).max()
     swept_x = swept_y = 0.0
     for part in scene.parts:
-        used = part.vertices[np.unique(part.faces)]  # (n, 3)
+        used = part.used()  # (n, 3)
         distance = high[2] - used[:, 2] + gap
         swept_x = max(swept_x, float((np.abs(used[:, 0] - middle[0]) + reach_x * distance).max()))
         swept_y = max(swept_y, float((np.abs(used[:, 1] - middle[1]) + reach_y * distance).max()))

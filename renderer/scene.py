@@ -42,6 +42,12 @@ class Part:
     alpha_cutoff: float | None = None
     """A point whose alpha is below this is not there; None where the part is opaque throughout."""
 
+    def used(self) -> NDArray[np.float64]:
+        """`(k, 3)`: the vertices that a triangle uses."""
+        is_used = np.zeros(len(self.vertices), bool)  # several times quicker than np.unique
+        is_used[self.faces] = True
+        return np.compress(is_used, self.vertices, axis=0)  # and this than indexing
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -50,6 +56,8 @@ class Scene:
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
     """What was left out or replaced while reading, a line each, for the report."""
+    extent: NDArray[np.float64] | None = None
+    """What `bounds` says where triangles were taken out; None where they are all there."""
 
     @property
     def triangles(self) -> int:
@@ -57,16 +65,17 @@ class Scene:
         return sum(len(part.faces) for part in self.parts)
 
     def bounds(self) -> NDArray[np.float64]:
-        """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses."""
-        used = []
-        for part in self.parts:
-            is_used = np.zeros(len(part.vertices), bool)  # several times quicker than np.unique
-            is_used[part.faces] = True
-            used.append(part.vertices[is_used])
-        return np.array([np.min([u.min(0) for u in used], 0), np.max([u.max(0) for u in used], 0)])
+        """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before culling."""
+        if self.extent is not None:
+            return self.extent
+        used = [part.used() for part in self.parts]
+        low, high = ([[side(u[:, axis]) for axis in range(3)] for u in used] for side in (np.min, np.max))
+        return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def transformed(self, matrix: NDArray[np.float64]) -> Scene:
-        """The scene with every vertex taken through the 4x4 affine `matrix`. Light that is baked in stays as it is."""
+        """The scene with every vertex taken through the 4x4 affine `matrix`. Light that is baked in stays as it is, and
+        of a culled scene the bounds are then those of what is left.
+        """
         linear, offset = matrix[:3, :3], matrix[:3, 3]
         parts = tuple(
             Part(p.vertices @ linear.T + offset, p.faces, p.colors, p.uv, p.texture, p.alpha_cutoff) for p in self.parts

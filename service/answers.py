@@ -26,7 +26,7 @@ from models import processor
 from renderer.bundle import Bundle
 from renderer.errors import InputError
 from service import cost, pipeline
-from service.outputs import FileSink
+from service.outputs import REPORT, FileSink
 from service.report import Clock, Report, to_json
 
 if TYPE_CHECKING:
@@ -77,17 +77,14 @@ def answer(
     if isinstance(source, Bundle):
         source = Bundle(source.name, source.main, noted)
     key = _key(source, options, form, max_pixels)
-    trouble = ""
+    trouble, found = "", None
     try:
         with clock.stage("stored"):
-            found = store.get(key)
-            is_same = found is not None and noted.agree(found.head["read"])
-        if found is not None and is_same:
-            return _again(found, clock, progress)
-        if found is not None:
-            found.body.close()
+            found = _found(store, key, noted)
     except OSError as error:
         trouble = f"the store can't be read ({error})"
+    if found is not None:
+        return _again(found, clock, progress)
     made = _made(source, options, form, max_pixels, progress)
     try:
         store.put(key, {"format": made.format, "report": made.report, "read": noted.seen}, made.file)
@@ -155,24 +152,49 @@ def _made(
     return Answer(file, size, sink.format, report)
 
 
+def _found(store: Store, key: str, noted: NotedFiles) -> Stored | None:
+    """What is stored under `key`, where the files that it was made of are what they were; None where it is not."""
+    found = store.get(key)
+    if found is None:
+        return None
+    is_same = False
+    try:
+        is_same = noted.agree(found.head["read"])
+    finally:
+        if not is_same:
+            found.body.close()
+    return found if is_same else None
+
+
 def _again(found: Stored, clock: Clock, progress: Progress | None) -> Answer:
-    """The answer that was stored, with a report that says so."""
-    report: Report = dict(found.head["report"])
-    if progress is not None:
-        progress(len(report["views"]))
-    report["timings_ms"] = clock.timings_ms()
-    _replace_report(found.body, found.head["format"], report)
-    size = found.body.seek(0, os.SEEK_END)
-    found.body.seek(0)
+    """The answer that was stored, with a report that says so; lets go of `found` where that or `progress` fails."""
+    try:
+        report: Report = dict(found.head["report"])
+        if progress is not None:
+            progress(len(report["views"]))
+        report["timings_ms"] = clock.timings_ms()
+        _replace_report(found.body, found.head["format"], report)
+        size = found.body.seek(0, os.SEEK_END)
+        found.body.seek(0)
+    except BaseException:
+        found.body.close()
+        raise
     return Answer(found.body, size, found.head["format"], report)
 
 
 def _replace_report(file: IO[bytes], form: str, report: Report) -> None:
-    """Writes another report over the one in a zip or an npz, where it comes last; a PNG has none."""
+    """Writes another report over the one in a zip or an npz, where it comes last; a PNG has none.
+
+    Raises `ValueError` where something else comes last: then `service.outputs` no longer does what is relied on here.
+    """
     if form == "png":
         return
+    name = REPORT if form == "zip" else "report.npy"
     with zipfile.ZipFile(file, "a") as archive:
-        last = archive.filelist.pop()
+        last = archive.filelist[-1]
+        if last.filename != name or last.header_offset < max(one.header_offset for one in archive.filelist):
+            raise ValueError(f"{last.filename} comes last in a stored {form}, where {name} should")
+        archive.filelist.pop()
         del archive.NameToInfo[last.filename]
         archive.start_dir = last.header_offset  # where the next file is written
         data = to_json(report)

@@ -71,12 +71,20 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="store_true", help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
-    def command(name: str, text: str, module: str | None = None) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".", allow_abbrev=False)
+    def command(name: str, text: str, module: str | None = None, more: str = "") -> argparse.ArgumentParser:
+        description = f"{text[0].upper()}{text[1:]}. {more}".rstrip()
+        added = commands.add_parser(name, help=text, description=description, allow_abbrev=False)
         added.set_defaults(module=module or name)
         return added
 
-    add = command("reconstruct", "views out of a mesh, an EIA picture, or a folder or zip of views")
+    kept = (
+        "Results are kept, and what is asked for twice comes out of there: in the folder that the environment variable"
+    )
+    add = command(
+        "reconstruct",
+        "views out of a mesh, an EIA picture, or a folder or zip of views",
+        more=f"{kept} CIIR_STORE names; without it nothing is kept.",
+    )
     add.add_argument("input", metavar="INPUT", help="file, folder or zip, or scene:vase, scene:globe, scene:hamburger")
     add.add_argument(
         "-o", "--out", required=True, metavar="OUT", help="a folder; or a file name with .zip, .npz or .png"
@@ -106,7 +114,8 @@ def parser() -> argparse.ArgumentParser:
     )
     _add_options(add, ("backend",))
 
-    add = command("serve", "the HTTP API")
+    limit = "up to CIIR_STORE_BYTES of them (0: none)"
+    add = command("serve", "the HTTP API", more=f"{kept} CIIR_STORE names, else in the cache folder; {limit}.")
     add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
     add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
 

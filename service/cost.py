@@ -1,8 +1,8 @@
-"""What rendering and upscaling cost on this machine, in milliseconds: measured once and kept, to predict from.
+"""What rendering, upscaling and encoding cost on this machine, milliseconds: measured once and kept, to predict from.
 
 Each kind of work has a linear model of a few coefficients, which a few hundred milliseconds of that work give when a
-prediction first needs them: casting rays, drawing by OpenGL, each network. The file is for one processor, number of
-cores and set of packages; any other measures again.
+prediction first needs them (`service.measuring`): casting rays, drawing by OpenGL, each network, PNG. The file is for
+one processor, number of cores and set of packages; any other measures again.
 """
 
 from __future__ import annotations
@@ -12,46 +12,63 @@ import math
 import platform
 import sys
 import threading
-import time
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from itertools import islice
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from models import catalogue, processor
 from models.session import available_cores
-from renderer import backends
+from renderer import backends, culling
 from service import cache as cached
+from service import measuring
 from service.atomic import replacing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from renderer.scene import Scene
-    from renderer.views import View
 
 FILE = "costs.json"
-FORMAT = 1
+FORMAT = 2
 """Of the coefficients; another number where one of the models below takes others."""
-ROUNDS, ENOUGH_MS = 5, 150.0
-"""Jobs take turns so many times at least, and so long; of each the quickest counts, as all else is others' work."""
-NETWORK_CORES, OPENGL_CORES = 0.8, 1.2
-"""Share of its cores that a network keeps busy; cores that Mesa's software renderer does, on average over a job."""
 OPENGL_START_MS, NETWORK_START_MS = 700.0, 60.0
 """What the first view by OpenGL and the first network cost a process beside the work itself. Typical, not measured:
-nobody starts OpenGL to learn that it would have been the wrong way."""
-OPENGL_TYPICAL = (1.5e-4, 1e-5, 6e-5, 2.5e-5)
-"""What `opengl` gives where OpenGL has not run on this machine yet."""
-_FEW = 2
-"""Coefficients of all other work."""
+nobody starts OpenGL to learn that it would have been the wrong way, and what a start takes depends on what the system
+has in memory just then. `python -m benchmarks.planning` holds both against processes of their own."""
+OPENGL_TYPICAL = measuring.OpenGL(0.8, 1.5e-4, 1e-5, 0.2, 1.2e-4, 3e-5, 5e-6, 1.0)
+"""What `measuring.opengl_cost` gives where OpenGL has not run on this machine yet."""
+PLACE_MS, LOOK_MS, MET = 1.2e-4, 3e-5, 2
+"""Where what no ray meets is left out: milliseconds for a triangle that is placed, and that is looked at for each view;
+and how many are left for each ray. Little beside the work, so that typical numbers do."""
+_COUNTS = {"rays": len(measuring.Rays._fields), "opengl": len(measuring.OpenGL._fields), "png": 2}
+"""Coefficients of each kind of work; all other names are networks."""
 _PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender")
-TEXELS = 512
-"""Along a side of the texture that OpenGL is measured with."""
-_SIDES = (32, 96)
-"""Pixels along a side of the views that networks are measured on."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a stage of the pipeline takes."""
+
+    once: float
+    """Milliseconds before its first view: nothing else runs meanwhile."""
+    views: float
+    """Milliseconds of all views, by itself."""
+    cores: float
+    """How many it keeps busy."""
+
+
+def together(stages: Sequence[Stage], turns: int, cores: int) -> float:
+    """Milliseconds of stages that overlap in `turns` turns (`service.ahead`) on so many `cores`.
+
+    The first turn goes through all stages; from then on one is finished as often as the slowest stage, or the work of
+    all stages shared among the cores, allows.
+    """
+    spent = [stage.views for stage in stages]
+    shared = sum(stage.views * stage.cores for stage in stages) / cores
+    once = sum(stage.once for stage in stages)
+    return once + (sum(spent) + (turns - 1) * max(*spent, shared)) / turns
 
 
 class Costs:
@@ -77,28 +94,45 @@ class Costs:
         """Whether these coefficients are known without measuring."""
         return name in self._known
 
-    def rendering(self, backend: str, scene: Scene, *, rays: int, views: int) -> float:
-        """`views` of a new scene, `rays` points sampled for each, by `raytrace` or `raster`."""
-        triangles = scene.triangles
-        if backend == "raytrace":
-            by_triangle, by_ray = self.of("rays", rays_cost)
-            return triangles * by_triangle + views * rays * by_ray
-        is_open = backends.is_open("raster")
-        known = self.of("opengl", opengl_cost) if is_open or self.knows("opengl") else OPENGL_TYPICAL
-        by_triangle, by_texel, by_drawn, by_sample = known
-        texels = sum(part.texture.pixels[..., 0].size for part in scene.parts if part.texture is not None)
-        start = 0.0 if is_open else OPENGL_START_MS
-        loading = triangles * by_triangle + texels * by_texel
-        return start + loading + views * (triangles * by_drawn + rays * by_sample)
+    def rendering(self, backend: str, scene: Scene, *, rays: int, views: int, culls: bool = True) -> Stage:
+        """`views` of a new scene, `rays` points sampled for each, by `raytrace` or `raster`.
 
-    def upscaling(self, model: str, scale: int, *, pixels: int, views: int) -> float:
+        `culls`: what no ray meets is left out first, where that pays.
+        """
+        triangles, looking = scene.triangles, 0.0
+        textures = [(part.texture.pixels[..., 0].size, len(part.faces)) for part in scene.parts if part.texture]
+        textured = sum(count for _, count in textures) / scene.triangles
+        if culls and culling.pays(backend, triangles=triangles, rays=rays, views=views):
+            looking = triangles * (PLACE_MS + views * LOOK_MS)
+            triangles = min(triangles, MET * views * rays)
+        if backend == "raytrace":
+            by = measuring.Rays(*self.of("rays", measuring.rays_cost))
+            casting = by.view + rays * (by.ray + textured * by.textured)
+            return Stage(looking + by.scene + triangles * by.triangle, views * casting, 1.0)
+        is_open = backends.is_open("raster")
+        is_known = is_open or self.knows("opengl")
+        of = measuring.OpenGL(*self.of("opengl", measuring.opengl_cost)) if is_known else OPENGL_TYPICAL
+        loading = looking + of.scene + triangles * of.triangle + sum(texels for texels, _ in textures) * of.texel
+        drawing = of.view + triangles * of.drawn + rays * (of.sample + textured * of.textured)
+        return Stage(loading + (0.0 if is_open else OPENGL_START_MS), views * drawing, of.cores)
+
+    def upscaling(self, model: str, scale: int, *, pixels: int, views: int) -> Stage:
         """`views` of `pixels` by a model of the catalogue, with nothing skipped."""
         entry = next(entry for entry in catalogue.entries() if entry.name == model)
         is_network = entry.card is not None
         start = NETWORK_START_MS if is_network and "onnxruntime" not in sys.modules else 0.0
         name = f"{model} x{scale}" + (f" {entry.card.sha256[:12]}" if entry.card is not None else "")
-        each, by_pixel = self.of(name, lambda: network_cost(model, scale, is_light_field=entry.is_light_field))
-        return start + views * (each + pixels * by_pixel)
+        of = measuring.Network(
+            *self.of(name, lambda: measuring.network_cost(model, scale, is_light_field=entry.is_light_field))
+        )
+        if views == 1:
+            return Stage(start, of.alone + pixels * of.pixel, of.cores)
+        return Stage(start, views * (of.of_many + pixels * of.pixel_of_many), of.cores_of_many)
+
+    def encoding(self, *, pixels: int, views: int) -> Stage:
+        """`views` of `pixels`, as they are written."""
+        each, by_pixel = self.of("png", measuring.encoding_cost)
+        return Stage(0.0, views * (each + pixels * by_pixel), 1.0)
 
     def _write(self) -> None:
         if self._path is None:
@@ -125,110 +159,6 @@ def costs() -> Costs:
     return Costs(None if folder is None else folder / FILE)
 
 
-def rays_cost() -> tuple[float, float]:
-    """Milliseconds for each triangle of a new scene, and for each ray, by Embree."""
-    small, large = _ball(40), _ball(100)
-    backend = backends.open_backend("raytrace")[0]
-    few, many, rays = least(
-        lambda: _views(backend, small, 12, 1),
-        lambda: _views(backend, large, 12, 1),
-        lambda: _views(backend, small, 96, 3),
-    )
-    return slope(few, many, small.triangles, large.triangles), slope(few, rays, 12**2, 3 * 96**2)
-
-
-def opengl_cost() -> tuple[float, float, float, float]:
-    """Milliseconds for each triangle and each texel of a new scene, for each triangle in a view, and for each point
-    sampled, by OpenGL.
-    """
-    small, large = _ball(40), _ball(100)
-    backend = backends.open_backend("raster")[0]
-    one, three, coarse, textured, fine = least(
-        lambda: _views(backend, large, 48, 1),
-        lambda: _views(backend, large, 48, 3),
-        lambda: _views(backend, small, 48, 1),
-        lambda: _views(backend, _ball(40, TEXELS), 48, 1),
-        lambda: _views(backend, small, 96, 1, samples=4),
-        cores=min(OPENGL_CORES, available_cores()),
-    )
-    by_drawn = slope(one, three, large.triangles, 3 * large.triangles)
-    by_triangle = max(one / large.triangles - by_drawn, 0.0)
-    by_texel = max(textured - coarse, 0.0) / TEXELS**2
-    return by_triangle, by_texel, by_drawn, slope(coarse, fine, 48**2, (4 * 96) ** 2)
-
-
-def network_cost(model: str, scale: int, *, is_light_field: bool) -> tuple[float, float]:
-    """Milliseconds for each view and each of its pixels, by a model; of a light-field network in a grid of 3x3."""
-    from models.skip import NOTHING
-    from renderer.views import parse_views
-    from service.enlarging import opened
-    from service.plan import Plan
-
-    grid = (3, 3) if is_light_field else (1, 1)
-    run = opened(Plan("upscale", model, scale, 1, (), is_light_field), grid, NOTHING)
-    every, middle = parse_views("all", *grid), parse_views("center", *grid)
-
-    def job(side: int) -> Callable[[], object]:
-        noise = np.random.default_rng(0).integers(0, 256, (len(every), side, side, 3), np.uint8)
-        views = dict(zip(every, noise, strict=True))
-        return lambda: run(views, middle)
-
-    small, large = least(*map(job, _SIDES), cores=max(1.0, NETWORK_CORES * available_cores()))
-    few, many = (side**2 for side in _SIDES)
-    by_pixel = slope(small, large, few, many)
-    return max(large - many * by_pixel, 0.0), by_pixel
-
-
-def slope(small: float, large: float, few: int, many: int) -> float:
-    """What one more costs, of two times; at least half of what each costs on average, so that noise makes no gift."""
-    return max((large - small) / (many - few), large / many / 2)
-
-
-def least(*jobs: Callable[[], object], cores: float = 1.0) -> list[float]:
-    """Milliseconds of the quickest of `ROUNDS` or more of each, after one that warms up.
-
-    `cores`: how many a job keeps busy. Where the clock on the wall went further than the time on all of them, others
-    had them meanwhile: then the latter counts.
-    """
-    taken: list[list[float]] = [[] for _ in jobs]
-    for job in jobs:
-        job()
-    while len(taken[0]) < ROUNDS or sum(map(sum, taken)) < ENOUGH_MS:
-        for times, job in zip(taken, jobs, strict=True):
-            begun, worked = time.perf_counter(), time.process_time()
-            job()
-            times.append(1000 * min(time.perf_counter() - begun, (time.process_time() - worked) / cores))
-    return [min(times) for times in taken]
-
-
-@cache
-def _ball(segments: int, texels: int = 0) -> Scene:
-    """A ball of about `2 * segments**2` triangles in front of an array of width 1, which it fills for the most part.
-
-    With `texels` it has a texture of as many a side.
-    """
-    from renderer.modelling import revolve
-    from renderer.scene import Texture
-    from renderer.surface import Surface, assemble
-
-    turn = np.linspace(-np.pi / 2, np.pi / 2, segments + 1)
-    vertices, faces, uv = revolve(np.stack([0.4 * np.cos(turn), 0.4 * np.sin(turn)], 1), segments)
-    texture = Texture(np.full((texels, texels, 4), 200, np.uint8)) if texels else None
-    surface = Surface(vertices - np.array([0.0, 0.0, 1.0]), faces, uv=uv if texels else None, texture=texture)
-    return assemble([surface], name="ball")
-
-
-def _views(backend: backends.Backend, scene: Scene, lenses: int, count: int, *, samples: int = 1) -> None:
-    """The first views of a scene that the backend hasn't seen."""
-    from renderer.lens_array import LensArray
-
-    array = LensArray(lenses, lenses, 3, 3, 1.0 / lenses, 0.05)
-    views: list[View] = [divmod(number, 3) for number in range(count)]
-    again = scene.transformed(np.eye(4))
-    for _ in islice(backend.views(again, array, views, samples=samples), count):
-        pass
-
-
 def _read(path: Path) -> dict[str, tuple[float, ...]]:
     """The coefficients in `path`; none where it isn't there, is broken, or is another machine's: all are measured."""
     try:
@@ -238,9 +168,9 @@ def _read(path: Path) -> dict[str, tuple[float, ...]]:
         known = {str(name): tuple(float(value) for value in values) for name, values in held["ms"].items()}
     except (OSError, LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         return {}
-    counts = {"opengl": len(OPENGL_TYPICAL)}
     return {
         name: values
         for name, values in known.items()
-        if len(values) == counts.get(name, _FEW) and all(math.isfinite(v) and v >= 0 for v in values)
+        if len(values) == _COUNTS.get(name, len(measuring.Network._fields))
+        and all(math.isfinite(v) and v >= 0 for v in values)
     }

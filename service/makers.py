@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from renderer.culling import culled
 from service.plan import check_samples, mesh_array
 
 if TYPE_CHECKING:
@@ -33,7 +34,9 @@ class MeshViews:
         self.samples = check_samples(self._rendered, plan.samples)
         self._given, self._plan, self._clock = scene, plan, clock
         self._wanted, self._background = options.backend, options.background
+        self._culls = options.skip == "exact"
         self._is_seen = False
+        self._left = scene.triangles
         self.lenses = (self.array.rows, self.array.cols)
         self.pixels = (self.array.pixels_v, self.array.pixels_u)
 
@@ -64,10 +67,17 @@ class MeshViews:
 
     def make(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
         """Each view as `(rows, cols, 3)` 8 bit; for `direct` as many pixels as are asked for."""
-        pictures = self._backend.views(
-            self._scene, self._rendered, views, samples=self._plan.samples, background=self._background
-        )
+        scene, samples = self._scene, self._plan.samples
+        if self._culls:
+            with self._clock.stage("render"):
+                scene = culled(scene, self._rendered, views, self._backend.name, samples=samples)
+                self._left = scene.triangles
+        pictures = self._backend.views(scene, self._rendered, views, samples=samples, background=self._background)
         return map(self._opaque, pictures)
+
+    def skipped(self) -> Report:
+        """The report's `skipped`, once everything was made: the share of triangles that were `culled`."""
+        return {"culled": round(1 - self._left / self._given.triangles, 4)}
 
     def take(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
         """The next `count` of `make`, `(H, W, 3)` each."""
@@ -113,6 +123,10 @@ class PictureViews:
     def lens_array(self) -> Report:
         """The report's `lens_array`; pitch and delta are null where nobody said them."""
         return _described(self.lenses, self.pixels, self._pitch, self._delta)
+
+    def skipped(self) -> Report:
+        """Nothing of what is mapped."""
+        return {}
 
     def make(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
         """Each view, `(rows, cols, channels)`, in the light field's memory."""

@@ -19,10 +19,10 @@ from service.choice import Job
 from service.enlarging import describe_model, opened, skipped, uninterpolated, unmatched
 from service.makers import MeshViews, PictureViews
 from service.plan import Plan
-from service.report import Clock, Report, versions
+from service.report import Clock, Report, in_words, versions
 from service.request import AUTO, NO_MODEL
 from service.source import Input, Source
-from service.turns import turns
+from service.turns import at_once, turns
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Sequence
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int], object]
 """Called with the number of views that were finished since its last call."""
-
-BATCH_PIXELS = 500_000
-"""Output pixels of one turn, in whole views: what bounds memory, and lets the stages overlap where views are many."""
 
 
 def reconstruct(
@@ -65,15 +62,16 @@ def reconstruct(
     given = Input(source)
     with clock.stage("decode"):
         content = given.read(options)
-    job = _job(given.name, content, options)
-    plan = plans.make(options, job, mesh=content if isinstance(content, Scene) else None, limit=max_pixels)
-    maker = _maker(content, options, plan, clock)
-    rows, cols = maker.lenses
-    plans.check_size(rows, cols, plan.enlarge, len(job.wanted), max_pixels)
-    together = max(1, BATCH_PIXELS // (rows * cols * plan.enlarge**2))
-    in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
-    made = [view for turn in in_order for view in turn.new]
-    plans.check_work(maker.samples, len(made), max_pixels, further=len(made) - len(job.wanted))
+    with clock.stage("plan"):
+        job = _job(given.name, content, options)
+        plan = plans.make(options, job, mesh=content if isinstance(content, Scene) else None, limit=max_pixels)
+        maker = _maker(content, options, plan, clock)
+        rows, cols = maker.lenses
+        plans.check_size(rows, cols, plan.enlarge, len(job.wanted), max_pixels)
+        together = at_once(rows * cols * plan.enlarge**2)
+        in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
+        made = [view for turn in in_order for view in turn.new]
+        plans.check_work(maker.samples, len(made), max_pixels, further=len(made) - len(job.wanted))
     tally = Tally()
     enlarge = _load(plan, job.grid, Skipping(options.skip == "exact", options.max_error), tally, clock)
     sink.begin(len(job.wanted))
@@ -93,6 +91,7 @@ def reconstruct(
             if progress is not None:
                 progress(len(wanted))
 
+    left_out = ({} if enlarge is None else skipped(tally)) | maker.skipped() or None
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
     bound = uninterpolated(plan, tally) if options.max_error is not None and enlarge is not None else []
     report: Report = {
@@ -107,8 +106,8 @@ def reconstruct(
             "samples": plan.samples,
             "model": plan.model,
             "scale": plan.enlarge,
-            "reasons": [*plan.reasons, *maker.reasons],
-            "skipped": skipped(tally) if enlarge is not None else None,
+            "reasons": [*plan.reasons, *maker.reasons, *in_words(left_out)],
+            "skipped": left_out,
         },
         "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),

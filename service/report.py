@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any
 
-STAGES = ("stored", "decode", "render", "map", "upscale", "encode")
-"""In the order of the work; `total` follows. `stored` alone: the result was taken out of the store."""
+STAGES = ("stored", "decode", "plan", "render", "map", "upscale", "encode")
+"""In the order of the work; `total` follows. `stored` alone: the result was taken out of the store. `plan`: what to do
+was decided, and what that costs was measured where it wasn't known."""
 
 Report = dict[str, Any]
 """Ready for JSON; `service.pipeline` puts its keys together."""
@@ -73,6 +74,23 @@ class CountedFiles(Mapping[str, bytes]):
     def files_read(self) -> int:
         """How many files were asked for and found."""
         return len(self._sizes)
+
+
+def in_words(skipped: Mapping[str, Any] | None) -> list[str]:
+    """The report's reason that says in a line what of `plan.skipped` was left out; none where nothing was."""
+    shares = {
+        name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share > 0
+    }
+    culled = shares.pop("culled", 0.0)
+    said = [f"{_percent(culled)} of the triangles, which no ray that is needed meets"] if culled else []
+    if shares:
+        each = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
+        said.append(f"the model for {_percent(sum(shares.values()))} of its pixels ({each})")
+    return [f"skipped: {' and '.join(said)}"] if said else []
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.005 else "under 1 %"
 
 
 def versions(*packages: str) -> dict[str, str]:

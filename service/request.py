@@ -64,7 +64,8 @@ class Options:
     pickup: Pickup = "virtual"
     """`optical`: each elemental image of the EIA is turned by 180 degrees, as real lenses do."""
     skip: Skip = "exact"
-    """`exact`: what is known without the model isn't computed, the result is the same; `none`: all is computed."""
+    """`exact`: triangles that no wanted view needs aren't rendered, and what is known without the model isn't computed:
+    the result is the same; `none`: all is."""
     max_error: float | None = None
     """Root mean square, in levels of 255, by which views may differ for the sake of speed; none by default. From what
     the model makes with nothing skipped; with `auto` from the mesh rendered at the larger size."""

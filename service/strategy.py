@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from models import catalogue
+from models.session import available_cores
 from models.views import needed
 from renderer import backends
 from renderer.errors import BackendUnavailable
+from renderer.framing import FILL, GAP
 from renderer.sampling import LENSLET_SAMPLES
 from service import cost
 from service.choice import choose
 from service.plan import MAX_VIEW_SAMPLES, mesh_array, samples
+from service.turns import at_once
 
 if TYPE_CHECKING:
+    from models.card import Card
+    from models.catalogue import Entry
+    from renderer.lens_array import LensArray
     from renderer.scene import Scene
     from service.choice import Choice, Job
     from service.request import Options
@@ -49,10 +58,14 @@ def cheapest(options: Options, job: Job, mesh: Scene, limit: int | None) -> tupl
 
 def _against_model(model: str, scale: int) -> str:
     """Why views can't be upscaled; empty where they can."""
-    entry = next(entry for entry in catalogue.entries() if entry.name == model)
+    entry = _entry(model)
     if scale not in entry.scales:
         return f"{model} doesn't upscale by {scale}"
     return entry.unsuited
+
+
+def _entry(model: str) -> Entry:
+    return next(entry for entry in catalogue.entries() if entry.name == model)
 
 
 def _against_size(options: Options, job: Job, limit: int | None) -> str:
@@ -71,17 +84,41 @@ def _rays(options: Options, strategy: Strategy) -> int:
 
 
 def _predicted(costs: cost.Costs, options: Options, job: Job, chosen: Choice, mesh: Scene) -> dict[Strategy, float]:
-    """Milliseconds of rendering and upscaling; reading and encoding take the same either way."""
+    """Milliseconds from the mesh to encoded views; reading takes the same either way."""
     array, wanted = mesh_array(options), len(job.wanted)
     made = len(needed(job.wanted, job.grid)) if chosen.is_light_field else wanted
+    pixels = array.rows * array.cols
+    turns, cores = math.ceil(wanted / at_once(pixels * options.scale**2)), available_cores()
 
-    def rendering(strategy: Strategy, views: int) -> float:
+    def rendering(strategy: Strategy, views: int) -> cost.Stage:
         rays = _rays(options, strategy)
         backend = backends.expected(options.backend, triangles=mesh.triangles, rays=rays)
-        return costs.rendering(backend, mesh, rays=rays, views=views)
+        return costs.rendering(backend, mesh, rays=rays, views=views, culls=options.skip == "exact")
 
-    upscaling = costs.upscaling(chosen.model, options.scale, pixels=array.rows * array.cols, views=wanted)
-    return {"upscale": rendering("upscale", made) + upscaling, "direct": rendering("direct", wanted)}
+    seen = _seen(mesh, array, _entry(chosen.model).card) if options.skip == "exact" else 1.0
+    upscaling = costs.upscaling(chosen.model, options.scale, pixels=round(seen * pixels), views=wanted)
+    encoding = costs.encoding(pixels=pixels * options.scale**2, views=wanted)
+    return {
+        "upscale": cost.together([rendering("upscale", made), upscaling, encoding], turns, cores),
+        "direct": cost.together([rendering("direct", wanted), encoding], turns, cores),
+    }
+
+
+def _seen(mesh: Scene, array: LensArray, card: Card | None) -> float:
+    """Share of a view's pixels that a network works on with exact skipping, roughly: in the box about the mesh, framed
+    as `renderer.framing` does, what sees it and what that sees. 1 for interpolation.
+    """
+    if card is None:
+        return 1.0
+    low, high = mesh.bounds()
+    width, height, depth = (high - low).tolist()
+    distance = depth / 2 + GAP * max(width, height, depth)  # of the middle
+    sweep_x = 2 * float(np.abs(array.tangent_x()).max()) * distance
+    sweep_y = 2 * float(np.abs(array.tangent_y()).max()) * distance
+    across, down = max(width + sweep_x, 1e-300), max(height + sweep_y, 1e-300)
+    scale = FILL * min(array.width / across, array.height / down) / array.pitch
+    cols, rows = scale * width + 4 * card.radius, scale * height + 4 * card.radius
+    return float(min(1.0, cols / array.cols) * min(1.0, rows / array.rows))
 
 
 def _starts_opengl(options: Options, strategy: Strategy, mesh: Scene) -> bool:

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from renderer.views import View
 
 
+BATCH_PIXELS = 500_000
+"""Output pixels of one turn, in whole views: what bounds memory, and lets the stages overlap where views are many."""
+
+
 @dataclass(frozen=True)
 class Turn:
     """A few views, and what is made and let go of for them."""
@@ -23,6 +27,11 @@ class Turn:
     """What is made first: of `wanted` and of the views that it needs, those that no turn before has made."""
     done: Sequence[View]
     """What no later turn needs."""
+
+
+def at_once(pixels: int) -> int:
+    """How many views of so many output pixels are worked on in one turn."""
+    return max(1, BATCH_PIXELS // pixels)
 
 
 def turns(wanted: Sequence[View], grid: tuple[int, int], *, together: int, is_light_field: bool) -> list[Turn]:

@@ -16,8 +16,8 @@ MAY_NOT = {
 DOORS = {"service/commands/bench.py": "benchmarks", "service/commands/stress.py": "benchmarks"}
 """Commands that open another room; nothing else of `service` knows of it."""
 ONLY_IN = {
-    "pyrender": "renderer/raster.py",
-    "OpenGL": "renderer/raster.py",
+    "pyrender": "renderer/opengl.py",
+    "OpenGL": "renderer/opengl.py",
     "embreex": "renderer/raytrace.py",
     "onnxruntime": "models/session.py",
 }

@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from models import bounded, catalogue
 from models.baselines import Bicubic
+from models.cells import CELL, edge_scores
 from models.pixels import upscale_pixels
 from models.skip import NOTHING
 from training import degrade, pictures, rendered
@@ -58,7 +59,7 @@ class Cells(NamedTuple):
     """Cells of some pictures."""
 
     scores: NDArray[np.float64]
-    """`(n,)`, see `bounded.edge_scores`."""
+    """`(n,)`, see `models.cells.edge_scores`."""
     errors: NDArray[np.float64]
     """`(n,)`, see `cell_errors`."""
 
@@ -84,13 +85,13 @@ def learnt_from(folder: Path) -> dict[str, list[Picture]]:
 
 def cell_errors(upscaler: Upscaler, picture: Picture) -> NDArray[np.float64]:
     """Of each cell of `(H, W, 3)`: the mean square of the levels by which what the network makes of it differs from
-    interpolation, as `bounded.edge_scores` has its shape.
+    interpolation, in the shape of `edge_scores`.
     """
     by_network, by_cubic = (
         upscale_pixels(model, picture[np.newaxis], skipping=NOTHING)[0] for model in (upscaler, Bicubic(upscaler.scale))
     )
     squares = np.square(by_network.astype(np.float64) - by_cubic).mean(axis=2)
-    step = bounded.CELL * upscaler.scale
+    step = CELL * upscaler.scale
     height, width = squares.shape
     sums = np.add.reduceat(squares, np.arange(0, height, step), axis=0)
     sums = np.add.reduceat(sums, np.arange(0, width, step), axis=1)
@@ -142,7 +143,7 @@ def learn(upscaler: Upscaler, given: Mapping[str, Sequence[Picture]]) -> dict[st
     """One entry of the file: what `models.bounded.Table` takes, rounded."""
     cells = {}
     for kind, some in given.items():
-        scores = [bounded.edge_scores(picture).ravel().astype(np.float64) for picture in some]
+        scores = [edge_scores(picture).ravel().astype(np.float64) for picture in some]
         said = tqdm(some, disable=None, desc=f"{upscaler.name}, {kind}", unit="picture", leave=False)
         cells[kind] = Cells(
             np.concatenate(scores), np.concatenate([cell_errors(upscaler, one).ravel() for one in said])
@@ -175,7 +176,7 @@ def main(argv: list[str] | None = None) -> int:
         "learnt_on": f"{sum(map(len, learnt.values()))} pictures: photographs of BSDS500 (train and test), as they are "
         f"and made small by {', '.join(degrade.KINDS)}; {SCENES} rendered scenes as pinholes and lenslets see them",
         "command": "python -m training.edge_scores",
-        "cell": bounded.CELL,
+        "cell": CELL,
         "quantile": QUANTILE,
         "tables": made,
     }

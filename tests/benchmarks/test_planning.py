@@ -3,6 +3,7 @@ import pytest
 from benchmarks import planning
 from renderer.bundle import Bundle
 from service import cost
+from service.measuring import OpenGL, Rays
 
 
 def row(**given):
@@ -27,11 +28,22 @@ def test_a_row_is_measured(monkeypatch, tmp_path):
     mesh = tmp_path / "a.off"
     mesh.write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n3 0 2 3\n3 1 2 3\n")
     costs = cost.Costs(None)
-    for name, known in (("rays", (1e-3, 1e-3)), ("opengl", (1.0, 1.0, 1.0, 1.0))):
+    for name, known in (("rays", Rays(0.0, 1e-3, 0.0, 1e-3, 0.0)), ("opengl", OpenGL(*[1.0] * 8))):
         costs.of(name, lambda known=known: known)
     monkeypatch.setattr(cost, "costs", lambda: costs)
     asked = {"lenses": (6, 6), "pixels": (3, 3), "model": "bicubic", "backend": "raytrace"}
     found = planning._measured(Bundle.from_path(mesh), asked, 1)
     assert found["took"] == "upscale"  # 36 rays against 2,304
-    assert 0 < found["predicted"] < 10
+    assert 0 < found["predicted"] < 20
     assert all(len(times) == 1 for times in found["rounds"].values())
+
+
+def test_whole_processes_have_rows_without_a_prediction(monkeypatch):
+    asked = []
+    monkeypatch.setattr(planning.cold, "reconstruction", lambda options: asked.append(options) or len(asked))
+    rows = list(planning._cold_rows([25], 2))
+    assert [row["mesh"] for row in rows] == list(planning.SCENES)
+    assert asked[0] == ["scene:vase", "--lenses", "25x25", "--strategy", "upscale"]
+    assert rows[0]["rounds"] == {"upscale": [1, 4], "direct": [2, 5], "auto": [3, 6]}
+    assert (rows[0]["upscale"], rows[0]["auto"], rows[0]["predicted"]) == (1, 3, None)
+    assert "cold" in planning.line(rows[0])

@@ -57,14 +57,14 @@ class Mixing:
 class MixingViews:
     """The same as a light-field network; `doubtful`: whether its doubt goes beyond what is trusted."""
 
-    scale = 2
+    scale, threads = 2, 1
 
     def __init__(self, layers=3, radius=None, *, doubtful=True):
         self.radius = layers if radius is None else radius
         self.layers = Layers([28, *[4] * (layers - 1), 13], seed=layers)
         self.seen, self.most = 0, 1.0 if doubtful else 0.5
 
-    def __call__(self, image, around, rows, cols):
+    def __call__(self, image, around, rows, cols, *, cores=None):
         self.seen += len(image) * image.shape[2] * image.shape[3]
         weights = 1 + np.arange(25) * np.outer(rows, cols).ravel()
         planes = self.layers(np.concatenate([whole(image), whole(around * weights[:, None, None])], axis=1))

@@ -1,12 +1,10 @@
-"""Interpolated within a bound: the scores, the choice of windows, and what becomes of pictures."""
+"""Interpolated within a bound: what a table says, and what becomes of pictures."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from models import bounded, catalogue
 from models.baselines import Bicubic, Nearest
@@ -42,86 +40,10 @@ def rms(one, other):
     return float(np.sqrt(np.mean(np.square(one.astype(float) - other))))
 
 
-def score_by_loops(some):
-    """The same as `edge_scores`, pixel by pixel."""
-    height, width, channels = some.shape
-    levels = some.astype(float) * 255 / np.iinfo(some.dtype).max
-    taps = (1, -4, 6, -4, 1)
-
-    def at(row, col, channel):
-        return levels[min(max(row, 0), height - 1), min(max(col, 0), width - 1), channel]
-
-    rows, cols = -(-height // bounded.CELL), -(-width // bounded.CELL)
-    values = [[[] for _ in range(cols)] for _ in range(rows)]
-    for row in range(height):
-        for col in range(width):
-            for channel in range(channels):
-                down = sum(tap * at(row + i - 2, col, channel) for i, tap in enumerate(taps))
-                across = sum(tap * at(row, col + i - 2, channel) for i, tap in enumerate(taps))
-                values[row // bounded.CELL][col // bounded.CELL].append(down**2 + across**2)
-    return np.array([[np.mean(cell) for cell in line] for line in values])
-
-
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(st.integers(1, 19), st.integers(1, 19), st.sampled_from([1, 3]), st.sampled_from([np.uint8, np.uint16]))
-def test_scores_are_the_mean_square_of_fourth_differences(height, width, channels, dtype):
-    some = np.random.default_rng(height * width).integers(0, np.iinfo(dtype).max, (height, width, channels), dtype)
-    # Sums of some hundred squares up to 1e7 in float32.
-    assert np.allclose(bounded.edge_scores(some), score_by_loops(some), rtol=1e-4, atol=1e-2)
-
-
-def test_scores_in_bands_are_those_of_the_whole(monkeypatch):
-    some = picture(height=75, width=61)
-    whole = bounded.edge_scores(some)
-    monkeypatch.setattr(bounded, "BAND", 61 * 16)
-    assert np.array_equal(bounded.edge_scores(some), whole)
-
-
 def test_a_table_is_interpolated_and_says_nothing_beyond_its_end():
     table = bounded.Table(np.array([1.0, 4.0, 16.0]), np.array([0.1, 0.4, 6.4]), 4)
     got = table.predicted(np.array([0, 1, 2, 4, 8, 16, 17], np.float32))
     assert np.allclose(got, [0.1, 0.1, 0.2, 0.4, 1.6, 6.4, np.inf])  # straight lines between logarithms
-
-
-@settings(max_examples=80, deadline=None, derandomize=True)
-@given(st.integers(1, 150), st.integers(1, 150), st.integers(0, 9), st.floats(0.001, 300), st.integers(0, 9))
-def test_windows_keep_the_budget_and_see_around(height, width, around, budget, seed):
-    random = np.random.default_rng(seed)
-    shape = (-(-height // bounded.CELL), -(-width // bounded.CELL))
-    cells = random.exponential(1, shape) * (random.random(shape) < 0.3)
-    if seed == 0:
-        cells[0, 0] = np.inf  # beyond what was learnt
-    found = bounded.windows(cells, height, width, around, budget)
-    if found is None:
-        return
-    by_network = np.zeros((height, width), int)
-    for window in found:
-        (top, bottom), (left, right) = window.rows, window.cols
-        by_network[top:bottom, left:right] += 1
-        assert window.kept == (bottom - top) * (right - left) > 0
-        assert max(0, top - around) >= window.top >= 0
-        assert max(0, left - around) >= window.left >= 0
-        assert min(height, bottom + around) <= window.top + window.height <= height
-        assert min(width, right + around) <= window.left + window.width <= width
-    assert by_network.max(initial=0) <= 1
-    skipped = by_network[:: bounded.CELL, :: bounded.CELL] == 0
-    assert cells[skipped].sum() <= budget * (1 + 1e-9)
-
-
-def test_a_price_finds_most_of_what_can_be_skipped():
-    """One corner holds all of the error: what is computed is little more than it."""
-    cells = np.full((32, 32), 0.01)
-    cells[:8, :8] = 50
-    (window,) = bounded.windows(cells, 256, 256, 8, budget=20)
-    assert (window.rows, window.cols) == ((0, 64), (0, 64))
-
-
-def test_nothing_is_run_where_all_is_below_the_bound():
-    assert bounded.windows(np.full((8, 8), 0.1), 64, 64, 8, budget=7) == []
-
-
-def test_a_picture_full_of_detail_goes_whole():
-    assert bounded.windows(np.full((32, 32), 50.0), 256, 256, 8, budget=20) is None
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(3, np.uint8), (1, np.uint8), (3, np.uint16)])

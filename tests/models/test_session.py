@@ -8,9 +8,9 @@ import pytest
 
 from models import card as cards
 from models import session
-from models.catalogue import SHIPPED, load
+from models.catalogue import SHIPPED, entries, load
 from models.errors import BadCard, InvalidImage, UnsuitedProcessor
-from models.session import Network
+from models.session import Network, Shipped
 
 
 def noise(*shape: int) -> np.ndarray:
@@ -73,6 +73,18 @@ def test_calls_from_many_threads(paper):
         got = list(pool.map(paper, pictures * 4))
     for i, output in enumerate(got):
         np.testing.assert_allclose(output, want[i % 8], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in entries() if entry.card is not None and not entry.unsuited])
+def test_the_outputs_do_not_depend_on_the_cores(name):
+    """So that a view is the same whether it is made alone, by all cores, or among many, each by one."""
+    network = Shipped(SHIPPED / f"{name}.json", threads=3)
+    given = {
+        tensor.name: noise(*({"batch": 2, "height": 45, "width": 38}.get(size, size) for size in tensor.shape))
+        for tensor in (network.card.input, *network.card.further)
+    }
+    for one, all_cores in zip(network.run(given, cores=1), network.run(given), strict=True):
+        np.testing.assert_array_equal(one, all_cores)
 
 
 def test_the_callers_floating_point_stays_as_it_was():
@@ -147,7 +159,7 @@ def test_no_denormals_reach_the_network(monkeypatch):
             seen.append(images)
             return [images.repeat(2, axis=2).repeat(2, axis=3)]
 
-    monkeypatch.setattr(network, "_session", Session())
+    monkeypatch.setattr(network, "_session", lambda cores: Session())
     images = np.full((1, 3, 8, 8), 1e-40, np.float32)
     images[0, 0, 0, :3] = 0.5, 1 / 65535**2, session.FAINTEST
     network(images)

@@ -16,11 +16,12 @@ class Told:
 
     scale = 2
     radius = 2
+    threads = 1
 
     def __init__(self, doubt=0.3):
         self.calls, self.doubt = [], doubt
 
-    def __call__(self, image, around, rows, cols):
+    def __call__(self, image, around, rows, cols, *, cores=None):
         self.calls.append((image, around, rows, cols))
         return image.repeat(2, axis=2).repeat(2, axis=3), np.full_like(image[:, :1], self.doubt)
 
@@ -136,11 +137,48 @@ def test_what_takes_a_strange_views_place_is_exact(monkeypatch):
     assert asked == [EXACT, NOTHING]
 
 
+class Abreast(Told):
+    """On a machine of three cores; notes how many each call may take."""
+
+    threads = 3
+
+    def __init__(self):
+        super().__init__()
+        self.cores = []
+
+    def __call__(self, image, around, rows, cols, *, cores=None):
+        self.cores.append(cores)
+        return super().__call__(image, around, rows, cols, cores=cores)
+
+
+def test_many_runs_go_side_by_side_and_few_take_all_cores():
+    views, network = field((7, 7)), Abreast()
+    got, _ = upscale_views(network, alone, views, sorted(views), (7, 7))
+    want, _ = upscale_views(Told(), alone, views, sorted(views), (7, 7))
+    np.testing.assert_array_equal(got, want)
+    assert network.cores == [1] * SIDE * SIDE
+    network.cores.clear()
+    upscale_views(network, alone, views, [(3, 3), (0, 0)], (7, 7))
+    assert network.cores == [3, 3]
+
+
+def test_an_error_of_one_run_among_many_is_raised():
+    class Broken(Abreast):
+        def __call__(self, image, around, rows, cols, *, cores=None):
+            if not rows[0] and not cols[0]:
+                raise InvalidImage("the corner")
+            return super().__call__(image, around, rows, cols, cores=cores)
+
+    views = field((7, 7))
+    with pytest.raises(InvalidImage, match="the corner"):
+        upscale_views(Broken(), alone, views, sorted(views), (7, 7))
+
+
 class Unsure(Told):
     """In doubt where a view's own luma is high; so each view and place has a doubt of its own."""
 
-    def __call__(self, image, around, rows, cols):
-        large, doubt = super().__call__(image, around, rows, cols)
+    def __call__(self, image, around, rows, cols, *, cores=None):
+        large, doubt = super().__call__(image, around, rows, cols, cores=cores)
         return large, doubt * 0 + (around[:, 12:13] > 0.6)
 
 

@@ -161,7 +161,7 @@ def test_pictures_are_held_up_to_a_number_of_samples(monkeypatch):
 
 def test_a_scene_that_fails_to_load_leaves_the_last_one(monkeypatch):
     raster = backend("raster")
-    from renderer import raster as module
+    from renderer import opengl as module
 
     vase, globe = inputs(["vase", "globe"])
     (expected,) = raster.views(vase, ARRAY, [(7, 7)])

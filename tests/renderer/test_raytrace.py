@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from renderer import raytrace
 from renderer.lens_array import LensArray
 from renderer.raytrace import RaytraceBackend
 from renderer.scene import Part, Scene, Texture
@@ -110,3 +113,32 @@ def test_a_ray_passes_cut_out_layers(gap):
     scene = Scene((*layers, Part(square - [0, 0, 20 + gap * 8], faces, solid)))
     (view,) = RaytraceBackend().views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
     np.testing.assert_array_equal(view, np.broadcast_to(np.uint8([0, 255, 0, 255]), view.shape))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 4), st.integers(1, 4)),
+    st.integers(1, 4),
+    st.sampled_from([50, 1 << 16]),
+    st.data(),
+)
+def test_as_many_rays_are_cast_as_wanted_views_have_samples(counts, samples, at_once, data):
+    """One for each sample of each lens in each view that is asked for, and none beside, however they are batched."""
+    array = LensArray(*counts, pitch=0.5, delta=0.1)
+    wanted = data.draw(st.lists(st.tuples(st.integers(0, counts[2] - 1), st.integers(0, counts[3] - 1)), unique=True))
+    cast, batches = raytrace.PreparedScene.cast, []
+
+    def counted(prepared, origins, direction):
+        batches.append(len(origins))
+        return cast(prepared, origins, direction)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(raytrace.PreparedScene, "cast", counted)
+        patched.setattr(raytrace, "RAYS_AT_ONCE", at_once)
+        assert len(list(RaytraceBackend().views(triangles(), array, wanted, samples=samples))) == len(wanted)
+        a_view = array.rows * array.cols * samples**2
+        assert sum(batches) == len(wanted) * a_view
+        assert len(batches) == len(wanted) * -(-a_view // at_once)
+        batches.clear()
+        RaytraceBackend().elemental(triangles(), array, samples=samples)
+        assert sum(batches) == array.pixels_v * array.pixels_u * a_view

@@ -154,6 +154,62 @@ def test_folders_and_scenes(samples, store, runs, tmp_path):
     assert len(runs) == 4
 
 
+@pytest.fixture
+def bodies(monkeypatch):
+    """What the store gave out."""
+    given = []
+    whole = Store.get
+
+    def get(self, key):
+        found = whole(self, key)
+        if found is not None:
+            given.append(found.body)
+        return found
+
+    monkeypatch.setattr(Store, "get", get)
+    return given
+
+
+def test_who_leaves_leaves_nothing_open(samples, store, runs, bodies):
+    data = samples.encode_png(samples.EIA)
+    asked(data, store=store)
+
+    def gone(_):
+        raise OSError("the client has left")
+
+    with pytest.raises(OSError, match="has left"):
+        asked(data, store=store, progress=gone)
+    assert [body.closed for body in bodies] == [True]
+    assert len(runs) == 1
+
+
+def test_what_cannot_be_compared_is_made_and_left_closed(samples, store, runs, bodies, monkeypatch):
+    data = samples.encode_png(samples.EIA)
+    asked(data, store=store)
+
+    def unreadable(self, seen):
+        raise OSError("the disk is gone")
+
+    monkeypatch.setattr(NotedFiles, "agree", unreadable)
+    made = answer(Bundle.from_upload("a.png", data), OPTIONS, "zip", store=store)
+    made.file.close()
+    assert "the disk is gone" in made.trouble
+    assert [body.closed for body in bodies] == [True]
+    assert len(runs) == 2
+
+
+@pytest.mark.parametrize("form", ["zip", "npz"])
+def test_only_a_report_is_replaced(form):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("report.json" if form == "zip" else "report.npy", b"{}")
+        archive.writestr("view_00_00.png", b"a view")
+    before = file.getvalue()
+    with pytest.raises(ValueError, match=r"view_00_00\.png comes last"):
+        answers._replace_report(file, form, {"notes": []})
+    assert file.getvalue() == before
+
+
 def test_a_store_that_fails_is_told_of_and_the_result_is_made(samples, tmp_path):
     (tmp_path / "file").write_bytes(b"no folder")
     bundle = Bundle.from_upload("a.png", samples.encode_png(samples.EIA))

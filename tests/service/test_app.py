@@ -14,7 +14,7 @@ from models import catalogue
 from models.errors import BadCard
 from renderer.errors import InvalidOption, TooLarge
 from renderer.pictures import decode
-from service import answers, multipart, settings
+from service import answers, multipart, settings, turns
 from service import app as app_module
 from service.app import create_app
 from service.outputs import FORMATS, FileSink
@@ -83,7 +83,7 @@ def test_one_view_is_a_png(client, samples, eia):
     assert response.headers["content-type"] == "image/png"
     assert np.array_equal(decode(response.content, name="x"), samples.EIA[1::4, 2::4])
     stages = [part.split(";dur=") for part in response.headers["server-timing"].split(", ")]
-    assert [stage for stage, _ in stages] == ["decode", "map", "encode", "total"]
+    assert [stage for stage, _ in stages] == ["decode", "plan", "map", "encode", "total"]
     assert all(float(ms) >= 0 for _, ms in stages)
 
 
@@ -272,7 +272,7 @@ def test_both_models_that_auto_takes_are_warm_before_it_is_ready(stand_in, monke
     for loader in ("load", "load_light_field"):
         monkeypatch.setattr(catalogue, loader, noted(getattr(catalogue, loader)))
     call = type(stand_in).__call__
-    monkeypatch.setattr(type(stand_in), "__call__", lambda *given: ran.append("ran") or call(*given))
+    monkeypatch.setattr(type(stand_in), "__call__", lambda *given, **more: ran.append("ran") or call(*given, **more))
     app_module._warm_up()
     assert set(ran) == {"fast", "field", "ran"}
 
@@ -296,7 +296,7 @@ def test_work_ends_when_the_client_has_gone(eia, monkeypatch):
     import threading
 
     gone, made = threading.Event(), []
-    monkeypatch.setattr(answers.pipeline, "BATCH_PIXELS", 1)  # a view at a time
+    monkeypatch.setattr(turns, "BATCH_PIXELS", 1)  # a view at a time
 
     class SeesItLeave(FileSink):
         def add(self, view, pixels):

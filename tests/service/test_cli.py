@@ -394,6 +394,15 @@ def test_every_command_has_help(command, capsys):
     assert capsys.readouterr().out.startswith(f"usage: ciir {command}")
 
 
+@pytest.mark.parametrize("command", ["reconstruct", "serve"])
+def test_help_tells_where_results_are_kept(command, capsys):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "asked for twice" in said
+    assert "CIIR_STORE" in said
+
+
 def test_what_may_be_skipped_can_be_told(samples, tmp_path, capsys):
     picture = np.zeros((40, 60, 3), np.uint8)
     picture[10:14, 10:14] = 200
@@ -428,7 +437,7 @@ def test_auto_that_promises_an_error_renders(cube_file, tmp_path):
     assert main([*argv, "-o", str(tmp_path / "a")]) == 0
     assert main(["reconstruct", str(cube_file), "--strategy", "direct", "-o", str(tmp_path / "b"), *SMALL]) == 0
     report = json.loads((tmp_path / "a" / "report.json").read_text())
-    assert (report["plan"]["strategy"], report["plan"]["skipped"]) == ("direct", None)
+    assert (report["plan"]["strategy"], report["plan"]["skipped"]) == ("direct", {"culled": 0.0})
     assert np.array_equal(read(tmp_path / "a" / "view_01_02.png"), read(tmp_path / "b" / "view_01_02.png"))
 
 

@@ -1,11 +1,15 @@
 import json
+import sys
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from renderer import backends
 from renderer.scenes import scene
 from service import cache, cost
-from service.cost import Costs
+from service.cost import Costs, Stage
+from service.measuring import Network, OpenGL, Rays
 
 
 @pytest.fixture
@@ -19,43 +23,43 @@ def never():
 
 def test_what_was_measured_is_kept(path):
     costs = Costs(path)
-    assert costs.of("rays", lambda: (1.0, 2.0)) == (1.0, 2.0)
-    assert costs.of("rays", never) == (1.0, 2.0)
-    assert Costs(path).of("rays", never) == (1.0, 2.0)
+    assert costs.of("png", lambda: (1.0, 2.0)) == (1.0, 2.0)
+    assert costs.of("png", never) == (1.0, 2.0)
+    assert Costs(path).of("png", never) == (1.0, 2.0)
     assert not Costs(path).trouble
-    assert json.loads(path.read_bytes()) == {"machine": cost.machine(), "ms": {"rays": [1.0, 2.0]}}
+    assert json.loads(path.read_bytes()) == {"machine": cost.machine(), "ms": {"png": [1.0, 2.0]}}
     assert [file.name for file in path.parent.iterdir()] == ["costs.json"]
 
 
 def test_two_processes_keep_what_each_measured(path):
     one, other = Costs(path), Costs(path)
-    one.of("a", lambda: (1.0, 3.0))
-    other.of("b", lambda: (2.0, 3.0))
-    assert Costs(path).of("a", never) == (1.0, 3.0)
-    assert Costs(path).of("b", never) == (2.0, 3.0)
+    one.of("a", lambda: (1.0,) * 6)
+    other.of("b", lambda: (2.0,) * 6)
+    assert Costs(path).of("a", never) == (1.0,) * 6
+    assert Costs(path).of("b", never) == (2.0,) * 6
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "", "{", "[]", "{}", '{"machine": "MACHINE", "ms": 3}', '{"machine": "MACHINE", "ms": {"rays": ["x"]}}',
-        '{"machine": "MACHINE", "ms": {"rays": 1}}', '{"machine": "MACHINE", "ms": {"rays": [NaN, 1]}}',
-        '{"machine": "MACHINE", "ms": {"rays": [-1, 1]}}', '{"machine": "MACHINE", "ms": {"rays": [1]}}',
-        '{"machine": "another", "ms": {"rays": [1, 1]}}',
+        "", "{", "[]", "{}", '{"machine": "MACHINE", "ms": 3}', '{"machine": "MACHINE", "ms": {"png": ["x", 1]}}',
+        '{"machine": "MACHINE", "ms": {"png": 1}}', '{"machine": "MACHINE", "ms": {"png": [NaN, 1]}}',
+        '{"machine": "MACHINE", "ms": {"png": [-1, 1]}}', '{"machine": "MACHINE", "ms": {"png": [1]}}',
+        '{"machine": "another", "ms": {"png": [1, 1]}}',
     ],
 )  # fmt: skip
 def test_another_machine_or_a_broken_file_is_measured_again(path, text):
     path.parent.mkdir()
     path.write_text(text.replace("MACHINE", cost.machine()))
-    assert Costs(path).of("rays", lambda: (3.0, 4.0)) == (3.0, 4.0)
-    assert Costs(path).of("rays", never) == (3.0, 4.0)
+    assert Costs(path).of("png", lambda: (3.0, 4.0)) == (3.0, 4.0)
+    assert Costs(path).of("png", never) == (3.0, 4.0)
 
 
 def test_where_nothing_can_be_kept_it_is_said(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     for costs in (Costs(None), Costs(tmp_path / "file" / "costs.json")):
-        assert costs.of("rays", lambda: (1.0, 2.0)) == (1.0, 2.0)
-        assert costs.of("rays", never) == (1.0, 2.0)
+        assert costs.of("png", lambda: (1.0, 2.0)) == (1.0, 2.0)
+        assert costs.of("png", never) == (1.0, 2.0)
         assert costs.trouble
         assert "\n" not in costs.trouble
 
@@ -63,25 +67,42 @@ def test_where_nothing_can_be_kept_it_is_said(tmp_path):
 def test_rendering_is_linear(path, monkeypatch):
     monkeypatch.setattr(backends, "_open", {"raster": None})
     costs = Costs(path)
-    costs.of("rays", lambda: (0.5, 0.25))
-    costs.of("opengl", lambda: (0.5, 0.125, 0.25, 2.0))
+    costs.of("rays", lambda: Rays(scene=7.0, triangle=0.5, view=3.0, ray=0.25, textured=1.0))
+    costs.of("opengl", lambda: OpenGL(5.0, 0.5, 0.125, 3.0, 0.25, 2.0, 1.0, 1.5))
     vase, globe = scene("vase"), scene("globe")
-    assert costs.rendering("raytrace", vase, rays=8, views=3) == 0.5 * vase.triangles + 3 * 8 * 0.25
-    assert costs.rendering("raster", vase, rays=8, views=3) == 0.5 * vase.triangles + 3 * (
-        0.25 * vase.triangles + 8 * 2.0
+    of_vase = costs.rendering("raytrace", vase, rays=8, views=3, culls=False)
+    assert of_vase == Stage(7 + 0.5 * vase.triangles, 3 * (3 + 8 * 0.25), 1.0)
+    of_vase = costs.rendering("raster", vase, rays=8, views=3, culls=False)
+    assert of_vase == Stage(5 + 0.5 * vase.triangles, 3 * (3 + 0.25 * vase.triangles + 8 * 2), 1.5)
+    textured = sum(len(part.faces) for part in globe.parts if part.texture is not None) / globe.triangles
+    assert costs.rendering("raytrace", globe, rays=8, views=1, culls=False).views == pytest.approx(
+        3 + 8 * (0.25 + textured)
     )
-    texels = 720 * 1440
-    assert costs.rendering("raster", globe, rays=0, views=0) == 0.5 * globe.triangles + 0.125 * texels
+    of_globe = costs.rendering("raster", globe, rays=8, views=1, culls=False)
+    assert of_globe.once == 5 + 0.5 * globe.triangles + 0.125 * 720 * 1440
+    assert of_globe.views == pytest.approx(3 + 0.25 * globe.triangles + 8 * (2 + textured))
+
+
+def test_triangles_that_no_ray_meets_cost_little(path):
+    costs, vase = Costs(path), scene("vase")
+    costs.of("rays", lambda: Rays(scene=0.0, triangle=0.5, view=0.0, ray=0.25, textured=0.0))
+    few = costs.rendering("raytrace", vase, rays=100, views=3)
+    looking = vase.triangles * (cost.PLACE_MS + 3 * cost.LOOK_MS)
+    assert few == Stage(pytest.approx(looking + 0.5 * cost.MET * 300), 3 * 25.0, 1.0)
+    many = costs.rendering("raytrace", vase, rays=vase.triangles, views=3)  # too many for culling to pay
+    assert many.once == 0.5 * vase.triangles
 
 
 def test_opengl_is_not_started_to_be_measured(path, monkeypatch):
     monkeypatch.setattr(backends, "_open", {})
-    monkeypatch.setattr(cost, "opengl_cost", never)
+    monkeypatch.setattr(cost.measuring, "opengl_cost", never)
     typical = Costs(path).rendering("raster", scene("vase"), rays=100, views=1)
-    assert cost.OPENGL_START_MS < typical < cost.OPENGL_START_MS + 100
+    assert cost.OPENGL_START_MS < typical.once < cost.OPENGL_START_MS + 100
+    assert 0 < typical.views < 100
     costs = Costs(path)
-    costs.of("opengl", lambda: (0.0, 0.0, 0.0, 1.0))  # another process had it open
-    assert costs.rendering("raster", scene("vase"), rays=100, views=1) == cost.OPENGL_START_MS + 100
+    costs.of("opengl", lambda: OpenGL(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0))  # another process had it open
+    found = costs.rendering("raster", scene("vase"), rays=100, views=1, culls=False)
+    assert found == Stage(cost.OPENGL_START_MS, 100.0, 1.0)
 
 
 def test_upscaling_is_linear_and_each_model_has_its_own(path, monkeypatch):
@@ -89,44 +110,55 @@ def test_upscaling_is_linear_and_each_model_has_its_own(path, monkeypatch):
 
     def measured(model, scale, *, is_light_field):
         asked.append((model, scale, is_light_field))
-        return 1.0, 0.5
+        return Network(alone=2.0, pixel=0.25, cores=1.0, of_many=1.0, pixel_of_many=0.5, cores_of_many=1.5)
 
-    monkeypatch.setattr(cost, "network_cost", measured)
+    monkeypatch.setattr(cost.measuring, "network_cost", measured)
     costs = Costs(path)
-    assert costs.upscaling("bicubic", 3, pixels=10, views=4) == 4 * (1 + 5)
+    assert costs.upscaling("bicubic", 3, pixels=10, views=4) == Stage(0.0, 4 * (1 + 5), 1.5)
     for model in ("fast", "field", "fast"):
-        assert costs.upscaling(model, 2, pixels=10, views=4) - 24 in (0, cost.NETWORK_START_MS)
+        assert costs.upscaling(model, 2, pixels=10, views=4).views == 24
+        assert costs.upscaling(model, 2, pixels=10, views=1).views == 2 + 2.5
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert costs.upscaling("fast", 2, pixels=10, views=1).once == 0
+    monkeypatch.delitem(sys.modules, "onnxruntime")
+    assert costs.upscaling("fast", 2, pixels=10, views=1).once == cost.NETWORK_START_MS
+    assert costs.upscaling("bicubic", 3, pixels=10, views=1).once == 0
     assert asked == [("bicubic", 3, False), ("fast", 2, False), ("field", 2, True)]
     assert all(len(name.split()) == 3 for name in costs._known if "bicubic" not in name)  # with the network's SHA-256
 
 
-def test_coefficients_are_positive_and_those_of_known_work():
-    assert cost.slope(10, 30, 100, 300) == pytest.approx(0.1)
-    assert cost.slope(30, 30, 100, 300) == pytest.approx(0.05)  # noise: half of the mean
-    for measured in (cost.rays_cost(), cost.network_cost("bicubic", 2, is_light_field=False)):
-        assert len(measured) == 2
-        assert min(measured) >= 0
-        assert max(measured) > 0
+def test_encoding_is_linear(path):
+    costs = Costs(path)
+    costs.of("png", lambda: (1.0, 0.5))
+    assert costs.encoding(pixels=10, views=4) == Stage(0.0, 24.0, 1.0)
 
 
-def test_the_quickest_round_counts_and_what_others_took_does_not(monkeypatch):
-    now = {"wall": 0.0, "cores": 0.0}
-    monkeypatch.setattr(cost.time, "perf_counter", lambda: now["wall"])
-    monkeypatch.setattr(cost.time, "process_time", lambda: now["cores"])
-    runs = []
+def test_a_job_in_one_turn_takes_what_its_stages_take():
+    stages = [Stage(5.0, 10.0, 1.0), Stage(2.0, 20.0, 2.0), Stage(0.0, 3.0, 1.0)]
+    assert cost.together(stages, 1, 2) == 5 + 2 + 10 + 20 + 3
 
-    def job(name, wall, cores):
-        def run():
-            runs.append(name)
-            now["wall"] += wall * (2 if len(runs) % 3 else 1)
-            now["cores"] += cores
 
-        return run
+def test_stages_of_many_turns_overlap():
+    slow, light = Stage(1.0, 100.0, 1.0), Stage(1.0, 20.0, 1.0)
+    assert cost.together([slow, light], 10, 2) == pytest.approx(2 + 12 + 0.9 * 100)  # no quicker than the slowest
+    assert cost.together([slow, light], 10, 1) == pytest.approx(2 + 120)  # one core has it all to do
+    both = Stage(0.0, 100.0, 2.0)  # it keeps both cores busy: nothing is left for the other
+    assert cost.together([both, light], 10, 2) == pytest.approx(1 + 12 + 0.9 * 110)
 
-    assert cost.least(job("a", 0.01, 0.02), job("b", 0.03, 0.004)) == [pytest.approx(10), pytest.approx(4)]
-    assert runs[:6] == ["a", "b"] * 3
-    assert len(runs) >= 2 * cost.ROUNDS + 2
-    assert cost.least(job("c", 0.01, 0.012), cores=2.0) == [pytest.approx(6)]
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(
+    st.lists(st.tuples(st.floats(0, 1e4), st.floats(1, 8)), min_size=1, max_size=4),
+    st.integers(1, 99),
+    st.integers(1, 8),
+)
+def test_overlap_is_between_the_slowest_stage_and_all_after_one_another(given, turns, cores):
+    stages = [Stage(0.0, ms, min(busy, cores)) for ms, busy in given]
+    found = cost.together(stages, turns, cores)
+    one_by_one = sum(stage.views for stage in stages)
+    assert max(stage.views for stage in stages) <= found + 1e-6
+    assert found <= one_by_one + 1e-6  # float64: some 1e-12 of sums up to 4e4
+    assert found <= cost.together(stages, max(1, turns - 1), cores) + 1e-6
 
 
 @pytest.mark.parametrize(

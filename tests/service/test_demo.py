@@ -25,7 +25,7 @@ def test_demo(small, tmp_path, capsys):
     assert np.array_equal(pictures["view_before.png"], pictures["eia.png"][1::3, 1::3])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 2 * 3 + 1
-    assert lines[0].split()[1:] == ["decode", "render", "map", "upscale", "encode", "total"]
+    assert lines[0].split()[1:] == ["decode", "plan", "render", "map", "upscale", "encode", "total"]
     assert lines[-1].endswith(
         "eia.png, view_before.png, view_after.png of the hamburger; contact_sheet.png of all scenes"
     )

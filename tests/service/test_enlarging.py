@@ -10,7 +10,7 @@ from models.errors import UnsuitedModel, UnsupportedScale
 from renderer.bundle import Bundle
 from renderer.errors import TooLarge
 from renderer.pictures import encode_png
-from service import pipeline
+from service import pipeline, turns
 from service.outputs import NpzSink
 from service.pipeline import reconstruct
 from service.request import Options
@@ -86,7 +86,7 @@ def cube(samples):
 def test_a_mesh_is_rendered_once_whatever_the_batches(samples, cube, stand_in, monkeypatch, pixels):
     plain, _ = run(cube, views="all", model="none", **MESH)
     field = as_array(plain, (5, 6))
-    monkeypatch.setattr(pipeline, "BATCH_PIXELS", pixels)
+    monkeypatch.setattr(turns, "BATCH_PIXELS", pixels)
     rendered = []
     make = pipeline.MeshViews.make
     monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
@@ -100,7 +100,7 @@ def test_a_mesh_is_rendered_once_whatever_the_batches(samples, cube, stand_in, m
 
 def test_views_are_let_go_of(cube, stand_in, monkeypatch):
     """The last view's window is what is left of 30 views by then."""
-    monkeypatch.setattr(pipeline, "BATCH_PIXELS", 1)
+    monkeypatch.setattr(turns, "BATCH_PIXELS", 1)
     kept = []
     opened = pipeline.opened
 

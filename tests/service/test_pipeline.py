@@ -14,7 +14,7 @@ from renderer.framing import frame
 from renderer.inputs import read
 from renderer.light_field import LightField
 from renderer.pictures import encode_png
-from service import pipeline, plan
+from service import pipeline, plan, turns
 from service.outputs import PngSink
 from service.pipeline import elemental, reconstruct
 from service.request import Options
@@ -87,7 +87,20 @@ def test_without_a_model_views_are_the_eia_bit_for_bit(samples, channels, dtype)
     assert report["lens_array"] == {"rows": 6, "cols": 9, "pitch": None, "pixels_v": 4, "pixels_u": 4, "delta": None}
     assert report["scene_transform"] is None
     assert report["model"] is None
-    assert set(report["timings_ms"]) == {"decode", "map", "encode", "total"}
+    assert set(report["timings_ms"]) == {"decode", "plan", "map", "encode", "total"}
+
+
+def test_what_was_skipped_is_a_reason(samples):
+    plain = np.zeros((64 * 3, 64 * 3, 3), np.uint8)
+    plain[90:100, 90:100] = 200
+    _, report = run(eia_bundle(plain), lenses=(64, 64), model="fast")
+    skipped = report["plan"]["skipped"]
+    assert skipped["plain"] > 0.5
+    assert report["plan"]["reasons"][-1] == (
+        f"skipped: the model for {100 * skipped['plain']:.0f} % of its pixels (plain {100 * skipped['plain']:.0f} %)"
+    )
+    _, report = run(eia_bundle(samples.EIA), lenses=(6, 9), model="fast", skip="none")
+    assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
 
 
 def test_pitch_and_delta_that_are_known_are_told(samples):
@@ -124,7 +137,7 @@ def test_batches_change_nothing(samples, cube, monkeypatch):
         whole, _ = run(source, views="all", model="bicubic", **options)
         counts = []
         with monkeypatch.context() as patch:
-            patch.setattr(pipeline, "BATCH_PIXELS", 1000)
+            patch.setattr(turns, "BATCH_PIXELS", 1000)
             sink = Kept()
             asked = Options(views="all", model="bicubic", **options)
             reconstruct(source, asked, sink, progress=counts.append)
@@ -138,7 +151,7 @@ def test_a_mesh_with_no_option(cube):
     assert {view: pixels.shape for view, pixels in views.items()} == {(7, 7): (200, 200, 3)}
     assert report["lens_array"]["rows"] == report["lens_array"]["cols"] == 100
     assert report["input"]["triangles"] == 12
-    assert set(report["timings_ms"]) == {"decode", "render", "upscale", "encode", "total"}
+    assert set(report["timings_ms"]) == {"decode", "plan", "render", "upscale", "encode", "total"}
     total = report["timings_ms"].pop("total")
     assert total >= sum(report["timings_ms"].values()) - 0.1
 
@@ -359,12 +372,12 @@ def pipeline_threads():
 @pytest.mark.parametrize("pixels", [1, 700, 4_000_000])
 def test_stages_overlap_and_the_result_is_the_same(cube, monkeypatch, model, pixels):
     want, told = run(cube, views="all", model=model, **SMALL)
-    monkeypatch.setattr(pipeline, "BATCH_PIXELS", pixels)
+    monkeypatch.setattr(turns, "BATCH_PIXELS", pixels)
     views, report = run(cube, views="all", model=model, **SMALL)
     assert list(views) == list(want) == [(v, u) for v in range(3) for u in range(5)]
     for view, picture in views.items():
         np.testing.assert_array_equal(picture, want[view])
-    assert report["plan"]["skipped"] is None or report["plan"]["skipped"]["pixels"] == told["plan"]["skipped"]["pixels"]
+    assert report["plan"]["skipped"].get("pixels") == told["plan"]["skipped"].get("pixels")
     assert pipeline_threads() == []
 
 
@@ -372,7 +385,7 @@ def test_stages_overlap_and_the_result_is_the_same(cube, monkeypatch, model, pix
 @pytest.mark.parametrize("turn", [0, 1, 14])
 def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
     """Each stage fails at a turn of one view; what comes before it was written, and nothing after."""
-    monkeypatch.setattr(pipeline, "BATCH_PIXELS", 1)
+    monkeypatch.setattr(turns, "BATCH_PIXELS", 1)
     seen = {"render": 0, "upscale": 0, "encode": 0, "progress": 0}
 
     def failing(name, call):
@@ -399,7 +412,7 @@ def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
 
 
 def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypatch):
-    monkeypatch.setattr(pipeline, "BATCH_PIXELS", 1)
+    monkeypatch.setattr(turns, "BATCH_PIXELS", 1)
     rendered = threading.Event()
     take = pipeline.MeshViews.take
 

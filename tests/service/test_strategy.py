@@ -1,12 +1,14 @@
 import pytest
 
-from models import catalogue
+from models import catalogue, skip
 from models.views import needed
 from renderer import backends
 from renderer.errors import BackendUnavailable
+from renderer.framing import frame
 from renderer.scenes import scene
 from service import cost, plan, strategy
 from service.choice import Job
+from service.cost import Stage
 from service.request import Options
 
 
@@ -16,22 +18,27 @@ class Costs:
     trouble = ""
 
     def __init__(self, **prices):
-        self.prices = {"raytrace": 1e-4, "raster": 1e-5, "pixel": 1e-3, "start": 0.0} | prices
+        self.prices = {"raytrace": 1e-4, "raster": 1e-5, "pixel": 1e-3, "start": 0.0, "written": 0.0} | prices
         self.asked = []
 
-    def rendering(self, backend, mesh, *, rays, views):
+    def rendering(self, backend, mesh, *, rays, views, culls):
         self.asked.append((backend, mesh, rays, views))
         start = self.prices["start"] if backend == "raster" and not backends.is_open("raster") else 0.0
-        return start + views * rays * self.prices[backend]
+        return Stage(start, views * rays * self.prices[backend], 1.0)
 
     def upscaling(self, model, scale, *, pixels, views):
         self.asked.append((model, scale, pixels, views))
-        return views * pixels * self.prices["pixel"]
+        return Stage(0.0, views * pixels * self.prices["pixel"], 2.0)
+
+    def encoding(self, *, pixels, views):
+        self.asked.append(("png", pixels, views))
+        return Stage(0.0, views * pixels * self.prices["written"], 1.0)
 
 
 @pytest.fixture
 def prices(monkeypatch):
-    """What makes `Costs` the process's; nothing is measured, and no OpenGL is started."""
+    """What makes `Costs` the process's; nothing is measured or skipped, and no OpenGL is started."""
+    monkeypatch.setattr(strategy, "_seen", lambda *_: 1.0)
     monkeypatch.setattr(backends, "_open", {})
     monkeypatch.setattr(backends, "_refused", {})
 
@@ -73,11 +80,49 @@ def test_what_is_asked_for_is_what_is_priced(prices):
         ("paper", 2, 600, 2),
         ("raytrace", mesh, 600 * 16, 2),
         ("raytrace", mesh, 600 * 64, 2),
+        ("png", 2400, 2),
     }
     costs = prices()
     cheapest(lenses=(20, 30), model="field", backend="raytrace")
     further = len(needed([(7, 7)], (15, 15)))
     assert {("field", 2, 600, 1), ("raytrace", mesh, 600, further)} < set(costs.asked)
+
+
+def test_stages_overlap_where_views_are_many(prices, monkeypatch):
+    """100 views of 40,000 pixels, 12 a turn. Rays of pinholes, 1 ms a view, hide behind a network of 10 ms a view that
+    leaves them no core: 1,000 ms, half of 100 for sharing, half of 100 more of the first of 9 turns."""
+    monkeypatch.setattr(strategy, "available_cores", lambda: 2)
+    views = [divmod(number, 15) for number in range(100)]
+    prices(raster=1e-9)
+    assert f"upscale by fast-int8 {1000 + 50 + 50 / 9:.1f} ms" in cheapest(wanted=views, model="fast-int8")[1]
+    prices(written=1e-3, raster=1e-9)  # 40 ms a view, in a thread of its own: what is slowest now
+    assert cheapest(wanted=views, model="fast-int8")[1].startswith("direct is to take 4000.0 ms here")
+
+
+@pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])
+@pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
+def test_what_a_network_sees_is_roughly_known_before(name, model, lenses):
+    """Of the middle view; boxes may be several, so what is seen is less than what one takes: 0.1 at most here."""
+    mesh, options = scene(name), Options(lenses=(lenses, lenses))
+    array, card = plan.mesh_array(options), strategy._entry(model).card
+    views = backends.open_backend("raytrace")[0].views(mesh.transformed(frame(mesh, array)), array, [(7, 7)])
+    _, boxes = skip.found(next(iter(views))[..., :3], card.radius)
+    seen = sum(skip.area(box.window) for box in boxes) / lenses**2
+    assert strategy._seen(mesh, array, card) == pytest.approx(seen, abs=0.1)
+
+
+def test_what_a_network_need_not_see_is_not_priced(monkeypatch, prices):
+    monkeypatch.setattr(strategy, "_seen", lambda *_: 0.25)
+    costs = prices()
+    cheapest(model="fast", lenses=(20, 20))
+    assert ("fast", 2, 100, 1) in costs.asked
+    costs = prices()
+    cheapest(model="fast", lenses=(20, 20), skip="none")
+    assert ("fast", 2, 400, 1) in costs.asked
+
+
+def test_interpolation_sees_all():
+    assert strategy._seen(scene("vase"), plan.mesh_array(Options()), None) == 1.0
 
 
 def test_opengl_is_started_only_where_the_cheaper_one_needs_it(prices):

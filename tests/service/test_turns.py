@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.turns import turns
+from service.turns import BATCH_PIXELS, at_once, turns
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
@@ -38,3 +38,8 @@ def test_row_by_row_five_rows_are_kept(together):
         most = max(most, kept)
         kept -= len(turn.done)
     assert most <= 5 * 15
+
+
+def test_a_turn_is_bounded_by_its_pixels_and_holds_a_view_at_least():
+    assert at_once(BATCH_PIXELS + 1) == at_once(BATCH_PIXELS) == 1
+    assert at_once(BATCH_PIXELS // 12) == 12

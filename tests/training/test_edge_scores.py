@@ -8,7 +8,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import numpy as np
 from PIL import Image
 
-from models import bounded, catalogue
+from models import bounded, catalogue, cells
 from models.baselines import Bicubic
 from training import edge_scores
 
@@ -63,7 +63,7 @@ def test_errors_of_cells():
     some = picture(1, 21, 18)
     assert (edge_scores.cell_errors(Bicubic(2), some) == 0).all()
     errors = edge_scores.cell_errors(Brighter(2), some)
-    assert errors.shape == bounded.edge_scores(some).shape == (3, 3)
+    assert errors.shape == cells.edge_scores(some).shape == (3, 3)
     assert np.allclose(errors, 9)
 
 

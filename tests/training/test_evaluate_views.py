@@ -40,12 +40,12 @@ def field(down: int, across: int) -> dict[tuple[int, int], np.ndarray]:
 class Told(LightFieldNetwork):
     """A stand-in for a network: repeats each view's pixels, and notes in what window it stood."""
 
-    name, scale, radius = "told", 2, 0
+    name, scale, radius, threads = "told", 2, 0, 1
 
     def __init__(self):
         self.windows = []
 
-    def __call__(self, image, around, rows, cols):
+    def __call__(self, image, around, rows, cols, *, cores=None):
         self.windows.append((around, rows, cols))
         return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
 

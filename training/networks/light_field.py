@@ -91,7 +91,7 @@ class LightFieldGenerator(nn.Module):
         """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, rows, cols)
-            own = (image * self.luma).sum(1, keepdim=True)
+            own = _sum(image * self.luma)
             fine = fine - own[:, None]
             base = self.single.base(image)  # (N, 12, H, W): colours, then phases
             red, green, blue = base.split(4, 1)
@@ -105,10 +105,10 @@ class LightFieldGenerator(nn.Module):
         likely = self.choose(compared).float() - against
         # Softmax by hand: before its own, onnxruntime turns the tensor around.
         likely = (likely - likely.amax(1, keepdim=True)).exp()
-        chosen = likely / likely.sum(1, keepdim=True)  # (N, planes + 1, H, W)
+        chosen = likely / _sum(likely)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]
-        gain = (planes[:, :, None] * fine).sum(1) - (1 - none) * alone  # (N, 4, H, W): chosen less interpolated
-        spread = (planes * spread).sum(1, keepdim=True)
+        gain = _sum(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone  # (N, 4, H, W): chosen less interpolated
+        spread = _sum(planes * spread)
         told = torch.cat([compared, _times(by_fine, gain), _times(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
         features = activation(first(image))
@@ -133,7 +133,7 @@ def _doubt(fine: Tensor, spread: Tensor) -> Tensor:
     """From the mean of the views less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
     apart = (spread.square() + fine.mean(2).square()).sqrt()
     apart = functional.avg_pool2d(apart, PATCH, 1, PATCH // 2, count_include_pad=False)
-    both = torch.cat([apart.amin(1, keepdim=True), apart.mean(1, keepdim=True)], 1)
+    both = torch.cat([apart.amin(1, keepdim=True), _sum(apart) / apart.shape[1]], 1)
     both = functional.avg_pool2d(both, PATCH, 1, PATCH // 2, count_include_pad=False)
     return both[:, :1] / both[:, 1:].clamp(min=FLAT)
 
@@ -151,6 +151,13 @@ class WithDoubt(nn.Module):
         return self.network.with_doubt(image, around, rows, cols)
 
 
+def _sum(x: Tensor) -> Tensor:
+    """Over axis 1, which stays. By a product: onnxruntime's own sum adds up in an order that depends on the number of
+    pictures and of threads, so that a view alone would differ from the same among others."""
+    ones = x.new_ones(1, x.shape[1])
+    return (ones @ x.flatten(2)).reshape(len(x), 1, *x.shape[2:])
+
+
 def _times(factor: float, x: Tensor) -> Tensor:
     return x if factor == 1 else factor * x
 
@@ -163,7 +170,7 @@ def merge(network: LightFieldGenerator) -> None:
     by_fine, by_spread = network.factors
     plain = (network.compare[0], network.inform, network.single.body[2])
     head, inform, second = (cast("nn.Conv2d", layer) for layer in plain)
-    planes = len(network.sweep.used)
+    planes = len(network.sweep.weights)
     head.weight[:, : 4 * planes] *= by_fine
     head.weight[:, 4 * planes : 5 * planes] *= by_spread
     weight = inform.weight.clone()

@@ -4,7 +4,7 @@ For each hypothesis of a disparity every view's samples are put where they then 
 grid twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Collins, CVPR 1996). At the right
 hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. Both are told.
 
-Shifts go along rows and columns one after the other. Which samples count is the same for every window; how much each
+Shifts go along columns and rows one after the other. Which samples count is the same for every window; how much each
 does follows from which rows and columns of views are there. So one network serves the border of the grid, too.
 """
 
@@ -35,7 +35,8 @@ class PlaneSweep(nn.Module):
     """Luma of a window of views -> a fine picture for each plane, and how much the views differ about it."""
 
     weights: Tensor
-    order: Tensor
+    samples: Tensor
+    counts: Tensor
 
     def __init__(self, planes: int) -> None:
         """`planes`: disparities from -`MOST` to `MOST`, evenly."""
@@ -43,12 +44,13 @@ class PlaneSweep(nn.Module):
         taps = torch.arange(-REACH, REACH + 1) - torch.tensor([-PHASE, PHASE])[:, None, None]
         moved = torch.linspace(-MOST, MOST, planes)[:, None, None, None] * torch.arange(SIDE).sub(SIDE // 2)[:, None]
         self.register_buffer("weights", (1 - (taps - moved).abs() / NEAR).clamp(min=0), persistent=False)
-        self.used = [[(int(v), int(tap)) for v, tap in plane.amax(0).nonzero()] for plane in self.weights]
-        """Of each plane, the row or column of views and the tap of those samples that count at all."""
-        most = max(len(plane) for plane in self.used)
-        places = [[v * (2 * REACH + 1) + tap for v, tap in plane] for plane in self.used]
-        order = torch.tensor([plane + plane[:1] * (most - len(plane)) for plane in places])
-        self.register_buffer("order", order[:, None], persistent=False)
+        used = [plane.amax(0).nonzero().tolist() for plane in self.weights]
+        most = max(len(plane) for plane in used)
+        # Of each plane, the row or column of views and the tap of those samples that count at all: (planes, most, 2).
+        samples = torch.tensor([plane + plane[:1] * (most - len(plane)) for plane in used])
+        self.register_buffer("samples", samples, persistent=False)
+        counts = torch.arange(most) < torch.tensor([[len(plane)] for plane in used])
+        self.register_buffer("counts", counts.float(), persistent=False)  # 0 where others have more samples
 
     def kernel(self, there: Tensor) -> Tensor:
         """`there`: `(SIDE,)`, see `LightFieldGenerator` -> `(planes, 2, SIDE, 2*REACH+1)`, which adds up to 1 for each
@@ -61,14 +63,13 @@ class PlaneSweep(nn.Module):
         the standard deviation about it `(N, planes, H, W)`, root mean square over the phases.
         """
         count, _, height, width = views.shape
-        planes = len(self.used)
+        planes = len(self.weights)
         down, across = self.kernel(rows), self.kernel(cols)
         around = functional.pad(views, (REACH, REACH, REACH, REACH), mode="replicate")
-        tall, wide = height + 2 * REACH, width + 2 * REACH
-        # Columns of views become pictures of a batch: they are all shifted down in the same way.
-        columns = around.reshape(count, SIDE, SIDE, tall, wide).transpose(1, 2).reshape(count * SIDE, SIDE, tall, wide)
-        mean = self._shifted(columns, down, across, (count, height, width))
-        square = self._shifted(columns * columns, down.mean(1, keepdim=True), across.mean(1, keepdim=True), mean.shape)
+        # Rows of views become pictures of a batch: they are all shifted across in the same way.
+        lines = around.reshape(count * SIDE, SIDE, height + 2 * REACH, width + 2 * REACH)
+        mean = self._shifted(lines, down, across)
+        square = self._shifted(lines * lines, down.mean(1, keepdim=True), across.mean(1, keepdim=True))
         mean = mean.reshape(count, planes, 4, height, width)
         variance = (square.reshape(count, planes, height, width) - (mean * mean).mean(2)).clamp(min=0)
         # Few samples agree by chance, and one with itself for certain.
@@ -76,18 +77,24 @@ class PlaneSweep(nn.Module):
         variance = (variance + few * DOUBT**2) / (1 - few + SURE)
         return mean, (variance + LEAST).sqrt()
 
-    def _shifted(self, columns: Tensor, down: Tensor, across: Tensor, shape: tuple[int, ...]) -> Tensor:
+    def _shifted(self, lines: Tensor, down: Tensor, across: Tensor) -> Tensor:
         """`(N*SIDE, SIDE, tall, wide)` by kernels `(planes, phases, SIDE, taps)` -> `(N, planes*phases^2, H, W)`."""
         planes, phases, _, taps = down.shape
-        height, width = shape[-2:]
-        moved = functional.conv2d(columns, down.reshape(planes * phases, SIDE, taps, 1))
-        parts = torch.split(moved.reshape(-1, SIDE * planes * phases, height, width + taps - 1), phases, 1)
-        # One of nine taps counts: a convolution would take all of them, and three times as long.
-        weights = across.reshape(planes, phases, SIDE * taps).gather(2, self.order.expand(-1, phases, -1))
-        every = torch.eye(phases, device=weights.device)[:, None, None, :] * weights[:, None, :, :, None]
-        kernels = torch.split(every.reshape(planes * phases**2, -1, 1, 1), phases**2)
-        made = []
-        for plane, used in enumerate(self.used):
-            samples = torch.cat([parts[u * planes + plane][..., tap : tap + width] for u, tap in used], 1)
-            made.append(functional.conv2d(samples, kernels[plane][:, : samples.shape[1]]))
-        return torch.cat(made, 1)
+        moved = functional.conv2d(lines, across.reshape(planes * phases, SIDE, 1, taps))
+        tall, width = moved.shape[-2:]
+        height = tall - taps + 1
+        # One of nine taps counts: a convolution would take all of them, and three times as long. Rows of pixels are
+        # picked in one step: a slice for each sample takes twice as long, and the network five times as long to load.
+        view, tap = self.samples.unbind(2)  # (planes, most)
+        plane, phase = torch.arange(planes, device=view.device)[:, None, None], torch.arange(phases, device=view.device)
+        channel = (view[..., None] * planes + plane) * phases + phase  # (planes, most, phases)
+        first = channel * tall + tap[..., None]
+        picked = (first.reshape(-1, 1) + torch.arange(height, device=view.device)).reshape(-1)
+        samples = moved.reshape(-1, SIDE * planes * phases * tall, width).index_select(1, picked)
+        weights = (
+            down.reshape(planes, phases, SIDE * taps).gather(2, (view * taps + tap)[:, None].expand(-1, phases, -1))
+            * self.counts[:, None]
+        )  # (planes, phases, most)
+        every = weights[:, :, None, :, None] * torch.eye(phases, device=weights.device)[:, None, :]
+        kernels = every.reshape(planes * phases**2, -1, 1, 1)
+        return functional.conv2d(samples.reshape(len(samples), -1, height, width), kernels, groups=planes)
