@@ -164,7 +164,9 @@ class _Made(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """Runs of the network on parts of one tile; may be called from several threads, as no two parts overlap."""
+    """Runs of the network on parts of one tile; may be called from several threads: where two parts of a view overlap,
+    what they make is the same to the bit.
+    """
 
     job: _Job
     chosen: Mapping[int, View]

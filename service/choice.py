@@ -64,8 +64,8 @@ def choose(options: Options, job: Job) -> Choice:
     if options.model == AUTO:
         against = _against(field, fields.get(field), options.scale, job, further)
         if against:
-            return Choice(default, reasons=(f"auto: {default}, view by view, as {against}{_precision(default)}",))
-        return Choice(field, True, (f"auto: {field}, as {_views(job)} help one another{_precision(field)}",))
+            return Choice(default, reasons=(f"model auto: {default}, view by view, as {against}{_precision(default)}",))
+        return Choice(field, True, (f"model auto: {field}, as {_views(job)} help one another{_precision(field)}",))
     if options.model not in fields:
         return Choice(options.model)
     if alone := _alone(job):

@@ -11,6 +11,7 @@ import numpy as np
 from models import bounded, catalogue
 from models.skip import EXACT
 from models.views import NEGLIGIBLE
+from service.request import NO_MODEL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -114,7 +115,11 @@ def uninterpolated(plan: Plan, tally: Tally) -> list[str]:
         return []
     if plan.is_light_field:
         why = "views that help one another never are"
-    elif describe_model(plan.model, plan.enlarge)["sha256"] not in bounded.tables():
+    elif plan.model == NO_MODEL:
+        why = "no model ran"
+    elif (sha256 := describe_model(plan.model, plan.enlarge)["sha256"]) is None:
+        why = f"{plan.model} is no network"
+    elif sha256 not in bounded.tables():
         why = f"nothing was learnt of how far {plan.model} is from interpolation"
     else:
         why = "that would not be quicker: the views are small, detailed or transparent"

@@ -31,7 +31,7 @@ class MeshViews:
         """Raises `TooLarge` or `InvalidOption`; nothing is rendered or opened yet."""
         self.array = mesh_array(options)
         self._rendered = self.array.refined(plan.enlarge) if plan.strategy == "direct" else self.array
-        self.samples = check_samples(self._rendered, plan.samples)
+        self.samples = check_samples(self._rendered, plan.samples, plan.strategy)
         self._given, self._plan, self._clock = scene, plan, clock
         self._wanted, self._background = options.backend, options.background
         self._culls = options.skip == "exact"

@@ -71,7 +71,7 @@ def reconstruct(
         together = at_once(rows * cols * plan.enlarge**2)
         in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
         made = [view for turn in in_order for view in turn.new]
-        plans.check_work(maker.samples, len(made), max_pixels, further=len(made) - len(job.wanted))
+        plans.check_work(maker.samples, len(made), max_pixels, plan.strategy, further=len(made) - len(job.wanted))
     tally = Tally()
     enlarge = _load(plan, job.grid, Skipping(options.skip == "exact", options.max_error), tally, clock)
     sink.begin(len(job.wanted))
@@ -93,7 +93,8 @@ def reconstruct(
 
     left_out = ({} if enlarge is None else skipped(tally)) | maker.skipped() or None
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
-    bound = uninterpolated(plan, tally) if options.max_error is not None and enlarge is not None else []
+    is_told = options.strategy == AUTO and enlarge is None  # the plan's reasons say what becomes of the error
+    bound = uninterpolated(plan, tally) if options.max_error is not None and not is_told else []
     report: Report = {
         "input": given.described(content),
         "lens_array": maker.lens_array(),

@@ -25,6 +25,8 @@ PIXELS = (15, 15)
 """What a mesh is seen through where nothing is said."""
 MAX_VIEW_SAMPLES = 64_000_000
 """Most points of a mesh that are sampled for one view: memory grows with them, by about 10 bytes each."""
+REMEDY = {"upscale": "pinhole sampling", "direct": "a smaller scale or strategy upscale"}
+"""What leaves a mesh fewer samples, beside fewer lenses."""
 MAX_VIEWS = 65_536
 """Most views of one job."""
 _MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
@@ -69,7 +71,7 @@ def make(options: Options, job: Job, *, mesh: Scene | None = None, limit: int | 
     strategy: Literal["upscale", "direct"] = "direct" if options.strategy == "direct" else "upscale"
     if options.strategy == "auto":
         strategy, reason = _cheapest(options, job, mesh, limit)
-        reasons.append(f"auto: {reason}")
+        reasons.append(f"strategy auto: {reason}")
     if strategy == "direct":
         reasons.append(
             f"direct: each pixel is the mean of {LENSLET_SAMPLES}x{LENSLET_SAMPLES} rays over its own cell; "
@@ -142,18 +144,20 @@ def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None
         )
 
 
-def check_samples(array: LensArray, samples: int) -> int:
+def check_samples(array: LensArray, samples: int, strategy: Literal["upscale", "direct"] = "upscale") -> int:
     """Points of a mesh in a view of `array` with `samples x samples` a pixel; raises `TooLarge` for too many."""
     points = array.rows * array.cols * samples**2
     if points > MAX_VIEW_SAMPLES:
         raise TooLarge(
             f"a view of {array.rows}x{array.cols} pixels with {samples}x{samples} samples each is {points:,} samples, "
-            f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses, a smaller scale, or pinhole sampling"
+            f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses or {REMEDY[strategy]}"
         )
     return points
 
 
-def check_work(samples: int, count: int, limit: int | None, *, further: int = 0) -> None:
+def check_work(
+    samples: int, count: int, limit: int | None, strategy: Literal["upscale", "direct"] = "upscale", *, further: int = 0
+) -> None:
     """Raises `TooLarge` where `count` views of `samples` points of a mesh each are over `limit`, where there is one.
 
     `further`: how many of them only help others.
@@ -162,7 +166,7 @@ def check_work(samples: int, count: int, limit: int | None, *, further: int = 0)
         helpers = f", {further} of them around those asked for," if further else ""
         raise TooLarge(
             f"{count} views of {samples:,} samples each{helpers} are {count * samples:,}, over the limit of {limit:,}; "
-            f"ask for fewer views, fewer lenses{f', model {DEFAULT}' if further else ''} or pinhole sampling"
+            f"ask for fewer views, fewer lenses{f', model {DEFAULT}' if further else ''} or {REMEDY[strategy]}"
         )
 
 

@@ -90,7 +90,9 @@ def in_words(skipped: Mapping[str, Any] | None) -> list[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %" if share >= 0.005 else "under 1 %"
+    if share < 0.005:
+        return "under 1 %"
+    return f"{100 * share:.0f} %" if share < 0.995 or share == 1 else "over 99 %"
 
 
 def versions(*packages: str) -> dict[str, str]:

@@ -125,7 +125,10 @@ HELP: dict[str, tuple[str, str]] = {
     "backend": ("NAME", "what renders a mesh: auto, raster or raytrace (default auto)"),
     "sampling": ("NAME", "a mesh's light: pinhole (points) or lenslet (mean over a pitch) (default pinhole)"),
     "pickup": ("NAME", "virtual, or optical: elemental images turned by 180 degrees (default virtual)"),
-    "skip": ("NAME", "exact: what is known without the model isn't computed; none: all is (default exact)"),
+    "skip": (
+        "NAME",
+        "exact: no triangle that no ray meets, no model where its result is known; none: all (default exact)",
+    ),
     "max_error": (
         "LEVELS",
         "views may be off by this, RMS of 255 levels; with strategy auto meshes are rendered directly (default: not)",

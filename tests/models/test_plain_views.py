@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models import catalogue, shear
+from models import catalogue, shear, skip
 from models.skip import EXACT, NOTHING, Tally
 from models.views import upscale_views
 from renderer.framing import frame
@@ -122,6 +122,23 @@ def rendered():
     views = RaytraceBackend().views(placed, array, at, samples=1)
     margin = ((30, 30), (44, 30), (0, 0))
     return {(v - 5, u - 5): np.pad(view[..., :3], margin) for (v, u), view in zip(at, views, strict=True)}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_where_boxes_overlap_both_are_the_same_to_the_bit(name, monkeypatch):
+    """Whichever of two threads writes last."""
+    network, random = catalogue.load_light_field(name), np.random.default_rng(0)
+    monkeypatch.setattr(network, "threads", 2)
+    thing = np.zeros((180, 180, 1), np.uint16)
+    for part in (slice(10, 70), slice(80, 160)):
+        thing[part, part] = random.integers(0, 65536, (part.stop - part.start,) * 2 + (1,))
+    found, covered = skip.boxes(thing[..., 0] > 0, network.radius), np.zeros(thing.shape, int)
+    for box in found:
+        covered[box.kept] += 1
+    assert covered.max() == 2
+    views = {(v, u): thing for v in range(3) for u in range(3)}
+    (got, _), (want, _) = both(network, views, [(0, 0), (2, 2)], (3, 3))
+    np.testing.assert_array_equal(got, want)
 
 
 @pytest.mark.parametrize("name", FIELDS)

@@ -63,8 +63,8 @@ def views(name, found, array, wanted, samples=1):
 def test_views_stay_the_same(name, seed, shape, wanted, samples):
     # Which triangle a ray exactly through an edge meets, Embree says by the order in which it keeps all triangles.
     whole = soup(seed, **shape, grazed=name == "raster")
-    left = culling.culled(whole, ARRAY, wanted, name, samples=samples)
-    if left is not whole:
+    left = culling.needed(whole, ARRAY, wanted, samples=samples)
+    if left is not whole:  # some ray may meet something
         assert left.triangles < whole.triangles
         made, expected = (views(name, found, ARRAY, wanted, samples) for found in (left, whole))
         np.testing.assert_array_equal(made, expected)
@@ -95,6 +95,15 @@ def test_a_fine_sheet_with_corners_where_rays_pass_has_no_holes(name):
     made, expected = (views(name, found, ARRAY, [(2, 2)]).astype(int) for found in (left, whole))
     assert (expected[..., 3] == 255).all()
     assert np.abs(made - expected).max() <= 1  # another of the triangles around a corner, which rounds its own way
+
+
+def test_of_doubled_faces_opengl_shows_the_same():
+    """Embree may not: which of two surfaces at one distance it meets depends on which triangles are there."""
+    first, second = soup(0).parts
+    whole = Scene((first, second, replace(first, colors=1 - first.colors)))
+    left = culling.needed(whole, ARRAY, [(2, 2)])
+    assert left.triangles < whole.triangles
+    np.testing.assert_array_equal(views("raster", left, ARRAY, [(2, 2)]), views("raster", whole, ARRAY, [(2, 2)]))
 
 
 def test_for_another_view_other_triangles_are_needed():

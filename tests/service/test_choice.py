@@ -30,7 +30,7 @@ def is_alone(choice, *words):
 def test_pictures_on_a_grid_help_one_another(stand_in, options):
     choice = pictures(**options)
     assert (choice.model, choice.is_light_field) == (FIELD, True)
-    assert choice.reasons[0].startswith("auto: field, as the ")
+    assert choice.reasons[0].startswith("model auto: field, as the ")
 
 
 @pytest.mark.parametrize("grid", [(1, 1), (2, 9), (9, 2)])
@@ -91,7 +91,7 @@ def test_auto_takes_the_int8_twins_where_the_processor_is_made_for_them(monkeypa
     monkeypatch.setattr(processor, "against_int8", lambda: against)
     for choice, model in ((pictures(), FIELD), (pictures(grid=(2, 2)), DEFAULT), (mesh(wanted=[(0, 0)]), DEFAULT)):
         assert choice.model == model + twin
-        assert choice.reasons[0].startswith(f"auto: {model}{twin}, ")
+        assert choice.reasons[0].startswith(f"model auto: {model}{twin}, ")
         assert choice.reasons[0].endswith(f"{why}{', which this processor is made for' if twin else ''}")
     assert pictures(FIELD, grid=(2, 2)).model == DEFAULT + twin
     assert pictures(FIELD).model == FIELD

@@ -50,7 +50,7 @@ def test_pictures_take_the_views_around(samples, stand_in, channels, dtype, want
     alone = {"name": "fast", "scale": 2, "sha256": fast_sha256}
     assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "alone": alone}
     assert report["plan"]["model"] == "field"
-    assert any(reason.startswith("auto: field") for reason in report["plan"]["reasons"])
+    assert any(reason.startswith("model auto: field") for reason in report["plan"]["reasons"])
     assert "upscale" in report["timings_ms"]
 
 

@@ -47,7 +47,7 @@ def test_without_a_model_auto_leaves_views_as_they_are():
 def test_auto_promises_an_error_only_where_it_is_exact():
     made = mesh(strategy="auto", max_error=250.0)
     assert (made.strategy, made.model, made.samples) == ("direct", "none", 4)
-    assert made.reasons[0].startswith("auto: views rendered at the larger size are exact")
+    assert made.reasons[0].startswith("strategy auto: views rendered at the larger size are exact")
     assert mesh(strategy="upscale", max_error=1.0).strategy == "upscale"
     assert pictures(strategy="auto", max_error=1.0).strategy == "upscale"
 
@@ -95,6 +95,8 @@ def test_the_limit_on_samples_says_how_many_views_only_help():
         plan.check_work(10_000, 25, 249_999)
     with pytest.raises(TooLarge, match=r"24 of them around those asked for, are 250,000.*model fast"):
         plan.check_work(10_000, 25, 249_999, further=24)
+    with pytest.raises(TooLarge, match=r"fewer lenses or a smaller scale or strategy upscale$"):
+        plan.check_work(10_000, 25, 249_999, "direct")
 
 
 def test_limits():
@@ -109,5 +111,7 @@ def test_limits():
     plan.check_samples(plan.mesh_array(Options(lenses=(2000, 2000))), 4)
     with pytest.raises(TooLarge, match=r"2001x2000.*pinhole"):
         plan.check_samples(plan.mesh_array(Options(lenses=(2001, 2000))), 4)
+    with pytest.raises(TooLarge, match=r"2001x2000.*give fewer lenses or a smaller scale or strategy upscale$"):
+        plan.check_samples(plan.mesh_array(Options(lenses=(2001, 2000))), 4, "direct")
     with pytest.raises(TooLarge, match="elemental"):
         plan.check_eia(Options(lenses=(1000, 1000)))

@@ -44,6 +44,10 @@ def test_what_was_skipped_is_told_in_a_line():
     assert report.in_words(nothing | {"plain": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [
         "skipped: the model for 40 % of its pixels (plain 30 %, repeated 10 %)"
     ]
+    assert report.in_words({"culled": 0.9988}) == [
+        "skipped: over 99 % of the triangles, which no ray that is needed meets"
+    ]
+    assert report.in_words(nothing | {"plain": 1.0}) == ["skipped: the model for 100 % of its pixels (plain 100 %)"]
     (both,) = report.in_words(nothing | {"plain": 0.5, "culled": 0.001})
     assert both == (
         "skipped: under 1 % of the triangles, which no ray that is needed meets and "

@@ -169,4 +169,4 @@ def test_the_plan_tells_it(prices):
     prices(pixel=1.0)
     made = plan.make(Options(strategy="auto"), job(), mesh=scene("vase"))
     assert (made.strategy, made.enlarge, made.samples) == ("direct", 2, 4)
-    assert made.reasons[0].startswith("auto: direct is to take 6.4 ms here")
+    assert made.reasons[0].startswith("strategy auto: direct is to take 6.4 ms here")
