@@ -52,16 +52,16 @@ class Entry:
         return processor.against_int8() if self.card is not None and self.card.precision == "int8" else ""
 
 
-_read = cache(cards.read)
-"""Each card once: they don't change while we run."""
-
-
 def entries() -> list[Entry]:
     """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
-    networks = (_read(path) for path in sorted(SHIPPED.glob("*.json"), key=lambda path: path.stem))
-    return [Entry(card.name, card.kind, (card.scale,), card) for card in networks] + [
-        Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES
-    ]
+    return [*_networks(SHIPPED), *(Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES)]
+
+
+@cache
+def _networks(folder: Path) -> tuple[Entry, ...]:
+    """Those whose cards are in a folder, which is looked at once: they don't change while we run."""
+    read = (cards.read(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
+    return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in read)
 
 
 def names() -> list[str]:

@@ -7,6 +7,7 @@ import platform
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -97,7 +98,13 @@ def _percent(share: float) -> str:
 
 def versions(*packages: str) -> dict[str, str]:
     """Versions of this package, Python, and the `packages` that took part."""
-    return {"ciir": version("ciir"), "python": platform.python_version()} | {name: version(name) for name in packages}
+    return {name: _version(name) for name in ("ciir", "python", *packages)}
+
+
+@cache
+def _version(name: str) -> str:
+    """Looked up once: each takes a third of a millisecond."""
+    return platform.python_version() if name == "python" else version(name)
 
 
 def to_json(report: Report) -> bytes:

@@ -17,7 +17,7 @@ from benchmarks.bench.methods import Method, methods
 from benchmarks.bench.results import Result, as_rows, measured, points
 from benchmarks.bench.timing import Alone, alone
 from benchmarks.bench.work import PIXELS, SAMPLINGS, SCALE, works
-from models.catalogue import DEFAULT
+from models.catalogue import DEFAULT, default
 from renderer.lens_array import LensArray
 from renderer.scenes import SCENES
 from service.request import Options
@@ -218,7 +218,7 @@ def _frontier_lines(frontier: Mapping[str, Sequence[str]]) -> list[str]:
     """Which methods no other beats in both time and error, and whether the default is one of them."""
     return [
         f"- {where}: {', '.join(f'`{name}`' for name in names)}"
-        + ("" if DEFAULT in names else f" (not the default, `{DEFAULT}`)")
+        + ("" if default() in names else f" (not the default, `{default()}`)")
         for where, names in frontier.items()
     ]
 
