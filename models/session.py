@@ -115,6 +115,7 @@ def _read(path: Path, card: cards.Card) -> bytes:
 
 def open_session(network: bytes, threads: int) -> Any:
     """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` cores for each run."""
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # else it tells its maker of each session, and keeps a file in ~/.cache
     import onnxruntime  # slow to start, and `ciir models` needs none of it
 
     options = onnxruntime.SessionOptions()

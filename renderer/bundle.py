@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import Kind, claimed, identify
+from renderer.limits import DEFAULTS, Limits
 from renderer.names import inside, is_hidden, shown
 
 _ZIP_FAULTS = (
@@ -30,17 +31,6 @@ _ZIP_FAULTS = (
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Most that a bundle may hold."""
-
-    files: int = 4096
-    bytes: int = 512 * 2**20
-    """Bytes of all files together, unpacked."""
-    ratio: int = 250
-    """Unpacked over packed bytes of a zip, looked at from 1 MiB unpacked up."""
-
-
-@dataclass(frozen=True)
 class Bundle:
     """Names and bytes. Keys of `files` are relative, normalised, with `/`."""
 
@@ -49,23 +39,25 @@ class Bundle:
     main: str | None
     """The key of the file that was given; None where a set of files was."""
     files: Mapping[str, bytes]
+    limits: Limits = DEFAULTS
+    """What is read of the files is held against these."""
 
     @classmethod
-    def from_path(cls, path: Path, limits: Limits = Limits()) -> Bundle:
+    def from_path(cls, path: Path, limits: Limits = DEFAULTS) -> Bundle:
         """The file at `path` with the files beside and below it in reach by name; or a folder; or a zip's contents.
 
         Files are read when they are asked for. Raises `Unreadable` where there is nothing to read, `TooLarge` over a
         limit, `UnsupportedType` where a file's name and content disagree.
         """
         if path.is_dir():
-            return cls(path.resolve().name, None, Folder(path, limits))
+            return cls(path.resolve().name, None, Folder(path, limits), limits)
         data = read_file(path, limits)
         if identify(path.name, data) is Kind.ZIP:
-            return cls(path.name, None, unpack(path.name, data, limits))
-        return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}))
+            return cls(path.name, None, unpack(path.name, data, limits), limits)
+        return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
 
     @classmethod
-    def from_upload(cls, name: str, data: bytes, limits: Limits = Limits()) -> Bundle:
+    def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULTS) -> Bundle:
         """A client's file: its own bytes and nothing else, or a zip's contents, unpacked in memory.
 
         `name` says the kind and is shown in messages; it is never a path. Raises as `from_path` does.
@@ -75,9 +67,9 @@ class Bundle:
             raise TooLarge(_too_large(own, len(data), limits))
         kind = identify(own, data)
         if kind is Kind.ZIP:
-            return cls(own, None, unpack(own, data, limits))
+            return cls(own, None, unpack(own, data, limits), limits)
         key = inside(own) or f"input.{kind.value}"
-        return cls(own, key, {key: data})
+        return cls(own, key, {key: data}, limits)
 
 
 class Folder(Mapping[str, bytes]):

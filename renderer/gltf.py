@@ -33,9 +33,9 @@ DECODED = frozenset(
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 
-MAX_ELEMENTS = 60_000_000
-"""Most elements in all accessors that are read: positions, normals, colours, texture coordinates and indices of the
-largest mesh. One that stands for zeros costs a file nothing."""
+ELEMENTS = 15
+"""Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
+texture coordinates and indices of the largest. One that stands for zeros costs a file nothing."""
 
 
 @dataclass(eq=False)
@@ -48,9 +48,12 @@ class Document:
     binary: bytes | None
     """The GLB's second chunk."""
     resolver: Resolver
+    max_elements: int
+    """In all accessors that are read."""
     buffers: dict[int, bytes] = field(default_factory=dict)
     """Buffers that were read already."""
-    elements_left: int = MAX_ELEMENTS
+    elements: int = 0
+    """In all accessors that were read."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object; `Unreadable` where the file has no such thing."""
@@ -103,7 +106,7 @@ class Document:
         return self.resolver.find(unquote(entry["uri"]), "texture") if data is None else data
 
 
-def parse(data: bytes, *, name: str, resolver: Resolver) -> Document:
+def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> Document:
     """A `.glb` or `.gltf` file's bytes as a document; the extensions that it requires can all be decoded.
 
     Raises `Unreadable` where the container or its JSON is malformed, `UnsupportedType` for other versions of glTF and
@@ -121,7 +124,7 @@ def parse(data: bytes, *, name: str, resolver: Resolver) -> Document:
         raise UnsupportedType(f"{name}: glTF version {shown(version)}; version 2.0 is read; export it as glTF 2.0")
     for extension in document.get("extensionsRequired", []):
         _check_extension(str(extension), name, resolver)
-    return Document(name, document, binary, resolver)
+    return Document(name, document, binary, resolver, ELEMENTS * max_triangles)
 
 
 def _embedded(uri: str, name: str) -> bytes | None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
-from renderer.gltf import MAX_ELEMENTS
 from renderer.names import shown
 from renderer.polygons import fans, normalised
 
@@ -24,7 +23,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 def accessor(document: Document, index: object) -> NDArray[Any]:
     """An accessor as `(count, width)`: its own integers, or float32 where it holds floats or is normalised.
 
-    Raises `Unreadable` where it says more than the file holds, `TooLarge` over `gltf.MAX_ELEMENTS` in all.
+    Raises `Unreadable` where it says more than the file holds, `TooLarge` over `Document.max_elements` in all.
     """
     entry = document.item("accessors", index)
     dtype = np.dtype(_TYPES[entry["componentType"]]).newbyteorder("<")
@@ -32,12 +31,12 @@ def accessor(document: Document, index: object) -> NDArray[Any]:
     many = shown(f"{count:,}")
     if count < 0:
         raise Unreadable(f"{document.name}: accessor {index} counts {many} elements; export it again")
-    if count > document.elements_left:
+    document.elements += count + (int(entry["sparse"]["count"]) if "sparse" in entry else 0)
+    if document.elements > document.max_elements:
         raise TooLarge(
-            f"{document.name}: accessor {index} has {many} elements; at most {MAX_ELEMENTS:,} are read "
-            "of all accessors together; decimate the mesh"
+            f"{document.name}: with accessor {index} those that are read have {shown(f'{document.elements:,}')} "
+            f"elements; at most {document.max_elements:,} are read together; decimate the mesh"
         )
-    document.elements_left -= count
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])
         values = _strided(

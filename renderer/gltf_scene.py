@@ -24,22 +24,32 @@ if TYPE_CHECKING:
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _BLEND_CUTOFF = 0.5
 MAX_NODES = 20_000
+MAX_PRIMITIVES = 200_000
+"""Most primitives in all nodes together: a file of a few bytes can name one mesh of many again and again."""
 
 
 def surfaces(document: Document, *, max_triangles: int) -> list[Surface]:
     """All triangles of the document's scene in its world coordinates, material by material.
 
-    Raises `Unreadable` where something is named that isn't there, `TooLarge` over `max_triangles` or `MAX_NODES`; and
-    any of `meshes.FAULTS` where the JSON has another shape than glTF's.
+    Raises `Unreadable` where something is named that isn't there, `TooLarge` over `max_triangles`, `MAX_NODES`
+    or `MAX_PRIMITIVES`; and any of `meshes.FAULTS` where the JSON has another shape than glTF's.
     """
     found: list[Surface] = []
     primitives: dict[tuple[int, int], Surface | None] = {}
-    triangles = vertices = 0
+    seen: set[int] = set()
+    triangles = vertices = placed = 0
     for node, matrix in _nodes(document):
         if "mesh" not in node:
             continue
-        _note_unsupported(document, node)
         mesh = document.item("meshes", node["mesh"])
+        _note_unsupported(document, node, {} if node["mesh"] in seen else mesh)
+        seen.add(node["mesh"])
+        placed += len(mesh["primitives"])
+        if placed > MAX_PRIMITIVES:
+            raise TooLarge(
+                f"{document.name}: over {MAX_PRIMITIVES:,} primitives in its nodes, which is the most that is read; "
+                "join them"
+            )
         for number, primitive in enumerate(mesh["primitives"]):
             key = node["mesh"], number
             if key not in primitives:
@@ -257,8 +267,9 @@ def _transformed(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[
     return turned
 
 
-def _note_unsupported(document: Document, node: dict[str, Any]) -> None:
+def _note_unsupported(document: Document, node: dict[str, Any], mesh: dict[str, Any]) -> None:
+    """`mesh` is the node's the first time that one names it, and empty after that."""
     if "skin" in node:
         document.resolver.note("a skinned mesh is drawn as it was modelled, without its skeleton")
-    if any(node.get("weights", [])) or any(document.item("meshes", node["mesh"]).get("weights", [])):
+    if any(node.get("weights", [])) or any(mesh.get("weights", [])):
         document.resolver.note("morph targets are left at zero")

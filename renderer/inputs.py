@@ -33,11 +33,11 @@ def read(
     """
     found = chosen(bundle)
     if found is None:
-        return view_set.read(bundle.files, name=shown(bundle.name), grid=pixels)
+        return view_set.read(bundle.files, name=shown(bundle.name), grid=pixels, limits=bundle.limits)
     kind, key = found
     if kind in MESHES:
         return meshes.read(replace(bundle, main=key), kind)
-    return _eia(bundle.name, bundle.files[key], lenses, pixels, pickup)
+    return _eia(bundle, key, lenses, pixels, pickup)
 
 
 def chosen(bundle: Bundle) -> tuple[Kind, str] | None:
@@ -69,14 +69,14 @@ def chosen(bundle: Bundle) -> tuple[Kind, str] | None:
 
 
 def _eia(
-    name: str, data: bytes, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup
+    bundle: Bundle, key: str, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup
 ) -> LightField:
     if lenses is None and pixels is None:
         raise InvalidOption(
-            f"{shown(name)}: a picture is read as an elemental image array; say how many lenses took it, "
+            f"{shown(bundle.name)}: a picture is read as an elemental image array; say how many lenses took it, "
             "as in lenses 50x50 (rows x columns), or how many pixels each has, as in pixels 15x15"
         )
-    eia = pictures.decode(data, name=shown(name))
+    eia = pictures.decode(bundle.files[key], name=shown(bundle.name), max_pixels=bundle.limits.pixels)
     height, width = eia.shape[:2]
     if pixels is not None and (min(pixels) < 1 or height % pixels[0] or width % pixels[1]):
         raise InvalidOption(

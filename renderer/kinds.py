@@ -47,7 +47,9 @@ _MAGIC = (
 )
 _READ = ", ".join(SUFFIXES)
 _BOM = b"\xef\xbb\xbf"
-_OFF = re.compile(rb"(?:\s|#[^\n]*\n)*C?OFF\b")
+_OFF = re.compile(rb"C?OFF\b")
+_FIRST_WORD = re.compile(rb"^[ \t\r\f\v]*(?=[^\s#])", re.MULTILINE)
+"""Ends where the first line that is no comment begins."""
 _OBJ = re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE)
 _STL_HEADER = 84  # 80 bytes of free text, then the number of triangles as uint32
 _STL_TRIANGLE = 50
@@ -107,7 +109,8 @@ def _text(text: bytes, name_says: Kind | None) -> Kind | None:
         return Kind.GLTF
     if text[:5].lower() == b"solid" and (name_says is Kind.STL or b"facet" in text):
         return Kind.STL
-    if _OFF.match(text):
+    first = _FIRST_WORD.search(text)
+    if first is not None and _OFF.match(text, first.end()):
         return Kind.OFF
     return Kind.OBJ if _OBJ.search(text) else None
 

@@ -11,7 +11,7 @@ from renderer import gltf, gltf_scene, obj, off, ply, stl
 from renderer.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import Kind
 from renderer.names import shown
-from renderer.surface import MAX_TRIANGLES, Surface, assemble
+from renderer.surface import Surface, assemble
 from renderer.texture_files import Resolver
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ FAULTS = (
 """
 
 
-def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> Scene:
+def read(bundle: Bundle, kind: Kind) -> Scene:
     """The mesh `bundle.main`, whose content is of `kind`, lit and checked. Its other files are in reach by name.
 
     What was left out or replaced, a missing texture or triangles without area, is a line in the scene's notes.
@@ -44,7 +44,8 @@ def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> S
         raise Unreadable(f"{shown(bundle.name)}: a set of files; say which of them is the mesh")
     name = shown(bundle.name)
     data = bundle.files[bundle.main]
-    resolver = Resolver(bundle.files, bundle.main)
+    resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
+    max_triangles = bundle.limits.triangles
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = _surfaces(data, kind, name, resolver, max_triangles)
@@ -60,13 +61,14 @@ def read(bundle: Bundle, kind: Kind, *, max_triangles: int = MAX_TRIANGLES) -> S
 
 def _surfaces(data: bytes, kind: Kind, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
     if kind in {Kind.GLB, Kind.GLTF}:
-        return gltf_scene.surfaces(gltf.parse(data, name=name, resolver=resolver), max_triangles=max_triangles)
+        document = gltf.parse(data, name=name, resolver=resolver, max_triangles=max_triangles)
+        return gltf_scene.surfaces(document, max_triangles=max_triangles)
     if kind is Kind.OBJ:
         return obj.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
     if kind is Kind.PLY:
         return ply.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
     if kind is Kind.STL:
-        return stl.surfaces(data, name=name)
+        return stl.surfaces(data, name=name, max_triangles=max_triangles)
     if kind is Kind.OFF:
         return off.surfaces(data, name=name, max_triangles=max_triangles)
     raise UnsupportedType(f"{name}: {kind.name} is not a mesh")

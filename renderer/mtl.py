@@ -68,16 +68,15 @@ def material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
 def _map(line: bytes) -> tuple[str, Wrap]:
     """The file name, spaces and all, after a map's options; and how it goes on beyond its edges."""
     wrap: Wrap = "repeat"
-    words = line.split(b" ")
-    while words and words[0].lower() in _OPTIONS:
-        option, values = words[0].lower(), _OPTIONS[words[0].lower()]
-        if option == b"-clamp" and words[1:2] == [b"on"]:
+    words, start = line.split(b" "), 0
+    while start < len(words) and (option := words[start].lower()) in _OPTIONS:
+        if option == b"-clamp" and words[start + 1 : start + 2] == [b"on"]:
             wrap = "clamp"
-        taken = 1
-        while taken <= values and taken < len(words) - 1 and (values == 1 or _is_number(words[taken])):
-            taken += 1
-        words = words[taken:]
-    return text(b" ".join(words).strip()), wrap
+        values, end = _OPTIONS[option], start + 1
+        while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end])):
+            end += 1
+        start = end
+    return text(b" ".join(words[start:]).strip()), wrap
 
 
 def _is_number(word: bytes) -> bool:

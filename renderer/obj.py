@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
 MAX_LIBRARIES = 100
 """Most MTL files that an OBJ may name."""
+MAX_MATERIALS = 65_536
+"""Most materials that an OBJ may use."""
 
 
 @dataclass
@@ -156,11 +158,17 @@ def _materials(
     libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
     if len(libraries) > MAX_LIBRARIES:
         raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
+    files: dict[bytes, None] = {}  # each where it is named last: many names may lead to one file
     for library in libraries:
         data = resolver.find(mtl.text(library), "material file")
         if data is not None:
-            entries |= mtl.entries(data)
+            files.pop(data, None)
+            files[data] = None
+    for data in files:
+        entries |= mtl.entries(data)
     names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
+    if (count := len(set(names))) > MAX_MATERIALS:
+        raise TooLarge(f"{name}: {count:,} materials; at most {MAX_MATERIALS:,} are read; join them")
     current = lines.before(b"usemtl", face_lines)
     numbers_of: dict[mtl.Material, int] = {}
     by_name: dict[bytes, int] = {}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from renderer import kinds
 from renderer.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from renderer.limits import DEFAULTS
 from renderer.names import shown
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 
 SUFFIXES = frozenset(suffix for suffix, kind in kinds.SUFFIXES.items() if kind in kinds.PICTURES)
 """What the name of a picture that is read or written here ends with, in lower case."""
-MAX_PIXELS = 64_000_000
-"""Most pixels in a picture."""
 MAX_SIDE = 131_072
 """Most pixels along one side of a picture."""
 
@@ -49,7 +48,7 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def decode(
-    data: bytes, *, name: str, max_pixels: int = MAX_PIXELS, check: Callable[[int, int], None] | None = None
+    data: bytes, *, name: str, max_pixels: int = DEFAULTS.pixels, check: Callable[[int, int], None] | None = None
 ) -> Pixels:
     """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
 

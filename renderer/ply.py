@@ -34,7 +34,6 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MOST_ROWS = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) 
     head, end, body = data.partition(b"end_header")
     if not end:
         raise Unreadable(f"{name}: a PLY whose header does not end; give it again")
-    elements, order, picture = _header(head.decode("latin-1"), name)
+    elements, order, picture = _header(head.decode("latin-1"), name, max_triangles)
     body = body[2:] if body.startswith(b"\r\n") else body[1:]
     columns = _ascii(body, elements, name) if order == "=" else _binary(body, elements, order, name)
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
@@ -89,7 +88,7 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) 
     return [colored]
 
 
-def _header(head: str, name: str) -> tuple[list[_Element], str, str | None]:
+def _header(head: str, name: str, max_triangles: int) -> tuple[list[_Element], str, str | None]:
     elements: list[_Element] = []
     order, picture = None, None
     for line in head.splitlines()[1:]:
@@ -98,14 +97,14 @@ def _header(head: str, name: str) -> tuple[list[_Element], str, str | None]:
                 order = _ORDERS[form]
             case ["comment", "TextureFile", *_]:
                 picture = line.split("TextureFile", 1)[1].strip()
-            case ["element", kind, count] if 0 <= int(count) <= _MOST_ROWS:
+            case ["element", kind, count] if 0 <= int(count) <= 3 * max_triangles:
                 elements.append(_Element(kind, int(count), []))
             case ["element", kind, count]:
                 if int(count) < 0:
                     raise Unreadable(f"{name}: its PLY header counts {shown(count)} of {shown(kind)}; export it again")
                 raise TooLarge(
-                    f"{name}: {shown(f'{int(count):,}')} elements {shown(kind)}; at most {_MOST_ROWS:,} are read; "
-                    "decimate the mesh"
+                    f"{name}: {shown(f'{int(count):,}')} elements {shown(kind)}; at most {3 * max_triangles:,} are "
+                    f"read, and {max_triangles:,} triangles; decimate the mesh"
                 )
             case ["property", "list", length, dtype, item] if elements:
                 elements[-1].properties.append(_Property(item, _TYPES[dtype], _TYPES[length]))

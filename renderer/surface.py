@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from renderer.errors import InvalidGeometry, TooLarge, Unreadable
+from renderer.limits import DEFAULTS
 from renderer.scene import Part, Scene, Texture
 from renderer.shading import shade, smooth_normals, unit
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-MAX_TRIANGLES = 4_000_000
 MAX_COORDINATE = 1e9
 """Largest absolute coordinate, in the file's own units: beyond it nothing is a picture of an object."""
 MAX_TEXTURE_COORDINATE = 1e4
@@ -50,7 +50,7 @@ class Surface:
 
 
 def assemble(
-    surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = MAX_TRIANGLES
+    surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = DEFAULTS.triangles
 ) -> Scene:
     """Check the surfaces of the file called `name`, give them normals and light, and make a scene of them.
 

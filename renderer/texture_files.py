@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer import pictures
 from renderer.errors import InputError, TooLarge
+from renderer.limits import DEFAULTS
 from renderer.names import inside, shown
 from renderer.scene import Texture, Wrap
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-MAX_PIXELS = 64_000_000
-"""Most pixels in all textures of a mesh together, those that turn out to be corrupt among them."""
 MAX_SIDE = 16_384
 """Most pixels along one side of a texture: what OpenGL takes on every machine that this was tried on."""
 MAX_NOTES = 50
@@ -31,11 +30,11 @@ class Resolver:
     Never raises for a name: what isn't there, or would be outside, is None with a line in `notes`.
     """
 
-    def __init__(self, files: Mapping[str, bytes], main: str) -> None:
+    def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULTS.pixels) -> None:
         self._notes: dict[str, None] = {}
         self._files = files
         self._folder = posixpath.dirname(main)
-        self._pixels_left = MAX_PIXELS
+        self._max_pixels = self._pixels_left = max_pixels  # those of corrupt ones count, too
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
 
@@ -97,20 +96,22 @@ class Resolver:
                 raise TooLarge(f"{height}x{width} pixels; at most {MAX_SIDE:,} along a side are drawn; scale it down")
             if height * width > self._pixels_left:
                 raise TooLarge(
-                    f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {MAX_PIXELS:,} "
+                    f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {self._max_pixels:,} "
                     "for all textures; scale them down"
                 )
             # Before it is decoded: failing is as much work. And what is long was copied and searched, however small.
             self._pixels_left -= max(height * width, len(data or b"") // 64)
 
         if self._pixels_left <= 0:
-            self.note(f"textures over {MAX_PIXELS:,} pixels in all are left out; scale them down")
+            self.note(f"textures over {self._max_pixels:,} pixels in all are left out; scale them down")
             return None
         data = load()
         if data is None:
             return None
         try:
-            return rgba8(pictures.decode(data, name=shown(name), check=charge), opaque=opaque)
+            return rgba8(
+                pictures.decode(data, name=shown(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
+            )
         except InputError as error:
             self._pixels_left -= len(data) // 64
             self.note(f"texture {shown(name)} is left out: {error}")

@@ -9,6 +9,7 @@ import numpy as np
 import tifffile
 
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
+from renderer.names import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -117,4 +118,4 @@ def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None
 
 
 def _label(value: object) -> str:
-    return str(getattr(value, "name", value))[:40]  # a corrupt tag may hold thousands of numbers
+    return shown(str(getattr(value, "name", value)))  # a corrupt tag may hold thousands of numbers, or any characters

@@ -16,15 +16,13 @@ from renderer.bundle import is_kind
 from renderer.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import PICTURES
 from renderer.light_field import LightField
+from renderer.limits import DEFAULTS, Limits
 from renderer.names import is_hidden, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from renderer.pictures import Pixels
-
-MAX_SET_BYTES = 1_000_000_000
-"""Most bytes of all views of a set, decoded: 17 x 17 of 1024 x 1024 x 3 (Knights in full) come to 909 million."""
 
 # What lies beside the views in the sets that people pass around: notes, calibration, depth, our own report.
 SIDE_FILES = frozenset({
@@ -45,7 +43,7 @@ def read(
     *,
     name: str,
     grid: tuple[int, int] | None,
-    max_bytes: int = MAX_SET_BYTES,
+    limits: Limits = DEFAULTS,
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 
@@ -61,21 +59,23 @@ def read(
 
     Raises `InvalidOption` where there is no full grid of views or `grid` doesn't fit the names, `UnsupportedType` where
     a file is no picture that is read, `Unreadable` where pictures are missing, corrupt or differ in size, channels or
-    depth, `TooLarge` over `max_bytes` in all.
+    depth, `TooLarge` over `limits`.
     """
     names = _picture_names(files, name)
+    if len(names) > limits.views:
+        raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer")
     order, (pixels_v, pixels_u) = _arrange(names, name, grid)
-    first = pictures.decode(files[order[0]], name=shown(order[0]))
-    if len(order) * first.nbytes > max_bytes:
+    first = pictures.decode(files[order[0]], name=shown(order[0]), max_pixels=limits.pixels)
+    if len(order) * first.nbytes > limits.set_bytes:
         raise TooLarge(
             f"{name}: {len(order)} views of {_describe(first)} come to {len(order) * first.nbytes:,} bytes; "
-            f"at most {max_bytes:,} are read; give fewer views or smaller ones"
+            f"at most {limits.set_bytes:,} are read; give fewer views or smaller ones"
         )
     views = np.empty((len(order), *first.shape), first.dtype)
     views[0] = first
 
     def fill(index: int) -> None:
-        picture = pictures.decode(files[order[index]], name=shown(order[index]))
+        picture = pictures.decode(files[order[index]], name=shown(order[index]), max_pixels=limits.pixels)
         if picture.shape != first.shape or picture.dtype != first.dtype:
             raise Unreadable(
                 f"{name}: {shown(order[index])} is {_describe(picture)} but {shown(order[0])} is {_describe(first)}; "

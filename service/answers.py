@@ -14,7 +14,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -75,7 +75,7 @@ def answer(
     clock = Clock()
     noted = NotedFiles(source.files) if isinstance(source, Bundle) else NotedFiles({})
     if isinstance(source, Bundle):
-        source = Bundle(source.name, source.main, noted)
+        source = replace(source, files=noted)
     key = _key(source, options, form, max_pixels)
     trouble, found = "", None
     try:

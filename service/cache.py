@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+NAME = "CIIR_CACHE"
+"""The environment variable that names the folder."""
+
 
 def folder() -> Path | None:
     """`CIIR_CACHE`, else `ciir` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`).
 
     It may not be there yet. None where none of them is known: a process without a home.
     """
-    if given := os.environ.get("CIIR_CACHE"):
+    if given := os.environ.get(NAME):
         return Path(given)
     if given := os.environ.get("XDG_CACHE_HOME"):
         return Path(given) / "ciir"

@@ -118,6 +118,9 @@ def parser() -> argparse.ArgumentParser:
     add = command("serve", "the HTTP API", more=f"{kept} CIIR_STORE names, else in the cache folder; {limit}.")
     add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
     add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
+    add.add_argument("--show-settings", action="store_true", help="show all settings (CIIR_...) as they are and exit")
+
+    command("worker", "worker processes alone, for jobs that `ciir serve` takes in elsewhere (CIIR_QUEUE, CIIR_FILES)")
 
     add = command("bench", "run time against error, by every method, as tables and pictures")
     add.add_argument(
@@ -253,8 +256,8 @@ class _Terminated(BaseException):
 
 @contextmanager
 def _terminable(command: str) -> Iterator[None]:
-    """SIGTERM ends the block as an exception, so that nothing half-written stays. A server has its own way to end."""
-    if command == "serve":
+    """SIGTERM ends the block as an exception, so that nothing half-written stays. Servers have their own way to end."""
+    if command in ("serve", "worker"):
         yield
         return
 

@@ -17,7 +17,7 @@ from renderer.errors import (
 
 
 class NotReady(RuntimeError):  # noqa: N818 - the cause is the name
-    """The server is still loading its models."""
+    """The server is still loading its models, or it is stopping."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ _TABLE: tuple[tuple[type[Exception], Meaning], ...] = (  # the first row that fi
     (BadCard, Meaning(500, 1, "Model broken")),
     (BrokenNetwork, Meaning(500, 1, "Model broken")),
     (ModelError, Meaning(422, 2, "Invalid model or scale")),
-    (NotReady, Meaning(503, 1, "Starting")),
+    (NotReady, Meaning(503, 1, "Not ready")),
 )
 FAULTS = (InputError, BackendUnavailable, BrokenNetwork, ModelError, NotReady)
 """The classes that cover the table: what to catch."""

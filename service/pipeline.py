@@ -45,6 +45,7 @@ def reconstruct(
     *,
     max_pixels: int | None = None,
     progress: Progress | None = None,
+    clock: Clock | None = None,
 ) -> Report:
     """Puts the views that `options` ask for into `sink`, and returns the report that `sink` got too.
 
@@ -53,17 +54,18 @@ def reconstruct(
     order of views is raised, and no thread outlives the call.
 
     `max_pixels`: most output pixels of all views together; and samples of a mesh, where those views count too that are
-    rendered only to help others. A mesh's views are RGB; pictures keep channels and depth.
+    rendered only to help others. A mesh's views are RGB; pictures keep channels and depth. `clock`: what counts the
+    stages' time.
 
     Raises the input faults of `renderer.errors` and `models.errors`, and `BackendUnavailable`; what the input's
     header and the options show is raised before `sink.begin`, so before anything is written.
     """
-    clock = Clock()
+    clock = clock or Clock()
     given = Input(source)
     with clock.stage("decode"):
         content = given.read(options)
     with clock.stage("plan"):
-        job = _job(given.name, content, options)
+        job = _job(given, content, options)
         plan = plans.make(options, job, mesh=content if isinstance(content, Scene) else None, limit=max_pixels)
         maker = _maker(content, options, plan, clock)
         rows, cols = maker.lenses
@@ -183,14 +185,14 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
     }
 
 
-def _job(name: str, content: Scene | LightField, options: Options) -> Job:
+def _job(given: Input, content: Scene | LightField, options: Options) -> Job:
     if isinstance(content, Scene):
         array, is_transparent = plans.mesh_array(options), False
         grid = (array.pixels_v, array.pixels_u)
     else:
         grid, is_transparent = content.views.shape[:2], content.is_transparent()
-    plans.check_views(options.views, grid)
-    return Job(name, isinstance(content, Scene), grid, is_transparent, parse_views(options.views, *grid))
+    plans.check_views(options.views, grid, given.limits.views)
+    return Job(given.name, isinstance(content, Scene), grid, is_transparent, parse_views(options.views, *grid))
 
 
 def _replaced(options: Options, plan: Plan) -> list[str]:

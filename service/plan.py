@@ -27,8 +27,6 @@ MAX_VIEW_SAMPLES = 64_000_000
 """Most points of a mesh that are sampled for one view: memory grows with them, by about 10 bytes each."""
 REMEDY = {"upscale": "pinhole sampling", "direct": "a smaller scale or strategy upscale"}
 """What leaves a mesh fewer samples, beside fewer lenses."""
-MAX_VIEWS = 65_536
-"""Most views of one job."""
 _MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
 
 
@@ -121,12 +119,14 @@ def mesh_array(options: Options) -> LensArray:
     return LensArray(rows, cols, pixels_v, pixels_u, pitch, delta)
 
 
-def check_views(spec: str, pixels: tuple[int, int]) -> None:
-    """Raises `TooLarge` where `spec` asks for all views and those are more than `MAX_VIEWS`."""
-    if spec == "all" and pixels[0] * pixels[1] > MAX_VIEWS:
+def check_views(spec: str, pixels: tuple[int, int], limit: int) -> None:
+    """Raises `TooLarge` where `spec`, which holds `;` between the views that it names, asks for more than `limit`."""
+    if spec == "all" and pixels[0] * pixels[1] > limit:
         raise TooLarge(
-            f"views: all of {pixels[0]}x{pixels[1]} are over the limit of {MAX_VIEWS:,}; name some, or fewer pixels"
+            f"views: all of {pixels[0]}x{pixels[1]} are over the limit of {limit:,}; name some, or fewer pixels"
         )
+    if spec.count(";") >= limit + spec.endswith(";"):
+        raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer")
 
 
 def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None, *, what: str = "a view") -> None:

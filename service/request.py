@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from models.catalogue import DEFAULT, FIELD
 from renderer.errors import InvalidOption
 from renderer.light_field import Pickup
+from renderer.names import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -79,7 +80,7 @@ class Options:
     def __post_init__(self) -> None:
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
-                raise InvalidOption(f"{name}: {getattr(self, name)!r} is not known; give {' or '.join(allowed)}")
+                raise InvalidOption(f"{name}: {getattr(self, name)[:40]!r} is not known; give {' or '.join(allowed)}")
         if not 1 <= self.scale <= MAX_SCALE:
             raise InvalidOption(f"scale: {self.scale} is out of range; give 1 to {MAX_SCALE}")
         if self.max_error is not None and not 0 < self.max_error <= MAX_ERROR:
@@ -98,7 +99,7 @@ class Options:
         """Options from text, as the command line and form fields give it. Raises `InvalidOption`."""
         unknown = sorted(set(texts) - set(NAMES))
         if unknown:
-            listed = ", ".join(repr(name[:40]) for name in unknown[:5])
+            listed = ", ".join(repr(shown(name)[:40]) for name in unknown[:5])
             raise InvalidOption(f"{listed}: no such option; known are {', '.join(NAMES)}")
         return cls(**{name: _PARSERS[name](name, text) for name, text in texts.items()})
 
@@ -151,19 +152,20 @@ def pair(name: str, text: str) -> tuple[int, int]:
         raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
     counts = int(match[1]), int(match[2])
     if 0 in counts:
-        raise InvalidOption(f"{name}: {text.strip()} is out of range; give at least 1x1")
+        raise InvalidOption(f"{name}: {counts[0]}x{counts[1]} is out of range; give at least 1x1")
     return counts
 
 
 def _integer(name: str, text: str) -> int:
-    if re.fullmatch(r"\s*-?\d{1,6}\s*", text) is None:
+    digits = text.strip()  # `int` alone takes less for white space than this and a pattern's \s do
+    if re.fullmatch(r"-?\d{1,6}", digits) is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a whole number; give one such as 2")
-    return int(text)
+    return int(digits)
 
 
 def _number(name: str, text: str) -> float:
     try:
-        return float(text)
+        return float(text.strip())
     except ValueError as error:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a number; give one such as 0.5") from error
 

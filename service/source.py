@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from renderer.bundle import Bundle, is_kind
 from renderer.errors import InvalidOption
 from renderer.kinds import PICTURES
+from renderer.limits import DEFAULTS
 from renderer.scene import Scene
 from service.report import CountedFiles, Report
 
@@ -25,9 +27,10 @@ class Input:
         if isinstance(source, Bundle):
             self.name = source.name
             self._files = CountedFiles(source.files)
-            self._bundle: Bundle | None = Bundle(source.name, source.main, self._files)
+            self.limits = source.limits
+            self._bundle: Bundle | None = replace(source, files=self._files)
         else:
-            self.name = f"scene:{source}"
+            self.name, self.limits = f"scene:{source}", DEFAULTS
             self._scene = source
             self._bundle = None
 

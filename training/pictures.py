@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from renderer.bundle import Limits, read_file
+from renderer.bundle import read_file
+from renderer.limits import DEFAULTS
 from renderer.pictures import SUFFIXES, decode
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def read(path: Path) -> Picture:
 
     Raises `ValueError` where it can't be read: truncated, not a picture, or of a printer's CMYK.
     """
-    pixels = decode(read_file(path, Limits()), name=str(path))
+    pixels = decode(read_file(path, DEFAULTS), name=str(path))
     if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
         return pixels.astype(np.uint8)
     values = pixels / np.iinfo(pixels.dtype).max

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ipaddress
+import logging
 import socket
 from typing import TYPE_CHECKING
 
@@ -11,28 +13,39 @@ from service.commands import common
 if TYPE_CHECKING:
     import argparse
 
-KEEP_ALIVE_SECONDS = 30
+_log = logging.getLogger("ciir")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Serves HTTP in one process until it is told to stop; requests that run are finished first."""
+    """Serves HTTP until it is told to stop, and does the jobs unless CIIR_WORKERS is 0."""
+    if args.show_settings:
+        from service.settings_table import table
+
+        common.say(table())
+        return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
-    import uvicorn
+    from service import logs, settings
+    from service.web.app import create_app
+    from service.web.server import DrainingServer
 
-    from service import settings
-    from service.app import create_app
-
-    limits = settings.read()
+    found = settings.read()
+    settings.forget_secrets()
     with _listening(args.host, int(args.port)) as listener:
+        # Connections inherit it. asyncio sets it on its own sockets alone; else a body waits 40 ms for its head.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         host, port = listener.getsockname()[:2]
+        logs.configure(found.log_format)
+        if is_open(host, len(found.api_keys)):
+            _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: whoever reaches it may ask", host)
+        app = create_app(found)
         common.say(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
-        config = uvicorn.Config(create_app(limits), timeout_keep_alive=KEEP_ALIVE_SECONDS, server_header=False)
-        server = uvicorn.Server(config)
-        try:
-            server.run([listener])
-        except KeyboardInterrupt:  # uvicorn raises it anew after an orderly end
-            return
+        DrainingServer(app).run([listener])
+
+
+def is_open(host: str, keys: int) -> bool:
+    """Whether other machines may ask at an IP address without one of so many keys."""
+    return not keys and not ipaddress.ip_address(host.partition("%")[0]).is_loopback
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -1,5 +1,8 @@
 import dataclasses
+import os
 import shutil
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -166,3 +169,11 @@ def test_no_denormals_reach_the_network(monkeypatch):
     assert seen[0][0, 0, 0, :3].tolist() == images[0, 0, 0, :3].tolist()
     assert np.count_nonzero(seen[0]) == 3
     assert images[0, 1, 0, 0] > 0  # the caller's own array stays as it is
+
+
+def test_nothing_is_told_to_anyone(tmp_path):
+    """onnxruntime's Linux wheels keep what sessions do in the user's cache folder, and send it, unless told not to."""
+    program = "from models import catalogue; catalogue.load('paper')"
+    alone = {"HOME": str(tmp_path), "PATH": os.defpath, "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-c", program], check=True, env=alone, cwd=tmp_path)  # noqa: S603 - our own
+    assert list(tmp_path.rglob("*")) == []

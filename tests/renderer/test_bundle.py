@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from renderer.bundle import Bundle, Limits, is_kind
+from renderer.bundle import Bundle, is_kind
 from renderer.errors import TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import MESHES
+from renderer.limits import Limits
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 

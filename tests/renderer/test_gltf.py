@@ -3,18 +3,19 @@ import io
 import json
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from renderer import gltf, gltf_arrays, meshes, pictures
+from renderer import gltf, gltf_arrays, gltf_scene, meshes, pictures
 from renderer.bundle import Bundle
 from renderer.errors import InputError, InvalidGeometry, TooLarge, Unreadable, UnsupportedType
 from renderer.gltf_scene import local_matrix
 from renderer.kinds import Kind
+from renderer.limits import Limits
 from renderer.scene import Scene
 from renderer.shading import encode, shade
 from renderer.texture_files import Resolver
@@ -421,13 +422,54 @@ def test_malformed_documents(change: Callable[[Model], object], message: str) ->
     assert "\n" not in str(caught.value)
 
 
+def test_what_sparse_accessors_replace_is_counted() -> None:
+    model = Model()
+    count = 1000
+    indices, values = model.view(bytes(count)), model.view(bytes(12 * count))
+    model.json["accessors"][1]["sparse"] = {
+        "count": count,
+        "indices": {"bufferView": indices, "componentType": 5121},
+        "values": {"bufferView": values},
+    }
+    model.json["meshes"][0]["primitives"] *= 50
+    bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()}, Limits(triangles=200))  # 3,000 elements
+    with pytest.raises(TooLarge, match="have 3,024 elements; at most 3,000 are read together"):
+        meshes.read(bundle, Kind.GLB)
+
+
+def test_primitives_without_a_surface_are_counted_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model()
+    model.json["meshes"].append({"primitives": [{"mode": 0}] * 30})
+    model.json["nodes"] = [{"mesh": 0}] + [{"mesh": 1}] * 10
+    model.json["scenes"] = [{"nodes": list(range(11))}]
+    assert model.read().notes == ("points and lines are left out: they have no surface",)
+    monkeypatch.setattr(gltf_scene, "MAX_PRIMITIVES", 300)
+    with pytest.raises(TooLarge, match="over 300 primitives in its nodes"):
+        model.read()
+
+
+def test_a_meshs_weights_are_looked_at_once() -> None:
+    class Weights(list[float]):
+        looks = 0
+
+        def __iter__(self) -> Iterator[float]:
+            Weights.looks += 1
+            return super().__iter__()
+
+    mesh = {"weights": Weights([0.0, 0.5]), "primitives": []}
+    document = gltf.Document("a", {"meshes": [mesh], "nodes": [{"mesh": 0}] * 20}, None, Resolver({}, "a"), 100)
+    assert gltf_scene.surfaces(document, max_triangles=100) == []
+    assert Weights.looks == 1
+    assert document.resolver.notes == ["morph targets are left at zero"]
+
+
 def test_a_mesh_that_is_repeated_without_end() -> None:
     model = Model()
     model.json["nodes"] = [{"mesh": 0}] * 50
     model.json["scenes"] = [{"nodes": list(range(50))}]
     data = model.glb()
     with pytest.raises(TooLarge, match="62 triangles and 124 vertices; at most 60 and"):
-        meshes.read(Bundle("a", "a.glb", {"a.glb": data}), Kind.GLB, max_triangles=60)
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=60)), Kind.GLB)
 
 
 def test_vertices_that_are_repeated_without_end() -> None:
@@ -435,7 +477,7 @@ def test_vertices_that_are_repeated_without_end() -> None:
     model.json["meshes"][0]["primitives"] *= 50
     data = model.glb()
     with pytest.raises(TooLarge, match=r"3,100 vertices; at most 1,000 and 3,000"):
-        meshes.read(Bundle("a", "a.glb", {"a.glb": data}), Kind.GLB, max_triangles=1000)
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=1000)), Kind.GLB)
 
 
 @pytest.mark.parametrize(
@@ -497,11 +539,10 @@ def test_only_the_attributes_that_are_drawn_are_read() -> None:
 
 def test_all_accessors_together_have_a_limit() -> None:
     data = Model().glb()
-    document = gltf.parse(data, name="a", resolver=Resolver({}, "a"))
-    document.elements_left = 15
+    document = gltf.parse(data, name="a", resolver=Resolver({}, "a"), max_triangles=1)
     assert len(gltf_arrays.accessor(document, 0)) == 6
     assert len(gltf_arrays.accessor(document, 0)) == 6
-    with pytest.raises(TooLarge, match=r"accessor 0 has 6 elements; at most 60,000,000 are read of all .*; decimate"):
+    with pytest.raises(TooLarge, match=r"accessor 0 .* have 18 elements; at most 15 are read together; decimate"):
         gltf_arrays.accessor(document, 0)
 
 

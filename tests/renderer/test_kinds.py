@@ -1,4 +1,5 @@
 import struct
+import tracemalloc
 
 import pytest
 
@@ -56,6 +57,28 @@ def test_a_type_that_is_not_read_is_named() -> None:
         identify("a.fbx", b"Kaydara FBX Binary  \0")
 
 
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        (b"  # one\n\t#two\r\n \n  COFF 3 1 0\n", Kind.OFF),
+        (b"#OFF\nv 0 0 0\n", Kind.OBJ),
+        (b"OFFER\nv 0 0 0\n", Kind.OBJ),
+        (b"x OFF\nv 0 0 0\n", Kind.OBJ),
+    ],
+)
+def test_off_is_the_first_word_that_is_no_comment(text: bytes, kind: Kind) -> None:
+    assert identify("a", text) is kind
+
+
+def test_comments_without_end_take_no_memory() -> None:
+    data = b"#\n" * 2_000_000 + b"OFF\n3 1 0\n"
+    tracemalloc.start()
+    assert identify("a.off", data) is Kind.OFF
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * len(data)  # two copies without the spaces before; an item for each comment would be 25 times that
+
+
 def test_no_bytes_at_all() -> None:
     with pytest.raises(Unreadable, match="empty"):
         identify("a.obj", b"")
@@ -63,3 +86,27 @@ def test_no_bytes_at_all() -> None:
 
 def test_a_binary_stl_that_is_cut_short_is_left_to_its_reader() -> None:
     assert identify("a.stl", BINARY_STL[:-7]) is Kind.STL
+
+
+@pytest.mark.parametrize(
+    ("suffix", "data"),
+    [
+        (".exr", b"v/1\1\2\0\0\0"),
+        (".svg", b'<svg xmlns="http://www.w3.org/2000/svg"/>'),
+        (".dae", b'<?xml version="1.0"?><COLLADA/>'),
+        (".x3d", b'<?xml version="1.0"?><X3D/>'),
+        (".npy", b"\x93NUMPY\1\0"),
+        (".pkl", b"\x80\4\x95\0\0\0"),
+        (".gif", b"GIF89a\1\0\1\0"),
+        (".bmp", b"BM\x46\0\0\0"),
+        (".webp", b"RIFF\x24\0\0\0WEBPVP8 "),
+        (".psd", b"8BPS\0\1"),
+        (".jp2", b"\0\0\0\x0cjP  \r\n\x87\n"),
+        (".pdf", b"%PDF-1.7\n"),
+        (".ps", b"%!PS-Adobe-3.0\n"),
+    ],
+)
+def test_kinds_that_are_never_read(suffix: str, data: bytes) -> None:
+    for name in (f"a{suffix}", "a", "a.png", "a.glb"):
+        with pytest.raises(UnsupportedType):
+            identify(name, data)

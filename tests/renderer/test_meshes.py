@@ -12,6 +12,7 @@ from renderer import meshes, pictures
 from renderer.bundle import Bundle
 from renderer.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from renderer.kinds import Kind, identify
+from renderer.limits import DEFAULTS, Limits
 from renderer.scene import Scene
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
@@ -69,9 +70,9 @@ ASCII = {
 }
 
 
-def read(data: bytes, kind: Kind, files: Mapping[str, bytes], **options: int) -> Scene:
+def read(data: bytes, kind: Kind, files: Mapping[str, bytes], limits: Limits = DEFAULTS) -> Scene:
     main = f"main.{kind.value}"
-    return meshes.read(Bundle(main, main, {main: data, **files}), kind, **options)
+    return meshes.read(Bundle(main, main, {main: data, **files}, limits), kind)
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
@@ -86,8 +87,8 @@ def test_every_kind_is_read(kind: Kind) -> None:
 @pytest.mark.parametrize("kind", SAMPLES)
 def test_too_many_triangles(kind: Kind) -> None:
     data, files = SAMPLES[kind]
-    with pytest.raises(TooLarge, match="triangles"):
-        read(data, kind, files, max_triangles=0)
+    with pytest.raises(TooLarge, match="; decimate the mesh"):
+        read(data, kind, files, Limits(triangles=0))
 
 
 @pytest.mark.parametrize("kind", SAMPLES)

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer import meshes, obj, pictures
+from renderer import meshes, mtl, obj, pictures
 from renderer.bundle import Bundle
 from renderer.errors import InputError, InvalidGeometry, TooLarge, Unreadable
 from renderer.kinds import Kind
+from renderer.limits import Limits
 from renderer.scene import Scene
 from renderer.shading import shade
 from renderer.surface import PLAIN, Surface
@@ -89,6 +90,19 @@ def test_two_libraries() -> None:
     text = b"mtllib a.mtl\nmtllib b.mtl\n" + SQUARE + b"usemtl blue\nf 1 2 3\n"
     (part,) = read_with(text, {"m/a.mtl": b"newmtl red\nKd 1 0 0", "m/b.mtl": b"newmtl blue\nKd 0 0 1"}).parts
     assert part.colors[0, :3] == pytest.approx([0, 0, FRONT])
+
+
+def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    entries = mtl.entries
+    monkeypatch.setattr(mtl, "entries", lambda data: made.append(data) or entries(data))
+    names = b"".join(b"mtllib folder%d/a.mtl\n" % i for i in range(98)) + b"mtllib b.mtl\n"
+    files = {"m/a.mtl": b"newmtl m\nKd 1 0 0", "m/b.mtl": b"newmtl m\nKd 0 0 1"}
+    (part,) = read_with(names + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
+    assert made == list(files.values())
+    assert part.colors[0, :3] == pytest.approx([0, 0, FRONT])  # the last of one name counts
+    (part,) = read_with(names + b"mtllib a.mtl\n" + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
+    assert part.colors[0, :3] == pytest.approx([FRONT, 0, 0])
 
 
 def test_vertex_colours_beside_positions() -> None:
@@ -212,13 +226,13 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 def test_lines_are_counted_before_they_are_parsed() -> None:
     for text in (SQUARE + b"f x\n" * 2, b"v x\n" * 4, b"vn x\n" * 4, b"usemtl x\n" * 4):
         with pytest.raises(TooLarge, match=r"over \d lines of .* the 1 triangles"):
-            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}), Kind.OBJ, max_triangles=1)
+            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}, Limits(triangles=1)), Kind.OBJ)
 
 
 def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
     data = SQUARE + b"f" + b" 1 2 3 4" * 2 + b"\n"
     with pytest.raises(TooLarge, match="6 triangles and 4 vertices; at most 5 and 15"):
-        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}), Kind.OBJ, max_triangles=5)
+        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}, Limits(triangles=5)), Kind.OBJ)
 
 
 def test_a_fan_of_many_corners_is_one_array() -> None:
@@ -245,6 +259,14 @@ def test_many_materials_make_one_surface_and_one_note(monkeypatch: pytest.Monkey
     (part,) = scene.parts
     assert np.unique(np.rint(part.colors[part.faces][:, 0, 2] / FRONT * 1000)).tolist() == list(range(500))
     assert len(made) == 2
+
+
+def test_materials_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(obj, "MAX_MATERIALS", 50)
+    uses = [b"usemtl m%d\nf 1 2 3\n" % number for number in range(50)]
+    assert read(SQUARE + b"".join(uses[:49] * 2)).triangles == 98  # and none, which is a material too
+    with pytest.raises(TooLarge, match="51 materials; at most 50 are read; join them"):
+        read(SQUARE + b"".join(uses))
 
 
 def test_material_files_have_a_limit() -> None:

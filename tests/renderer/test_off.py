@@ -8,6 +8,7 @@ from renderer import meshes
 from renderer.bundle import Bundle
 from renderer.errors import InputError, TooLarge
 from renderer.kinds import Kind
+from renderer.limits import Limits
 from renderer.scene import Scene
 from renderer.shading import shade
 
@@ -80,4 +81,4 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 def test_counts_are_checked_before_lines_are_parsed() -> None:
     for data in (b"OFF\n4 0 0\n" + b"x\n" * 4, b"OFF\n0 2 0\n" + b"x\n" * 2, b"OFF\n1 1 0\n0 0 0\n4 0 0 0 0\n"):
         with pytest.raises(TooLarge, match="at most 1 and 3 are read"):
-            meshes.read(Bundle("a.off", "a.off", {"a.off": data}), Kind.OFF, max_triangles=1)
+            meshes.read(Bundle("a.off", "a.off", {"a.off": data}, Limits(triangles=1)), Kind.OFF)

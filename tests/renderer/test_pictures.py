@@ -279,6 +279,15 @@ def test_a_huge_tiff_header_is_refused() -> None:
         pictures.decode(data, name="x")
 
 
+def test_a_tiff_tag_of_control_characters_is_told_in_one_line() -> None:
+    data = bytearray(pictures.encode(np.zeros((4, 4, 3), np.uint8), ".tif"))
+    tag = data.index(struct.pack("<HHI", 259, 3, 1))  # compression, a number
+    data[tag : tag + 12] = struct.pack("<HHI4s", 259, 2, 2, b"\1\n")  # text
+    with pytest.raises(UnsupportedType, match=r"a TIFF of compression \?") as caught:
+        pictures.decode(bytes(data), name="a.tif")
+    assert str(caught.value).isprintable()
+
+
 def test_huge_tiff_tiles_are_refused() -> None:
     data = tiff(noise(7, 9), tile=(16, 16)).replace(struct.pack("<HHI", 322, 3, 1), struct.pack("<HHI", 322, 4, 1))
     data = data.replace(struct.pack("<HHII", 322, 4, 1, 16), struct.pack("<HHII", 322, 4, 1, 1 << 24))

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from renderer import pictures, texture_files
 from renderer.texture_files import Resolver, rgba8
@@ -27,10 +26,9 @@ def test_a_texture_is_made_once_for_each_wrap() -> None:
     assert clamped.pixels is first.pixels
 
 
-def test_all_textures_together_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(texture_files, "MAX_PIXELS", 10)
+def test_all_textures_together_have_a_limit() -> None:
     picture = pictures.encode_png(np.zeros((2, 3, 3), np.uint8))
-    resolver = Resolver({"x.png": picture, "y.png": picture}, "a.obj")
+    resolver = Resolver({"x.png": picture, "y.png": picture}, "a.obj", max_pixels=10)
     assert resolver.texture("x.png", opaque=True) is not None
     assert resolver.texture("y.png", opaque=True) is None
     assert "y.png is left out" in resolver.notes[0]
@@ -54,19 +52,17 @@ def corrupt(height: int, width: int) -> bytes:
     return data[:at] + bytes(4) + data[at + 4 :]
 
 
-def test_a_corrupt_texture_is_charged_before_it_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(texture_files, "MAX_PIXELS", 1000)
+def test_a_corrupt_texture_is_charged_before_it_is_decoded() -> None:
     files = {f"{i}.png": corrupt(20, 30) for i in range(3)}
-    resolver = Resolver(files, "a.obj")
+    resolver = Resolver(files, "a.obj", max_pixels=1000)
     assert all(resolver.texture(name, opaque=True) is None for name in files)
     assert "0.png: the picture is truncated or corrupt" in resolver.notes[0]
     assert "20x30 pixels; 399 are left of the 1,000 for all textures; scale them down" in resolver.notes[1]
 
 
-def test_a_texture_that_takes_all_that_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(texture_files, "MAX_PIXELS", 600)
+def test_a_texture_that_takes_all_that_there_is() -> None:
     data = pictures.encode_png(np.zeros((20, 30, 3), np.uint8))
-    resolver = Resolver({"x.png": data, "y.png": data}, "a.obj")
+    resolver = Resolver({"x.png": data, "y.png": data}, "a.obj", max_pixels=600)
     assert resolver.texture("x.png", opaque=True) is not None
     assert resolver.texture("y.png", opaque=True) is None
     assert resolver.notes == ["textures over 600 pixels in all are left out; scale them down"]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from renderer import pictures, view_set
 from renderer.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from renderer.light_field import LightField
+from renderer.limits import Limits
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 
@@ -186,11 +187,19 @@ def test_hostile_names_stay_on_one_line() -> None:
 
 def test_too_many_bytes_in_all() -> None:
     files = {f"{v}_{u}.png": picture(v, u) for v in range(3) for u in range(3)}
-    assert view_set.read(files, name="set", grid=None, max_bytes=162).views.size == 3 * 54
+    assert view_set.read(files, name="set", grid=None, limits=Limits(set_bytes=162)).views.size == 3 * 54
     with pytest.raises(
         TooLarge, match=r"9 views of 2x3 pixels of 3 x 8 bit come to 162 bytes; at most 161 are read; give fewer"
     ):
-        view_set.read(files, name="set", grid=None, max_bytes=161)
+        view_set.read(files, name="set", grid=None, limits=Limits(set_bytes=161))
+
+
+def test_too_many_views_and_too_large_ones_are_not_decoded() -> None:
+    files = {f"0_{u}.png": picture(0, u) for u in range(3)}
+    with pytest.raises(TooLarge, match="3 pictures; at most 2 views are read"):
+        view_set.read(files, name="set", grid=None, limits=Limits(views=2))
+    with pytest.raises(TooLarge, match=r"0_0\.png: 2x3 pixels .* over the limit of 5 in all"):
+        view_set.read(files, name="set", grid=None, limits=Limits(pixels=5))
 
 
 @pytest.fixture(scope="module")

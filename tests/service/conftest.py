@@ -199,17 +199,30 @@ def python(*argv, **options):
 
 
 @contextmanager
-def serving(log: Path, **environment):
-    """`ciir serve` on a free port; yields its URL once it is ready."""
+def launched(log: Path, *words, **environment):
+    """`ciir` as a process of its own, with a folder beside `log`, where its output goes; ended at the end, in order."""
     import os
+
+    environment = {"CIIR_FOLDER": str(log.with_name("service"))} | environment
+    with log.open("wb") as output:
+        process = subprocess.Popen(  # noqa: S603 - our own
+            [sys.executable, "-m", "service.cli", *words], stdout=output, stderr=output, env=os.environ | environment
+        )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        assert process.wait(30) == 0, log.read_text()
+
+
+@contextmanager
+def serving(log: Path, **environment):
+    """`ciir serve` on a free port; yields its URL once it is ready. It stops in order when it is told to."""
     import time
 
     import httpx2
 
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0"]
-    with log.open("wb") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | environment)  # noqa: S603
-    try:
+    with launched(log, "serve", "--port", "0", **environment) as process:
         deadline = time.monotonic() + 60
         while (found := re.search(r"http://[\d.]+:\d+", log.read_text())) is None:
             assert process.poll() is None, log.read_text()
@@ -219,9 +232,7 @@ def serving(log: Path, **environment):
             assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.05)
         yield found[0]
-    finally:
-        process.terminate()
-        process.wait(30)
+    assert "Application shutdown complete" in log.read_text()
 
 
 @pytest.fixture(scope="session")

@@ -106,8 +106,12 @@ def test_limits():
     with pytest.raises(TooLarge, match=r"a\.png"):
         plan.check_size(4096, 4096, 2, 1, None, what="a.png")
     with pytest.raises(TooLarge, match="all of 4096x4096"):
-        plan.check_views("all", (4096, 4096))
-    plan.check_views("center", (4096, 4096))
+        plan.check_views("all", (4096, 4096), 4096**2 - 1)
+    plan.check_views("all", (4096, 4096), 4096**2)
+    plan.check_views("center", (4096, 4096), 1)
+    plan.check_views("0,0;1,1;", (4, 4), 2)
+    with pytest.raises(TooLarge, match="3 are over the limit of 2; name fewer"):
+        plan.check_views("0,0;1,1;2,2", (4, 4), 2)
     plan.check_samples(plan.mesh_array(Options(lenses=(2000, 2000))), 4)
     with pytest.raises(TooLarge, match=r"2001x2000.*pinhole"):
         plan.check_samples(plan.mesh_array(Options(lenses=(2001, 2000))), 4)

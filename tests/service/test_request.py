@@ -49,6 +49,25 @@ def test_a_fault_names_the_option_in_one_line(name, text):
     assert ";" in str(caught.value)  # what is wrong; the remedy
 
 
+def test_a_fault_repeats_only_so_much_of_what_was_given():
+    long = "\x81" * 60_000
+    looked_up_later = {"views", "model"}
+    for texts in (
+        {f"{number}{long}": "1" for number in range(9)},
+        *({name: long} for name in NAMES if name not in looked_up_later),
+    ):
+        with pytest.raises(InvalidOption) as caught:
+            Options.parse(texts)
+        assert len(str(caught.value)) < 500
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("space", [" ", "\t", "\x1f", "\u2003"])
+def test_white_space_around_a_value_is_left_aside(space):
+    for name, value in (("scale", "3"), ("lenses", "5x6"), ("background", "ff8000"), ("pitch", "0.5")):
+        assert Options.parse({name: space + value + space}) == Options.parse({name: value})
+
+
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.dictionaries(st.sampled_from(NAMES), st.text(max_size=20)))
 def test_any_text_gives_options_or_a_fault(texts):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from typing import TYPE_CHECKING
 
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
+
+from service.jobs.faults import Unavailable
 
 if TYPE_CHECKING:
     from starlette.datastructures import FormData
@@ -27,7 +30,10 @@ _REMEDIES = {  # how a fault's text begins -> what to do
 
 
 async def read(request: Request) -> FormData:
-    """The body's parts, of which one may be a file; to be closed. Raises `HTTPException` 400 where it is broken."""
+    """The body's parts, of which one may be a file; to be closed. A large one goes through a temporary file.
+
+    Raises `HTTPException` 400 where it is broken, and `Unavailable` where the disk is full.
+    """
     parser = _WholeParser(
         request.headers, request.stream(), max_files=1, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES
     )
@@ -35,6 +41,11 @@ async def read(request: Request) -> FormData:
         return await parser.parse()
     except MultiPartException as error:
         raise HTTPException(400, explained(error.message)) from error
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        fault = "the server has no room for what you send; try again later, or have whoever runs it make room in TMPDIR"
+        raise Unavailable(fault) from error
     except (UnicodeError, LookupError) as error:  # the form's charset names no encoding, or not the one it is in
         raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
 
@@ -55,10 +66,17 @@ class _WholeParser(MultiPartParser):
         self._is_whole = True
 
     async def parse(self) -> FormData:
-        """Raises `MultiPartException`."""
-        form = await super().parse()
+        """Raises `MultiPartException`, `OSError` where a temporary file can't be written, and what the body raises."""
+        try:
+            form = await super().parse()
+        except BaseException:
+            self._close()
+            raise
         if not self._is_whole:
-            for file in self._files_to_close_on_error:
-                file.close()
+            self._close()
             raise MultiPartException(_TRUNCATED)
         return form
+
+    def _close(self) -> None:
+        for file in self._files_to_close_on_error:
+            file.close()

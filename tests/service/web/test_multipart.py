@@ -1,10 +1,13 @@
 import asyncio
+import errno
 
 import pytest
+from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
-from service import multipart
+from service.jobs.faults import Unavailable
+from service.web import multipart
 
 FILE = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\nabc\r\n'
 FIELD = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n%s\r\n'
@@ -57,6 +60,15 @@ def test_every_fault_has_a_remedy(body, fault, remedy):
 def test_no_boundary():
     with pytest.raises(HTTPException, match=r"boundary.*; let the HTTP client"):
         read(FILE + END, "multipart/form-data")
+
+
+def test_a_full_disk(monkeypatch):
+    def write(self, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(UploadFile, "write", write)
+    with pytest.raises(Unavailable, match=r"no room.*make room"):
+        read(FILE + END)
 
 
 def test_what_is_not_known_is_passed_on():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from starlette.datastructures import UploadFile
 
 from renderer.errors import InvalidOption, UnsupportedType
+from renderer.names import shown
 from service.outputs import FORMATS
 from service.request import HELP, NAMES, Options
 
@@ -38,7 +39,11 @@ class Upload:
     name: str
     """`upload`, and the suffix that the client's file name ends with: no more of it is used."""
     file: BinaryIO
+    size: int
+    """Bytes."""
     options: Options
+    texts: dict[str, str]
+    """The options as they were given."""
     format: str | None
 
 
@@ -57,27 +62,28 @@ def parse(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
     seen: set[str] = set()
     for name, value in parts:
         if name in seen:
-            raise InvalidOption(f"{name[:40]}: given twice; give it once")
+            raise InvalidOption(f"{shown(name)}: given twice; give it once")
         seen.add(name)
         if name == FILE:
             if not isinstance(value, UploadFile):
                 raise InvalidOption(f"{FILE}: a plain field; send it as a file, with a file name")
             upload = value
         elif isinstance(value, UploadFile):
-            raise InvalidOption(f"{name[:40]}: a file; only {FILE!r} may be one, send this as a plain field")
+            raise InvalidOption(f"{shown(name)}: a file; only {FILE!r} may be one, send this as a plain field")
         elif value.strip() or name not in (*NAMES, FORMAT):  # a web form sends what was left empty too
             texts[name] = value
     wanted = texts.pop(FORMAT, None)
     unknown = sorted(set(texts) - set(NAMES))
     if unknown:
-        listed = ", ".join(repr(name[:40]) for name in unknown[:5])
+        listed = ", ".join(repr(shown(name)[:40]) for name in unknown[:5])
         raise InvalidOption(f"{listed}: no such field; known are {', '.join((FILE, FORMAT, *NAMES))}")
     if wanted is not None and wanted not in FORMATS:
         raise InvalidOption(f"{FORMAT}: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
     options = Options.parse(texts)
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")
-    return Upload("upload" + _suffix(upload.filename or ""), upload.file, options, wanted)
+    name = "upload" + _suffix(upload.filename or "")
+    return Upload(name, upload.file, upload.size or 0, options, texts, wanted)
 
 
 def _suffix(name: str) -> str:

@@ -1,0 +1,123 @@
+"""What a server or a worker counts, for Prometheus."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
+
+from service.jobs.job import Problem
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Callable, Mapping
+    from typing import Any, Protocol
+
+    from service.jobs.job import Result
+    from service.jobs.work import Work
+
+    class Runs(Protocol):
+        """A pool, or what stands in front of one."""
+
+        def run(
+            self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
+        ) -> Result | Problem:
+            """The outcome of `work`."""
+            ...
+
+
+_SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
+_SKIPPED = ("plain", "repeated", "interpolated")
+
+
+class Metrics:
+    """Counters of one process, apart from those of any other: each server has its own registry."""
+
+    def __init__(self) -> None:
+        self.registry = registry = CollectorRegistry()
+        ProcessCollector(registry=registry)
+        self.requests = Counter(
+            "ciir_http_requests", "Requests that were answered", ("method", "route", "status"), registry=registry
+        )
+        self.latency = Histogram(
+            "ciir_http_request_seconds",
+            "From a request's head to the end of its answer",
+            ("method", "route"),
+            buckets=_SECONDS,
+            registry=registry,
+        )
+        self.received = Counter("ciir_http_received_bytes", "Bytes of requests' bodies", registry=registry)
+        self.sent = Counter("ciir_http_sent_bytes", "Bytes of answers' bodies", registry=registry)
+        self.submitted = Counter(
+            "ciir_jobs_submitted",
+            "Reconstructions asked for, by what came of it",
+            ("kind",),
+            registry=registry,
+        )
+        self.waiting = Gauge("ciir_queue_waiting", "Jobs in the queue", registry=registry)
+        self.running = Gauge("ciir_queue_running", "Jobs that run, on all machines", registry=registry)
+        self.queue_up = Gauge("ciir_queue_up", "1 where the queue can be reached, else 0", registry=registry)
+        self.workers = Gauge(
+            "ciir_workers", "Worker processes of this machine that have loaded the models and live", registry=registry
+        )
+        self.busy = Gauge("ciir_workers_busy", "Of these, how many work", registry=registry)
+        self.ended = Counter(
+            "ciir_jobs_ended",
+            "Reconstructions that ended here; status: 200, or the problem's, or the exception's name",
+            ("status",),
+            registry=registry,
+        )
+        self.seconds = Histogram(
+            "ciir_job_seconds", "Of a worker process for a reconstruction", buckets=_SECONDS, registry=registry
+        )
+        self.stages = Counter("ciir_stage_seconds", "Of finished reconstructions", ("stage",), registry=registry)
+        self.written = Counter("ciir_result_bytes", "Of finished reconstructions", registry=registry)
+        self.pixels = Counter("ciir_model_pixels", "Input pixels of models", registry=registry)
+        self.skipped = Counter(
+            "ciir_model_pixels_skipped", "Of these, what needed no model, by reason", ("reason",), registry=registry
+        )
+
+    def text(self) -> bytes:
+        """Everything in Prometheus' text format."""
+        return generate_latest(self.registry)
+
+    def count(self, result: Result) -> None:
+        """Adds a finished reconstruction's stages, bytes and pixels."""
+        self.written.inc(result.size)
+        for stage, milliseconds in result.report["timings_ms"].items():
+            self.stages.labels(stage).inc(milliseconds / 1000)
+        skipped: Mapping[str, float] | None = result.report["plan"]["skipped"]
+        if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even where no model ran
+            self.pixels.inc(skipped["pixels"])
+            for reason in _SKIPPED:
+                self.skipped.labels(reason).inc(round(skipped["pixels"] * skipped[reason]))
+
+
+class Counted:
+    """A pool whose work is counted."""
+
+    def __init__(self, pool: Runs, metrics: Metrics) -> None:
+        self._pool, self._metrics = pool, metrics
+
+    def run(
+        self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
+    ) -> Result | Problem:
+        """As the pool does it."""
+        begun = time.perf_counter()
+        status = "?"
+        self._metrics.busy.inc()
+        try:
+            outcome = self._pool.run(work, progress=progress, cancelled=cancelled)
+        except BaseException as error:
+            status = type(error).__name__
+            raise
+        else:
+            status = str(outcome.status) if isinstance(outcome, Problem) else "200"
+        finally:
+            self._metrics.busy.dec()
+            self._metrics.seconds.observe(time.perf_counter() - begun)
+            self._metrics.ended.labels(status).inc()
+        if not isinstance(outcome, Problem):
+            self._metrics.count(outcome)
+        return outcome

@@ -1,0 +1,145 @@
+"""Every error of the HTTP API in one shape: RFC 9457 problem details, `application/problem+json`."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+from starlette.responses import JSONResponse
+from starlette.routing import Match
+
+from service.errors import FAULTS, meaning, one_line
+from service.jobs.faults import Gone, QueueFull, Unavailable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from fastapi import FastAPI
+    from starlette.requests import Request
+
+    from service.jobs.job import Problem
+
+METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
+MEDIA_TYPE = "application/problem+json"
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "required": ["type", "title", "status", "detail", "instance"],
+    "properties": {
+        "type": {"type": "string", "description": "urn:ciir:... for our own faults, about:blank for HTTP's"},
+        "title": {"type": "string", "description": "the same for every fault of the type"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string", "description": "one line: what was given, the limit, the remedy"},
+        "instance": {"type": "string", "description": "the path that was asked for"},
+    },
+}
+"""The shape, for OpenAPI."""
+_DETAILS = {
+    404: "nothing is here; GET /docs lists what is",
+    405: "this path takes another method; the Allow header names it",
+    500: "the server is at fault; its log says more",
+}
+RETRY_SECONDS = "1"
+"""`Retry-After` of a 503."""
+
+
+def content(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
+    """A problem at `path`, as `SCHEMA` has it; without a `title` it is HTTP's own, of the type about:blank."""
+    return {
+        "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
+        "title": title or HTTPStatus(status).phrase,
+        "status": status,
+        "detail": one_line(detail),
+        "instance": path,
+    }
+
+
+def content_of_job(found: Problem, path: str) -> dict[str, Any]:
+    """The problem of a job that failed."""
+    return content(path, found.status, found.detail, found.title)
+
+
+def problem(
+    path: str,
+    status: int,
+    detail: str,
+    *,
+    title: str | None = None,
+    headers: Mapping[str, str] | None = None,
+) -> JSONResponse:
+    """`content` as an answer."""
+    return JSONResponse(content(path, status, detail, title), status, headers, MEDIA_TYPE)
+
+
+def of(fault: Exception, path: str) -> JSONResponse:
+    """The problem that tells one of `service.errors.FAULTS`."""
+    row = meaning(fault)
+    detail = str(fault) if row.status != 500 else _DETAILS[500]
+    headers = {"Retry-After": RETRY_SECONDS} if row.status == 503 else None
+    return problem(path, row.status, detail, title=row.title, headers=headers)
+
+
+def of_job(found: Problem, path: str) -> JSONResponse:
+    """The same as an answer."""
+    headers = {"Retry-After": RETRY_SECONDS} if found.status == 503 else None
+    return JSONResponse(content_of_job(found, path), found.status, headers, MEDIA_TYPE)
+
+
+def of_server(path: str) -> JSONResponse:
+    """The problem where nobody foresaw what went wrong: of that the log alone says more."""
+    return problem(path, 500, _DETAILS[500])
+
+
+async def _fault(request: Request, error: Exception) -> JSONResponse:
+    return of(error, request.url.path)
+
+
+async def _http(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)  # noqa: S101 - registered for no other class
+    detail = error.detail
+    if detail == HTTPStatus(error.status_code).phrase:  # the framework's own words, which say nothing new
+        detail = _DETAILS.get(error.status_code, detail)
+    headers = _allow(request) if error.status_code == 405 else error.headers
+    return problem(request.url.path, error.status_code, detail, headers=headers)
+
+
+def _allow(request: Request) -> dict[str, str]:
+    """`Allow` with the methods of all routes at the path; the framework names those of one alone."""
+    found = [
+        method
+        for method in METHODS
+        if any(route.matches({**request.scope, "method": method})[0] is Match.FULL for route in request.app.routes)
+    ]
+    return {"Allow": ", ".join(found or ("GET", "HEAD"))}  # the latter: of a folder of files, where no route matches
+
+
+async def _full(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, QueueFull)  # noqa: S101 - registered for no other class
+    headers = {"Retry-After": str(error.retry_after)}
+    return problem(request.url.path, 429, str(error), title="Queue full", headers=headers)
+
+
+async def _unavailable(request: Request, error: Exception) -> JSONResponse:
+    headers = {"Retry-After": RETRY_SECONDS}
+    return problem(request.url.path, 503, str(error), title="Not available", headers=headers)
+
+
+async def _expired(request: Request, error: Exception) -> JSONResponse:
+    return problem(request.url.path, 410, str(error), title="Expired")
+
+
+async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
+    """Nobody is left to read it, and nothing went wrong here: no traceback in the log."""
+    return problem(request.url.path, 400, "the client left before its request was whole; send it again")
+
+
+def install(app: FastAPI) -> None:
+    """Makes `app` answer every error as a problem, but for what nobody foresaw: see `service.web.observe`."""
+    for fault in FAULTS:
+        app.add_exception_handler(fault, _fault)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(QueueFull, _full)
+    app.add_exception_handler(Unavailable, _unavailable)
+    app.add_exception_handler(Gone, _expired)
+    app.add_exception_handler(ClientDisconnect, _gone)

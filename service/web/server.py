@@ -1,0 +1,72 @@
+"""uvicorn, made to drain before it stops: SIGTERM first ends what is admitted, then what runs, then the connections."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import threading
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from service.web.protocol import within
+
+if TYPE_CHECKING:
+    import socket
+    from types import FrameType
+
+    from fastapi import FastAPI
+
+    from service.web.parts import Parts
+
+KEEP_ALIVE_SECONDS = 30
+CLOSING_SECONDS = 5
+"""After draining, how long answers that are on their way may take."""
+_log = logging.getLogger("ciir")
+
+
+class DrainingServer(uvicorn.Server):
+    """Goes on answering while it drains, /readyz with 503, and ends with exit status 0. A second signal kills it."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._parts: Parts = app.state.parts
+        super().__init__(
+            uvicorn.Config(
+                app,
+                http=within(self._parts.settings.client_seconds),
+                ws="none",
+                timeout_keep_alive=KEEP_ALIVE_SECONDS,
+                timeout_graceful_shutdown=CLOSING_SECONDS,
+                server_header=False,
+                access_log=False,
+                log_config=None,
+            )
+        )
+        self._draining: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def serve(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn does it."""
+        self._loop = asyncio.get_running_loop()
+        await super().serve(sockets)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
+        """Called by the signal, between two steps of the main thread."""
+        if self._draining is None:
+            self._parts.engine.refuse()
+            self._draining = threading.Thread(target=self._drain, name="drain", daemon=True)
+            self._draining.start()
+        else:
+            signal.signal(sig, signal.SIG_DFL)
+            os.kill(os.getpid(), sig)  # the workers die with this process, and the queue has all that it took in
+
+    def _drain(self) -> None:
+        _log.info("stopping: no new jobs; what runs has %g s to finish", self._parts.settings.drain_seconds)
+        try:
+            self._parts.engine.drain()
+        finally:
+            assert self._loop is not None  # noqa: S101 - signals are handled within `serve`
+            self._loop.call_soon_threadsafe(self._parts.stopped.set)
+            self.should_exit = True

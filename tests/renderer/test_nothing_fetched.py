@@ -1,0 +1,91 @@
+"""Whatever address a file gives for another one, nothing but the bundle is asked for it.
+
+The readers run in a process of their own, in which opening a file, a socket or a process is an event that is counted.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CODE = r"""
+import base64, json, struct, sys
+
+from renderer import inputs, pictures
+from renderer.bundle import Bundle
+from renderer.errors import InputError
+
+import numpy as np
+
+ADDRESSES = (
+    "http://127.0.0.1:9/x.png", "https://example.org/x.png", "ftp://example.org/x.png", "file:///etc/passwd",
+    "file://localhost/etc/passwd", "//example.org/share/x.png", r"\\example.org\share\x.png", "/etc/passwd",
+    "../../../../etc/passwd", "..\\..\\etc\\passwd", "C:\\Windows\\win.ini", "~/.ssh/id_rsa", "/dev/stdin", "smb://h/x.png",
+    "x.png\0.gltf", "javascript:alert(1)", "data:text/plain,x", "%2e%2e%2f%2e%2e%2fetc%2fpasswd",
+)
+CORNERS = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+UV = struct.pack("<6f", 0, 0, 1, 0, 0, 1)
+OBJ = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
+PLY = (
+    "ply\nformat ascii 1.0\ncomment TextureFile {}\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\n"
+    "end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+)
+
+
+def gltf(buffer, image):
+    embedded = "data:;base64," + base64.b64encode(CORNERS + UV).decode()
+    return json.dumps({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"uri": image}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+        "buffers": [{"uri": buffer or embedded, "byteLength": 60}],
+    }).encode()
+
+
+def files(address):
+    yield "a.gltf", {"a.gltf": gltf(None, address)}
+    yield "a.gltf", {"a.gltf": gltf(address, "x.png")}
+    yield "a.obj", {"a.obj": OBJ.format(address).encode()}
+    material = f"newmtl m\nmap_Kd -s 1 1 1 {address}\nmap_d {address}\n"
+    yield "a.obj", {"a.obj": OBJ.format("a.mtl").encode(), "a.mtl": material.encode()}
+    yield "a.ply", {"a.ply": PLY.format(address).encode()}
+
+
+def read(main, given):
+    try:
+        return inputs.read(Bundle(main, main, given), lenses=None, pixels=None).notes
+    except InputError as error:
+        return (str(error),)
+
+
+picture = pictures.encode_png(np.zeros((2, 2, 3), np.uint8))
+for main, given in files("own.png"):  # loads all modules
+    read(main, given | {"own.png": picture})
+
+seen = []
+sys.addaudithook(lambda event, args: seen.append((event, args)) if event.split(".")[0] in WATCHED else None)
+WATCHED = {"open", "os", "socket", "subprocess", "urllib", "ftplib", "http", "ctypes", "import", "shutil", "glob"}
+count = 0
+for address in ADDRESSES:
+    for main, given in files(address):
+        assert len(read(main, given)) > 0, (address, main)  # that it isn't there is told
+        count += 1
+WATCHED = set()
+print(count, seen)
+"""
+
+
+def test_no_address_in_a_mesh_is_followed() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False, cwd=ROOT)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{18 * 5} []\n"

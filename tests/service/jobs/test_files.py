@@ -1,0 +1,143 @@
+import errno
+import io
+import logging
+import os
+import shutil
+
+import pytest
+
+from renderer.errors import InvalidOption
+from service.jobs.faults import Unavailable
+from service.jobs.files import INPUTS, RESULTS, Files
+
+DATA = bytes(range(256)) * 10
+
+
+@pytest.fixture(params=["folder", "store"])
+def files(request, tmp_path):
+    place = str(tmp_path / "files") if request.param == "folder" else f"memory://{tmp_path.name}/files"
+    return Files(place, tmp_path / "scratch")
+
+
+def read(files, folder, name):
+    with files.open(folder, name) as file:
+        return file.read()
+
+
+def test_what_is_put_is_there(files):
+    file = io.BytesIO(DATA)
+    file.seek(100)
+    files.put(INPUTS, "a", file)
+    assert files.exists(INPUTS, "a")
+    assert not files.exists(RESULTS, "a")
+    assert read(files, INPUTS, "a") == DATA
+    assert 0 <= files.age(INPUTS, "a") < 60
+    assert (files.names(INPUTS), files.names(RESULTS)) == (["a"], [])
+    files.remove(INPUTS, "a")
+    files.remove(INPUTS, "a")
+    assert not files.exists(INPUTS, "a")
+    with pytest.raises(FileNotFoundError):
+        files.open(INPUTS, "a")
+
+
+def test_a_run_keeps_its_result(files):
+    files.put(INPUTS, "a", io.BytesIO(DATA))
+    with files.run("a", "b") as run:
+        assert files.runs() == ["b"]
+        assert run.source.read_bytes() == DATA
+        run.target.write_bytes(b"result")
+        run.target.with_name("beside").write_bytes(b"x")
+        assert not files.exists(RESULTS, "b")
+        run.keep()
+    assert read(files, RESULTS, "b") == b"result"
+    assert files.runs() == []
+    assert files.exists(INPUTS, "a")
+
+
+def test_a_run_that_fails_leaves_nothing(files):
+    files.put(INPUTS, "a", io.BytesIO(DATA))
+
+    def fail():
+        with files.run("a", "b") as run:
+            run.target.write_bytes(b"half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert not files.exists(RESULTS, "b")
+    assert files.runs() == []
+
+
+def test_a_run_without_its_input(files):
+    with pytest.raises(FileNotFoundError), files.run("a", "b"):
+        pass
+    assert files.runs() == []
+
+
+def test_what_a_dead_run_has_left_is_removed(files):
+    files.put(INPUTS, "a", io.BytesIO(DATA))
+    left = files.run("a", "b")
+    left.__enter__().target.write_bytes(b"half")
+    files.discard("b")
+    assert files.runs() == []
+    assert files.exists(INPUTS, "a")
+
+
+def test_nothing_but_whole_files_is_ever_seen(tmp_path, monkeypatch):
+    files = Files(str(tmp_path / "files"), tmp_path)
+    seen = []
+    copy = shutil.copyfileobj
+
+    def slowly(file, out, length):
+        out.write(file.read(100))
+        seen.append(files.exists(INPUTS, "a"))
+        copy(file, out, length)
+
+    monkeypatch.setattr(shutil, "copyfileobj", slowly)
+    files.put(INPUTS, "a", io.BytesIO(DATA))
+    assert seen == [False]
+    assert read(files, INPUTS, "a") == DATA
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch):
+    files = Files(str(tmp_path / "files"), tmp_path)
+
+    def full(file, out, length):
+        out.write(file.read(100))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, "copyfileobj", full)
+    with pytest.raises(Unavailable, match=r"No space left on device.*make room"):
+        files.put(INPUTS, "a", io.BytesIO(DATA))
+    assert [path for path in (tmp_path / "files").rglob("*") if path.is_file()] == []
+
+
+def test_what_cannot_be_removed_is_told(tmp_path, monkeypatch):
+    def fail(self, missing_ok):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    files = Files(str(tmp_path / "files"), tmp_path)
+    monkeypatch.setattr("pathlib.Path.unlink", fail)
+    with pytest.raises(Unavailable, match="Read-only file system"):
+        files.remove(INPUTS, "a")
+
+
+def test_a_fault_of_an_object_stores_client_is_told(tmp_path, monkeypatch, caplog):
+    class ClientError(Exception):
+        pass
+
+    def fail(*args, **options):
+        raise ClientError("could not connect")
+
+    files = Files(f"memory://{tmp_path.name}/files", tmp_path / "scratch")
+    monkeypatch.setattr(files._fs, "open", fail)
+    with caplog.at_level(logging.WARNING), pytest.raises(Unavailable, match="store doesn't answer"):
+        files.put(INPUTS, "a", io.BytesIO(DATA))
+    assert "could not connect" in caplog.text
+
+
+@pytest.mark.parametrize("place", ["nosuchscheme://bucket/path", "{tmp}/file/below"])
+def test_a_place_that_cannot_be_used(tmp_path, place):
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidOption, match="name another place"):
+        Files(place.format(tmp=tmp_path), tmp_path / "scratch")

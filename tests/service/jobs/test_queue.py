@@ -1,0 +1,173 @@
+import json
+import threading
+
+import pytest
+
+from renderer.errors import InvalidOption
+from service.jobs import queue as module
+from service.jobs.faults import Unavailable
+from service.jobs.queue import FILE, Queue
+
+
+def test_first_in_first_out_and_the_first_lane_first(queue):
+    for lane, id_ in [("large", "a"), ("small", "b"), ("large", "c"), ("small", "d")]:
+        queue.push(lane, id_)
+    assert queue.contents() == {"a", "b", "c", "d"}
+    assert (queue.waiting("small"), queue.waiting("large")) == (2, 2)
+    assert [queue.pop(("small", "large"), 0.01) for _ in range(4)] == ["b", "d", "a", "c"]
+    assert queue.pop(("small", "large"), 0.01) is None
+
+
+def test_a_lane_that_is_not_asked_for_waits(queue):
+    queue.push("large", "a")
+    assert queue.pop(("small",), 0.01) is None
+    assert queue.pop(("large", "small"), 0.01) == "a"
+
+
+def test_whoever_waits_hears_of_it(queue):
+    found = []
+    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
+    thread.start()
+    queue.push("small", "a")
+    thread.join(30)
+    assert found == ["a"]
+
+
+def test_whoever_waits_in_this_process_hears_of_it_without_looking(tmp_path, monkeypatch, helpers):
+    monkeypatch.setattr(module, "POLL_SECONDS", (60.0, 60.0))
+    queue = Queue(tmp_path)
+    found = []
+    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
+    thread.start()
+    queue.push("small", "a")
+    thread.join(30)
+    assert found == ["a"]
+    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
+    thread.start()
+    helpers.until(lambda: queue.wake() or not thread.is_alive())
+    assert found == ["a", None]
+    queue.close()
+
+
+def test_another_process_hears_of_it(queue, queue_url, tmp_path):
+    other = Queue(tmp_path, queue_url)
+    found = []
+    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
+    thread.start()
+    other.push("small", "a")
+    thread.join(30)
+    assert found == ["a"]
+    other.close()
+
+
+def test_each_id_is_taken_once(queue):
+    for number in range(60):
+        queue.push("small", str(number))
+    taken = []
+
+    def take():
+        while (id_ := queue.pop(("small",), 0.01)) is not None:
+            taken.append(id_)
+
+    threads = [threading.Thread(target=take) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(taken, key=int) == [str(number) for number in range(60)]
+
+
+def test_compare_and_swap(queue):
+    table = queue.jobs
+    assert table.swap("a", None, b"1")
+    assert not table.swap("a", None, b"2")
+    assert not table.swap("a", b"0", b"2")
+    assert table.swap("a", b"1", b"2")
+    assert table.get("a") == b"2"
+    assert not table.swap("a", b"1", None)
+    assert table.swap("a", b"2", None)
+    assert table.get("a") is None
+    assert not table.swap("a", b"2", b"3")
+
+
+def test_no_change_is_lost_where_many_change_the_same(queue, queue_url, tmp_path):
+    def count(own):
+        for _ in range(20):
+            while True:
+                before = own.jobs.get("n")
+                if own.jobs.swap("n", before, json.dumps(json.loads(before or b"0") + 1).encode()):
+                    break
+
+    queues = [queue, Queue(tmp_path, queue_url)]
+    threads = [threading.Thread(target=count, args=(queues[number % 2],)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert queue.jobs.get("n") == b"80"
+    queues[1].close()
+
+
+def test_tables_are_apart(queue):
+    queue.jobs.put("a", b"1")
+    queue.kept.put("a", b"2")
+    queue.kept.put("b", b"3")
+    assert queue.jobs.items() == {"a": b"1"}
+    assert queue.kept.items() == {"a": b"2", "b": b"3"}
+    assert queue.kept.many(["a", "b", "c"]) == {"a": b"2", "b": b"3"}
+    assert queue.kept.many([]) == {}
+    queue.kept.remove("a")
+    queue.kept.remove("a")
+    assert queue.kept.items() == {"b": b"3"}
+
+
+def test_all_of_it_is_there_again(queue, queue_url, tmp_path):
+    queue.push("large", "a")
+    queue.jobs.put("a", b"1")
+    queue.close()
+    again = Queue(tmp_path, queue_url)
+    assert again.pop(("large",), 0.01) == "a"
+    assert again.jobs.get("a") == b"1"
+    again.close()
+
+
+def test_redis_is_gone_and_comes_back(redis_server, tmp_path):
+    queue = Queue(tmp_path, redis_server.url)
+    queue.push("small", "a")
+    queue.jobs.put("a", b"1")
+    redis_server.kill()
+    for ask in (lambda: queue.waiting("small"), lambda: queue.pop(("small",), 0.01), lambda: queue.jobs.get("a")):
+        with pytest.raises(Unavailable, match=r"queue.*server.*try again") as raised:
+            ask()
+        assert "\n" not in str(raised.value)
+    redis_server.start()
+    assert queue.pop(("small",), 0.01) == "a"
+    assert queue.jobs.swap("a", b"1", b"2")
+    queue.close()
+
+
+@pytest.mark.parametrize("url", ["redis://user:secret@host:port/0", "http://user:secret@host/0"])
+def test_an_address_that_is_none(url, tmp_path):
+    with pytest.raises(InvalidOption, match=r"CIIR_QUEUE.*redis://localhost:6379/0") as raised:
+        Queue(tmp_path, url)
+    assert "secret" not in str(raised.value)
+
+
+def test_a_full_disk_is_told(tmp_path):
+    queue = Queue(tmp_path)
+    queue.jobs.put("a", b"1")
+    connection = queue._first.conn
+    (pages,) = connection.execute("pragma page_count").fetchone()
+    connection.execute(f"pragma max_page_count={pages}")  # SQLite then answers as it does where the disk is full
+    with pytest.raises(Unavailable, match=r"disk is full.*try again"):
+        queue.jobs.put("b", bytes(100_000))
+    assert queue.jobs.items() == {"a": b"1"}
+    connection.execute("pragma max_page_count=1000000")
+    queue.jobs.put("b", bytes(100_000))
+    queue.close()
+
+
+def test_a_file_that_is_something_else(tmp_path):
+    (tmp_path / FILE).write_bytes(b"no database" * 1000)
+    with pytest.raises(InvalidOption, match=f"{FILE}.*remove the file"):
+        Queue(tmp_path)

@@ -1,0 +1,173 @@
+"""The client against a real server; what a server seldom answers, against a stand-in."""
+
+import io
+import json
+
+import httpx2
+import numpy as np
+import pytest
+
+from renderer.pictures import decode
+from service import client as client_module
+from service.client import (
+    Client,
+    Event,
+    InvalidInput,
+    NotDone,
+    NotFound,
+    QueueFull,
+    ServiceError,
+    Unauthorized,
+    Unavailable,
+)
+
+FIELDS = {"lenses": "6x9", "model": "none"}
+
+
+@pytest.fixture
+def eia(samples, tmp_path):
+    path = tmp_path / "eia.png"
+    path.write_bytes(samples.encode_png(samples.EIA))
+    return path
+
+
+@pytest.fixture
+def client(server):
+    with Client(server) as client:
+        yield client
+
+
+def standing_in(*answers, **options):
+    """A client of a server that gives `answers`, one after another, and what it was asked."""
+    asked, left = [], list(answers)
+
+    def answer(request):
+        asked.append(request)
+        return left.pop(0)
+
+    return Client("http://server", transport=httpx2.MockTransport(answer), **options), asked
+
+
+def problem(status, headers=None):
+    body = {"type": "about:blank", "title": "T", "status": status, "detail": "d", "instance": "/"}
+    head = {"content-type": "application/problem+json"} | (headers or {})
+    return httpx2.Response(status, headers=head, content=json.dumps(body))
+
+
+def test_a_result(client, samples, eia, tmp_path):
+    result = client.reconstruct(eia, views="1,2", scale=None, **FIELDS)
+    assert np.array_equal(decode(result.content, name="x"), samples.EIA[1::4, 2::4])
+    assert (result.format, len(result.id)) == ("png", 32)
+    assert result.timings_ms["total"] > 0
+    result.save(tmp_path / "view.png")
+    assert (tmp_path / "view.png").read_bytes() == result.content
+
+
+def test_a_job(client, samples, eia):
+    job = client.submit(eia, views="all", format="npz", **FIELDS)
+    told = list(job.events())
+    assert [event.number for event in told] == list(range(len(told)))
+    assert (told[0].kind, told[-1].kind) == ("queued", "done")
+    result = job.result()
+    assert (result.id, result.format) == (job.id, "npz")
+    assert np.load(io.BytesIO(result.content))["views"].shape == (16, 6, 9, 3)
+    assert job.status()["state"] == "done"
+    assert job.status()["report"]["plan"]["model"] == "none"
+    assert job.cancel()["state"] == "done"
+    assert client.reconstruct(eia, views="all", format="npz", **FIELDS).content == result.content
+
+
+def test_faults_are_told_by_their_kind(client, eia, tmp_path):
+    (tmp_path / "notes.txt").write_bytes(b"hello")
+    with pytest.raises(InvalidInput, match=r"415 .*upload\.txt") as caught:
+        client.reconstruct(tmp_path / "notes.txt")
+    assert (caught.value.status, caught.value.title) == (415, "Type not supported")
+    with pytest.raises(InvalidInput, match="5x9"):
+        client.submit(eia, lenses="5x9").result()
+    with pytest.raises(InvalidInput, match="lense"):
+        client.submit(eia, lense="6x9")
+    for ask in ("status", "result", "cancel"):
+        with pytest.raises(NotFound):
+            getattr(client_module.Job(client, "0" * 32), ask)()
+    with pytest.raises(FileNotFoundError):
+        client.reconstruct(tmp_path / "gone.png")
+
+
+def test_models(client):
+    assert "bicubic" in [model["name"] for model in client.models()]
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"), [(401, Unauthorized), (409, NotDone), (410, NotFound), (500, ServiceError), (418, ServiceError)]
+)
+def test_other_faults(status, kind):
+    client, asked = standing_in(problem(status))
+    with pytest.raises(kind, match=f"{status} T: d"):
+        client.models()
+    assert len(asked) == 1
+
+
+def test_what_is_no_server_of_ours():
+    client, _ = standing_in(httpx2.Response(502, text="<html>"))
+    with pytest.raises(ServiceError, match="no ciir server"):
+        client.models()
+
+
+@pytest.mark.parametrize(("status", "kind"), [(429, QueueFull), (503, Unavailable)])
+def test_it_comes_again_when_it_is_told_to(monkeypatch, eia, status, kind):
+    slept = []
+    monkeypatch.setattr(client_module.time, "sleep", slept.append)
+    busy = [problem(status, {"retry-after": "7"}) for _ in range(3)]
+    client, asked = standing_in(*busy[:2], httpx2.Response(202, json={"id": "0" * 32}), retries=2)
+    assert client.submit(eia).id == "0" * 32
+    assert slept == [7, 7]
+    bodies = [request.read().partition(b"\r\n")[2] for request in asked]
+    assert all(eia.read_bytes() in body for body in bodies)  # the file is sent from its beginning each time
+    client, _ = standing_in(*busy, retries=2)
+    with pytest.raises(kind) as caught:
+        client.submit(eia)
+    assert caught.value.retry_after == 7
+
+
+def test_the_key_goes_with_each_request():
+    client, asked = standing_in(httpx2.Response(200, json=[]), api_key="k")
+    client.models()
+    assert asked[0].headers["authorization"] == "Bearer k"
+
+
+def test_events_that_break_off_are_taken_up_again(monkeypatch):
+    monkeypatch.setattr(client_module.time, "sleep", lambda seconds: None)
+
+    class Breaks(httpx2.SyncByteStream):
+        def __iter__(self):
+            yield b': job\nretry: 1000\n\nevent: queued\ndata: {}\nid: 0\n\nevent: progress\ndata: {"stage":'
+            raise httpx2.ReadError("gone")
+
+    head = {"content-type": "text/event-stream"}
+    rest = b': ping\n\nevent: running\ndata: {}\nid: 1\n\nevent: done\ndata: {"a": 1}\nid: 2\n\n'
+    client, asked = standing_in(
+        httpx2.Response(200, headers=head, stream=Breaks()),
+        problem(503),
+        httpx2.Response(200, headers=head, content=rest),
+    )
+    told = list(client_module.Job(client, "0" * 32).events())
+    assert told == [Event(0, "queued", {}), Event(1, "running", {}), Event(2, "done", {"a": 1})]
+    assert [request.headers.get("last-event-id") for request in asked] == [None, "0", "0"]
+    client, _ = standing_in(problem(503), problem(503), retries=1)
+    with pytest.raises(Unavailable):
+        list(client_module.Job(client, "0" * 32).events())
+    client, _ = standing_in(httpx2.Response(204))
+    assert list(client_module.Job(client, "0" * 32).events()) == []
+
+
+def test_a_stream_that_ends_early_is_not_asked_for_in_haste(monkeypatch):
+    slept = []
+    monkeypatch.setattr(client_module.time, "sleep", slept.append)
+    head = {"content-type": "text/event-stream"}
+    client, asked = standing_in(
+        httpx2.Response(200, headers=head, content=b"event: queued\ndata: {}\nid: 0\n\n"),
+        httpx2.Response(200, headers=head, content=b": the server stops\n\n"),
+        httpx2.Response(200, headers=head, content=b"event: done\ndata: {}\nid: 1\n\n"),
+    )
+    assert [event.kind for event in client_module.Job(client, "0" * 32).events()] == ["queued", "done"]
+    assert (len(asked), slept) == (3, [1.0, 1.0])

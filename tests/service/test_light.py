@@ -1,0 +1,34 @@
+"""The web process does no work itself: what the work needs is not loaded there, and it stays small."""
+
+import platform
+import re
+from pathlib import Path
+
+import httpx2
+import pytest
+
+MOST_MIB = 150
+"""Resident memory of the web process without workers."""
+HEAVY = ("onnxruntime", "embree", "libEGL", "OpenGL", "PIL/", "imagecodecs", "trimesh", "DracoPy")
+
+
+@pytest.mark.skipif(platform.system() != "Linux", reason="looks into /proc")
+def test_the_web_process_without_workers(tmp_path, samples):
+    log = tmp_path / "log"
+    with samples.serving(log, CIIR_WORKERS="0", CIIR_FOLDER=str(tmp_path / "jobs")) as url:
+        for number in range(20):
+            answer = httpx2.post(
+                f"{url}/v1/reconstructions",
+                files={"file": (f"{number}.png", samples.encode_png(samples.picture(200, 200, seed=number)))},
+                data={"lenses": "50x50"},
+                headers={"Prefer": "respond-async"},
+            )
+            assert answer.status_code == 202, answer.text
+        for path in ("/docs", "/openapi.json", "/v1/models", "/metrics", "/readyz"):
+            assert httpx2.get(url + path).status_code == 200
+        web = Path("/proc", re.search(r"server process \[(\d+)\]", log.read_text())[1])
+        status = (web / "status").read_text()
+        mapped = (web / "maps").read_text()
+    resident = int(status.partition("VmRSS:")[2].split()[0]) / 1024
+    assert resident < MOST_MIB, f"{resident:.0f} MiB"
+    assert [name for name in HEAVY if name in mapped] == []

@@ -1,0 +1,179 @@
+"""What the environment may say, and what is said of it."""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from renderer.errors import InvalidOption
+from renderer.limits import DEFAULTS, Limits
+from service import settings
+from service.settings import Settings
+
+ROOT = Path(__file__).resolve().parents[2]
+NUMBERS = [name for name, field in Settings.model_fields.items() if field.annotation in (int, float)]
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_set(monkeypatch):
+    for name in Settings.model_fields:
+        monkeypatch.delenv(f"CIIR_{name.upper()}", raising=False)
+
+
+def test_the_environment_is_read(monkeypatch, tmp_path):
+    for name, value in {
+        "CIIR_WORKERS": "3",
+        "CIIR_SYNC_SECONDS": "0.5",
+        "CIIR_FOLDER": str(tmp_path),
+        "CIIR_QUEUE": "redis://localhost:6379/0",
+        "CIIR_LOG_FORMAT": "json",
+        "CIIR_API_KEYS": " one, two,one,",
+        "CIIR_CORS_ORIGINS": "https://a.example,https://b.example",
+    }.items():
+        monkeypatch.setenv(name, value)
+    found = settings.read()
+    assert (found.workers, found.sync_seconds, found.place()) == (3, 0.5, tmp_path)
+    assert (found.queue, found.log_format) == ("redis://localhost:6379/0", "json")
+    assert [key.get_secret_value() for key in found.api_keys] == ["one", "two"]
+    assert found.cors_origins == ("https://a.example", "https://b.example")
+    assert "one" not in repr(found)
+
+
+def test_empty_is_not_set(monkeypatch):
+    for name in Settings.model_fields:
+        monkeypatch.setenv(f"CIIR_{name.upper()}", "")
+    assert settings.read() == Settings()
+    assert settings.read().api_keys == ()
+
+
+@pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_CORS_ORIGINS"])
+@pytest.mark.parametrize("value", [",", " ", " , ,"])
+def test_a_list_of_nothing_is_refused(monkeypatch, name, value):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(InvalidOption, match=f"{name}: {value!r} is not "):
+        settings.read()
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("redis://localhost:6379/0", "redis://localhost:6379/0"),
+        ("rediss://user:swordfish@host/0", "rediss://...@host/0"),
+        ("redis://host/0?password=swordfish&db=1", "redis://host/0?..."),
+        ("unix://:swordfish@/socket?username=me", "unix://...@/socket?..."),
+        ("/srv/what?/a@b", "/srv/what?/a@b"),
+    ],
+)
+def test_no_password_is_shown(address, shown):
+    assert settings.hidden(address) == shown
+
+
+def test_a_wrong_address_is_told_without_its_password(monkeypatch):
+    monkeypatch.setenv("CIIR_QUEUE", "http://:swordfish@host")
+    with pytest.raises(InvalidOption, match=r"//\.\.\.@host") as caught:
+        settings.read()
+    assert "swordfish" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_the_least_and_the_most_are_allowed_and_nothing_beyond(monkeypatch, name):
+    least, most = re.fullmatch(r"a (?:whole )?number from (\S+) to (\S+)", settings.takes(name)).groups()
+    for value in (least, most):
+        monkeypatch.setenv(f"CIIR_{name.upper()}", value)
+        assert getattr(settings.read(), name) == float(value)
+    for value in (str(float(least) - 1), str(2 * int(float(most)) + 1), "many", "nan", "inf"):
+        monkeypatch.setenv(f"CIIR_{name.upper()}", value)
+        with pytest.raises(InvalidOption) as caught:
+            settings.read()
+        line = str(caught.value)
+        assert line.startswith(f"CIIR_{name.upper()}: '{value}' is not {settings.takes(name)}; ")
+        assert "default of" in line
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("CIIR_QUEUE", "http://localhost", "address of a Redis server"),
+        ("CIIR_LOG_FORMAT", "xml", "text or json"),
+        ("CIIR_WORKERS", "1.5", "whole number from 0 to 64"),
+    ],
+)
+def test_what_is_none_of_them(monkeypatch, name, value, words):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(InvalidOption, match=words) as caught:
+        settings.read()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("redis://user:p%40ss@host:6379/0", "redis://...@host:6379/0"),
+        ("redis://host/0?password=p%40ss", "redis://host/0?..."),
+        ("unix:///run/redis.sock?db=0&password=p%40ss", "unix:///run/redis.sock?..."),
+        ("redis://host:6379/0", "redis://host:6379/0"),
+    ],
+)
+def test_what_is_shown_of_an_address(address, shown):
+    assert settings.hidden(address) == shown
+
+
+def test_a_password_in_an_address_that_is_none_is_not_told(monkeypatch):
+    monkeypatch.setenv("CIIR_QUEUE", "http://:swordfish@host/0")
+    with pytest.raises(InvalidOption, match=r"//\.\.\.@host/0") as caught:
+        settings.read()
+    assert "swordfish" not in str(caught.value)
+
+
+def test_a_misspelt_name_is_told(monkeypatch, caplog):
+    monkeypatch.setenv("CIIR_WORKER", "3")
+    settings.read()
+    assert "CIIR_WORKER is set" in caplog.text
+    caplog.clear()
+    monkeypatch.delenv("CIIR_WORKER")
+    monkeypatch.setenv("CIIR_CACHE", "/tmp")  # noqa: S108 - never opened
+    settings.read()
+    assert caplog.text == ""
+
+
+def test_the_folder_of_jobs(monkeypatch, tmp_path):
+    monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
+    assert Settings().place() == tmp_path / "service"
+    monkeypatch.setattr(settings.cache, "folder", lambda: None)
+    with pytest.raises(InvalidOption, match=r"CIIR_FOLDER: .*; name a folder"):
+        Settings().place()
+
+
+def test_what_the_command_line_keeps(tmp_path):
+    assert Settings().open_store() is None
+    assert Settings(store=str(tmp_path)).open_store() is not None
+    assert Settings(store=str(tmp_path), store_bytes=0).open_store() is None
+
+
+def test_every_limit_of_the_renderer_can_be_set():
+    assert Settings().limits() == DEFAULTS
+    values = {
+        "max_files": 2,
+        "max_unpacked_bytes": 2000,
+        "max_ratio": 3,
+        "max_pixels": 4,
+        "max_set_bytes": 5,
+        "max_triangles": 6,
+        "max_views": 7,
+    }
+    limits = Settings(**values).limits()
+    assert sorted(getattr(limits, field.name) for field in fields(Limits)) == sorted(values.values())
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_every_setting_is_documented_and_used(name):
+    assert len((Settings.model_fields[name].description or "").split()) > 3
+    assert settings.takes(name)
+    asked = re.compile(rf"\b_?(?:settings|found)\.{name}\b")
+    own = re.compile(rf"\bself\.{name}\b")
+    assert any(
+        asked.search(text) or (path.name == "settings.py" and own.search(text))
+        for path in (ROOT / "service").rglob("*.py")
+        if (text := path.read_text(encoding="utf-8"))
+    ), "nobody asks for it"

@@ -1,0 +1,62 @@
+import re
+from pathlib import Path
+
+from service import settings_table
+from service.cli import main
+from service.settings import Settings
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_page_is_of_today():
+    path = ROOT / "docs" / "settings.md"
+    assert path.read_text(encoding="utf-8") == settings_table.page(), (
+        "python -m service.settings_table > docs/settings.md"
+    )
+
+
+def test_every_setting_is_on_the_page_and_in_the_table():
+    for text in (settings_table.page(), settings_table.table()):
+        for name, field in Settings.model_fields.items():
+            assert f"CIIR_{name.upper()}" in text
+            assert " ".join(field.description.split())[:40] in " ".join(text.split())
+
+
+OTHERS = {
+    "renderer.jpeg.MAX_SIDE": "what JPEG can hold that is written",
+    "renderer.opengl.MAX_SIDE": "larger pictures are drawn by rays",
+    "renderer.sampling.MAX_SAMPLES": "no request reaches it",
+    "renderer.texture_files.MAX_NOTES": "what is told, and nothing of the input",
+    "service.request.MAX_ERROR": "in the help of max_error",
+}
+"""Constants of that name that are no limits on what may be sent."""
+
+
+def test_every_limit_that_is_fixed_is_on_the_page():
+    found = set()
+    for folder in ("renderer", "service"):
+        for path in (ROOT / folder).rglob("*.py"):
+            names = re.findall(r"^(MAX_[A-Z_]+)\b.*=", path.read_text(encoding="utf-8"), re.MULTILINE)
+            found |= {".".join([*path.relative_to(ROOT).with_suffix("").parts, name]) for name in names}
+    assert found - set(OTHERS) == {place for place in settings_table.FIXED if ".MAX_" in place}
+
+
+def test_serve_shows_what_holds_and_no_secret(monkeypatch, capsys):
+    monkeypatch.setenv("CIIR_WORKERS", "5")
+    monkeypatch.setenv("CIIR_API_KEYS", "swordfish,other")
+    monkeypatch.setenv("CIIR_QUEUE", "redis://user:swordfish@example.org:6379/0")
+    assert main(["serve", "--show-settings"]) == 0
+    shown = capsys.readouterr().out
+    for line in (
+        "CIIR_WORKERS=5  (default: 2)",
+        "CIIR_API_KEYS=2 keys  (default: none)",
+        "CIIR_QUEUE=redis://...@example.org:6379/0  (default: none)",
+    ):
+        assert line in shown.splitlines()
+    assert "swordfish" not in shown
+
+
+def test_settings_that_are_out_of_range_are_told(monkeypatch, capsys):
+    monkeypatch.setenv("CIIR_WORKERS", "65")
+    assert main(["serve", "--show-settings"]) == 2
+    assert "CIIR_WORKERS: '65'" in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""What holds for all routes together; each route is in a file of its own."""
+
+import re
+from urllib.parse import quote
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.outputs import FORMATS
+from service.request import NAMES
+
+POST = "/v1/reconstructions"
+ROUTES = {
+    ("POST", "/v1/reconstructions"): {200, 202, 304, 400, 401, 408, 409, 413, 415, 422, 429, 503},
+    ("GET", "/v1/reconstructions/{id}"): {200, 401, 404, 503},
+    ("DELETE", "/v1/reconstructions/{id}"): {200, 401, 404, 503},
+    ("GET", "/v1/reconstructions/{id}/result"): {200, 304, 401, 404, 409, 410, 413, 415, 422, 503},
+    ("GET", "/v1/reconstructions/{id}/events"): {200, 204, 400, 401, 404, 503},
+    ("GET", "/v1/models"): {200, 401},
+    ("GET", "/metrics"): {200, 401},
+    ("GET", "/healthz"): {200},
+    ("GET", "/readyz"): {200, 503},
+}
+"""What each can answer; beside it `default`, for what nobody foresaw."""
+
+
+@pytest.mark.parametrize(("method", "path"), [*ROUTES, ("GET", "/docs"), ("GET", "/openapi.json")])
+def test_another_method_is_a_problem(client, web, method, path):
+    other = "GET" if method == "POST" else "POST"
+    response = client.request(other, path.format(id="0" * 32))
+    web.problem(response, 405, "method")
+    assert method in response.headers["allow"]
+
+
+def test_all_methods_of_a_path_are_named(client):
+    for path, methods in {
+        f"{POST}/{'0' * 32}": "GET, HEAD, DELETE",
+        "/docs/static/swagger-ui.css": "GET, HEAD",
+    }.items():
+        response = client.put(path)
+        assert (response.status_code, response.headers["allow"]) == (405, methods)
+
+
+@pytest.mark.parametrize("path", ["/", "/v1", "/v1/nothing", "/docs/static/gone.js", "/docs/static/../app.py"])
+def test_nothing_there_is_a_problem(client, web, path):
+    web.problem(client.get(path), 404, "/docs")
+
+
+def test_openapi_tells_every_route_and_every_status(client):
+    api = client.get("/openapi.json").json()
+    assert api["openapi"].startswith("3.0")
+    told = {
+        (method.upper(), path): {int(status) for status in operation["responses"] if status != "default"}
+        for path, item in api["paths"].items()
+        for method, operation in item.items()
+    }
+    assert told == ROUTES
+    for (method, path), statuses in ROUTES.items():
+        responses = api["paths"][path][method.lower()]["responses"]
+        assert set(responses["default"]["content"]) == {"application/problem+json"}
+        for status in statuses & {400, 401, 404, 408, 409, 410, 413, 415, 422, 429, 503}:
+            assert set(responses[str(status)]["content"]) == {"application/problem+json"}, (path, status)
+    assert '"null"' not in client.get("/openapi.json").text  # which OpenAPI 3.0 doesn't know
+
+
+def test_openapi_tells_every_field(client):
+    api = client.get("/openapi.json").json()
+    form = api["paths"][POST]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
+    assert set(form["properties"]) == {"file", "format", *NAMES}
+    assert form["properties"]["format"]["enum"] == list(FORMATS)
+    headers = {parameter["name"] for parameter in api["paths"][POST]["post"]["parameters"]}
+    assert headers == {"Prefer", "If-None-Match"}
+
+
+def test_docs_need_no_other_server(client):
+    response = client.get("/docs")
+    page, policy = response.text, response.headers["content-security-policy"]
+    assert "://" not in page
+    for path in ("swagger-ui-bundle.js", "swagger-ui.css", "favicon-32x32.png"):
+        assert f"/docs/static/{path}" in page
+        assert client.get(f"/docs/static/{path}").status_code == 200
+    assert "unsafe-inline" not in re.search(r"script-src[^;]*", policy)[0]
+    assert len(re.findall("'sha256-", policy)) == page.count("<script>") == 1
+
+
+def test_other_origins_are_let_in_only_where_they_are_named(client, web, tmp_path):
+    asks = {"Origin": "https://example.org", "Access-Control-Request-Method": "POST"}
+    assert "access-control-allow-origin" not in client.get("/healthz", headers=asks).headers
+    assert client.options(POST, headers=asks).status_code == 405
+    with web.running(tmp_path, cors_origins="https://example.org,https://example.com") as other:
+        allowed = other.options(POST, headers=asks)
+        assert allowed.headers["access-control-allow-origin"] == "https://example.org"
+        exposed = other.get("/healthz", headers=asks).headers["access-control-expose-headers"]
+        assert {"ETag", "Location", "Retry-After"} <= set(exposed.split(", "))
+        refused = other.options(POST, headers=asks | {"Origin": "https://example.net"})
+        assert "access-control-allow-origin" not in refused.headers
+        assert (refused.status_code, refused.headers["content-type"]) == (400, "application/problem+json")
+        assert refused.json()["detail"].startswith("Disallowed CORS origin; ")
+        assert "Origin" in refused.headers["vary"]
+
+
+HEADERS = (
+    *("Accept", "Authorization", "Content-Type", "Expect", "If-None-Match", "Last-Event-ID", "Origin", "Prefer"),
+    *("Range", "Traceparent", "Transfer-Encoding", "X-API-Key", "X-Request-Id"),
+)
+VALUES = st.one_of(
+    st.binary(max_size=40).map(lambda value: value.translate(None, b"\r\n\0")),  # what h11 lets through
+    st.sampled_from([b'W/"', b"respond-async, wait=99999999999", b"Bearer ", b"-1", b"multipart/form-data; boundary="]),
+)
+
+
+@given(
+    st.sampled_from([*ROUTES, ("PUT", "/docs")]),
+    st.text(max_size=40),
+    st.dictionaries(st.sampled_from(HEADERS), VALUES),
+)
+@settings(derandomize=True, deadline=None, max_examples=150)
+def test_nothing_in_a_path_or_a_header_is_a_fault_of_the_server(client, route, id_, headers):
+    method, path = route
+    response = client.request(method, path.format(id=quote(id_, safe="")), headers=headers)
+    assert response.status_code < 500, response.text
+    assert response.headers["x-request-id"]
+    if response.status_code >= 400:
+        assert response.headers["content-type"] == "application/problem+json"

@@ -1,0 +1,93 @@
+"""docs/http.md: its examples run as they stand, and its tables say what OpenAPI says."""
+
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import httpx2
+import numpy as np
+import pytest
+
+from renderer.pictures import decode
+
+ROOT = Path(__file__).resolve().parents[3]
+TEXT = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
+DEFAULT = "http://127.0.0.1:8000"
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
+
+
+def test_the_examples_for_curl(server, tmp_path):
+    if shutil.which("curl") is None:
+        pytest.skip("curl is not installed here")
+    script = "set -euo pipefail\n" + "".join(blocks("sh")).replace(DEFAULT, server)
+    done = subprocess.run(  # noqa: S603 - our own
+        ["bash", "-c", script],  # noqa: S607
+        cwd=tmp_path,
+        check=False,
+        text=True,
+        capture_output=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert decode((tmp_path / "view.png").read_bytes(), name="x").shape == (100, 100, 3)
+    with zipfile.ZipFile(tmp_path / "views.zip") as archive:
+        assert len(archive.namelist()) == 6
+    unchanged, rest = done.stdout.split("\n", 1)
+    assert unchanged == "304"
+    assert not (tmp_path / "unchanged").exists() or not (tmp_path / "unchanged").read_bytes()
+    assert re.findall(r"^event: (\w+)$", rest, re.MULTILINE)[-1] == "done"
+    assert '"status":422' in rest
+    assert '"state":"done"' in (tmp_path / "status.json").read_text()
+    assert '{"status":"ready"}' in rest
+    assert "ciir_queue_up 1.0" in (tmp_path / "metrics.txt").read_text()
+
+
+def test_the_example_for_python(server, samples, tmp_path):
+    (tmp_path / "mesh.off").write_bytes(samples.CUBE)
+    (program,) = blocks("python")
+    done = subprocess.run(  # noqa: S603 - our own
+        [sys.executable, "-c", program.replace(DEFAULT, server)],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT)},
+        check=False,
+        text=True,
+        capture_output=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert decode((tmp_path / "view.png").read_bytes(), name="x").shape == (100, 100, 3)
+    assert np.load(tmp_path / "views.npz")["views"].shape == (225, 100, 100, 3)
+    assert done.stdout.startswith("queued {}")
+    assert "422 Invalid option: scale" in done.stdout
+
+
+def test_the_tables(server):
+    api = httpx2.get(f"{server}/openapi.json").json()
+    routes = {
+        (method.upper(), path): {int(status) for status in operation["responses"] if status != "default"}
+        for path, item in api["paths"].items()
+        for method, operation in item.items()
+    }
+    rows = re.findall(r"^\| `(GET|POST|DELETE) (/\S*)` \| ([\d ]+) \|", TEXT, re.MULTILINE)
+    assert {(method, path): set(map(int, statuses.split())) for method, path, statuses in rows} == routes
+    told = {
+        int(status)
+        for cell in re.findall(r"^\| (\d{3}(?:, \d{3})*) \|", TEXT, re.MULTILINE)
+        for status in cell.split(", ")
+    }
+    assert told == {status for statuses in routes.values() for status in statuses if status >= 400}
+
+
+def test_it_names_what_there_is(server):
+    metrics = httpx2.get(f"{server}/metrics").text
+    for name in set(re.findall(r"`(ciir_[a-z_]+)`", TEXT)):
+        assert re.search(rf"^# TYPE {name}(_total)? ", metrics, re.MULTILINE), name
+    settings = (ROOT / "docs" / "settings.md").read_text(encoding="utf-8")
+    for name in set(re.findall(r"CIIR_[A-Z_]+", TEXT)):
+        assert f"`{name}`" in settings, name

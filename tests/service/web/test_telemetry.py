@@ -1,0 +1,52 @@
+"""OpenTelemetry: what goes to a collector where one is named, and what is said where it can't."""
+
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import httpx2
+import pytest
+
+
+@pytest.fixture
+def collector():
+    """An address, and the paths and bodies of what was sent there."""
+    received = []
+
+    class Takes(BaseHTTPRequestHandler):
+        def do_POST(self):
+            body = self.rfile.read(int(self.headers["content-length"]))
+            received.append((self.path, body))
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_):
+            """Nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Takes) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}", received
+        server.shutdown()
+        thread.join()
+
+
+def test_traces_go_to_the_collector(collector, samples, tmp_path):
+    pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="fastapi[opentelemetry] is not installed")
+    url, received = collector
+    settings = {"OTEL_EXPORTER_OTLP_ENDPOINT": url, "OTEL_EXPORTER_OTLP_COMPRESSION": "none", "CIIR_WORKERS": "0"}
+    with samples.serving(tmp_path / "log", **settings, CIIR_SYNC_SECONDS="0") as server:
+        files = {"file": ("a.png", samples.encode_png(samples.EIA))}
+        answer = httpx2.post(f"{server}/v1/reconstructions", files=files, data={"lenses": "6x9"}, timeout=60)
+        assert answer.status_code == 202
+    traces = b"".join(body for path, body in received if path == "/v1/traces")
+    assert b"POST /v1/reconstructions" in traces
+    assert answer.headers["x-reconstruction-id"].encode() in traces
+    assert any(path == "/v1/metrics" for path, _ in received)
+
+
+def test_where_that_can_not_be_the_log_says_so(web, monkeypatch, tmp_path, caplog):
+    monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", "http://127.0.0.1:9")
+    monkeypatch.setenv("OTEL_EXPORTER_OTLP_PROTOCOL", "grpc")
+    with web.running(tmp_path) as client:
+        assert client.get("/healthz").status_code == 200
+    assert "automatic telemetry configuration failed" in caplog.text
