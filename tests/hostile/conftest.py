@@ -1,0 +1,17 @@
+"""A server of this clone for hostile clients."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.load_server import serving
+
+
+@pytest.fixture(scope="session")
+def hostile_server(tmp_path_factory):
+    """Its port; at the end it must have gone as it came: told to, and in time."""
+    folder = tmp_path_factory.mktemp("hostile")
+    with serving(folder, folder / "log") as server:
+        yield server
+    log = (folder / "log").read_text()
+    assert "Traceback" not in log, log

@@ -1,0 +1,111 @@
+"""Whatever an upload names, the work on it reads no file but the upload's own and asks no other machine."""
+
+import base64
+import json
+import socket
+import stat
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from benchmarks.fuzz import gltf_seeds, seeds
+from renderer import pictures
+
+PROGRAM = """
+import json, sys
+from pathlib import Path
+from benchmarks.fuzz.guard import Guard
+from service.jobs.job import Problem, Request
+from service.jobs.work import Allowed, Work, do
+from service.settings import Settings
+
+folder, allowed, told = Path(sys.argv[1]), Allowed.by(Settings()), {}
+guard = Guard(folder)
+for is_armed in (False, True):  # what is imported late is by then
+    for file in sorted((folder / "uploads").iterdir()):
+        options = {"lenses": "1x1"} if file.suffix in {".png", ".tif", ".jpg"} else {"lenses": "8x8", "pixels": "3x3"}
+        request = Request("upload" + file.suffix, options | {"model": "none", "backend": "raytrace"}, None)
+        if is_armed:
+            guard.arm()
+        outcome = do(Work(file.stem, request, file, folder / "result"), allowed).outcome
+        guard.disarm()
+        told[file.name] = outcome.status if isinstance(outcome, Problem) else 200
+print(json.dumps([told, guard.seen]))
+"""
+
+
+def zip_with_link(target):
+    import io
+
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        link = zipfile.ZipInfo("a.png")
+        link.external_attr = (stat.S_IFLNK | 0o777) << 16
+        archive.writestr(link, str(target))
+    return buffer.getvalue()
+
+
+def uploads(names, secret):
+    """Files that name others: by URL, by absolute path, and by a path that leads out. Name -> (bytes, status)."""
+    text, _, _ = seeds.parts(seeds.obj()[0])
+    ply, _ = seeds.parts(seeds.ply()[0])
+    made = {}
+    for number, name in enumerate(names):
+        encoded = name.encode()
+        gltf = json.loads(seeds.parts(gltf_seeds.gltf()[1])[0])
+        picture = json.loads(json.dumps(gltf))
+        gltf["buffers"][0]["uri"] = name
+        picture["images"][0]["uri"] = name
+        made[f"buffer-{number}.gltf"] = json.dumps(gltf).encode(), 422
+        made[f"image-{number}.gltf"] = json.dumps(picture).encode(), 200
+        made[f"mtllib-{number}.obj"] = text.replace(b"a.mtl", encoded), 200
+        library = b"newmtl m\nKd 1 1 1\nmap_Kd " + encoded + b"\nmap_d " + encoded + b"\n"
+        made[f"map-{number}.zip"] = seeds.zipped({"a.obj": text, "a.mtl": library}), 200
+        made[f"texture-{number}.ply"] = ply.replace(b"x.png", encoded), 200
+        if not name.startswith("file"):
+            made[f"member-{number}.zip"] = seeds.zipped({name: secret.read_bytes()}), 422
+    svg = f'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b SYSTEM "file://{secret}">]><svg>&b;</svg>'.encode()
+    pickled = base64.b64decode("gASVIQAAAAAAAACMBXBvc2l4lIwGc3lzdGVtlJOUjAZ0b3VjaCB4lIWUUpQu")  # os.system("touch x")
+    return made | {
+        "link.zip": (zip_with_link(secret), 415),
+        "entity.png": (svg, 415),
+        "entity.off": (svg, 415),
+        "pickle.png": (pickled, 415),
+        "exr.tif": (b"\x76\x2f\x31\x01" + bytes(60), 415),
+        "pickle.zip": (seeds.zipped({"a.npy": b"\x93NUMPY\1\0" + pickled}), 422),
+    }
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """What was expected and told of each upload, what the guard saw, and whether anyone called."""
+    outside, folder = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("work")
+    secret = outside / "secret.png"
+    secret.write_bytes(pictures.encode_png(seeds.noise(4, 4, 3)))
+    (folder / "uploads").mkdir()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(0)
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/secret.png"
+        names = [url, f"//{url[7:]}", f"file://{secret}", str(secret), f"../../{outside.name}/secret.png"]
+        made = uploads(names, secret)
+        for name, (data, _) in made.items():
+            (folder / "uploads" / name).write_bytes(data)
+        command = [sys.executable, "-c", PROGRAM, str(folder)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+        assert done.returncode == 0, done.stderr
+        with pytest.raises(BlockingIOError):  # nobody called
+            listener.accept()
+    told, seen = json.loads(done.stdout)
+    return {name: status for name, (_, status) in made.items()}, told, seen
+
+
+def test_every_upload_is_answered_as_if_what_it_names_were_not_there(outcome):
+    expected, told, _ = outcome
+    assert told == expected
+
+
+def test_nothing_else_is_opened(outcome):
+    _, _, seen = outcome
+    assert seen == []
