@@ -200,7 +200,7 @@ class Teller(Clock):
 
 
 def warm() -> list[str]:
-    """Loads what most work needs, and runs each model that `auto` may take once. Takes a second or two.
+    """Loads what most work needs, and runs each model that `auto` may take, for one view and for many: a second or two.
 
     Returns what this process is not kept from, in words.
     """
@@ -222,7 +222,9 @@ def warm() -> list[str]:
     for model, is_light_field in ((catalogue.default(), False), (catalogue.field(), True)):
         if model in catalogue.names():
             run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, NOTHING)
-            run(dict.fromkeys(parse_views("all", *_WARM_GRID), view), [(1, 1)])
+            every = parse_views("all", *_WARM_GRID)
+            for wanted in ([(1, 1)], every):  # one by all cores, many with one each: sessions of their own
+                run(dict.fromkeys(every, view), wanted)
     with FileSink(io.BytesIO(), "png") as sink:
         mesh = Bundle.from_upload("mesh.off", _WARM_MESH)
         pipeline.reconstruct(mesh, Options(lenses=(8, 8), pixels=(3, 3), model="none"), sink)
