@@ -106,26 +106,6 @@ def test_what_is_none_of_them(monkeypatch, name, value, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("address", "shown"),
-    [
-        ("redis://user:p%40ss@host:6379/0", "redis://...@host:6379/0"),
-        ("redis://host/0?password=p%40ss", "redis://host/0?..."),
-        ("unix:///run/redis.sock?db=0&password=p%40ss", "unix:///run/redis.sock?..."),
-        ("redis://host:6379/0", "redis://host:6379/0"),
-    ],
-)
-def test_what_is_shown_of_an_address(address, shown):
-    assert settings.hidden(address) == shown
-
-
-def test_a_password_in_an_address_that_is_none_is_not_told(monkeypatch):
-    monkeypatch.setenv("CIIR_QUEUE", "http://:swordfish@host/0")
-    with pytest.raises(InvalidOption, match=r"//\.\.\.@host/0") as caught:
-        settings.read()
-    assert "swordfish" not in str(caught.value)
-
-
 def test_a_misspelt_name_is_told(monkeypatch, caplog):
     monkeypatch.setenv("CIIR_WORKER", "3")
     settings.read()
