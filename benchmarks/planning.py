@@ -8,8 +8,7 @@ with what it predicted, and by how much it is slower than the best fixed one in 
 than 15 %. The lines below sum up: the worst of all, what always taking one strategy would have cost in its worst row,
 and how far predictions were off.
 
-Then starts: what OpenGL and the first network cost a process of its own, against what `service.cost` reckons with, and
-rows as above of whole `ciir reconstruct` commands for one view of a scene.
+Then rows as above of whole `ciir reconstruct` commands for one view of a scene.
 
 Then the error that is promised: `auto` with `--max-error` against `direct`, root mean square in levels of 255.
 """
@@ -20,18 +19,18 @@ import argparse
 import io
 import json
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from benchmarks import cold
 from benchmarks.machine import describe
 from renderer.bundle import Bundle
 from renderer.scenes import SCENES
-from service import cost
 from service.outputs import FileSink
 from service.pipeline import reconstruct
 from service.request import Options, Strategy
@@ -81,8 +80,6 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout.write(f"always {strategy}: {ratio:.1f} times the best at worst\n")
     off = sorted(row["predicted"] / row["auto"] for row in rows)
     sys.stdout.write(f"predicted / measured: {statistics.median(off):.2f} (from {off[0]:.2f} to {off[-1]:.2f})\n")
-    for kind, reckoned in (("opengl", cost.OPENGL_START_MS), ("network", cost.NETWORK_START_MS)):
-        sys.stdout.write(f"start of {kind}: {cold.start(kind, given.rounds):.0f} ms, {reckoned:.0f} reckoned with\n")
     for row in _cold_rows(given.lenses, given.rounds):
         rows.append(row)
         sys.stdout.write(line(row))
@@ -101,6 +98,15 @@ def slower(row: dict[str, Any]) -> float:
     best = min(("upscale", "direct"), key=row.__getitem__)
     ratios = [auto / fixed for auto, fixed in zip(rounds["auto"], rounds[best], strict=True)]
     return float(statistics.median(ratios)) - 1
+
+
+def whole_process(options: Sequence[str]) -> float:
+    """Milliseconds of a process of `ciir reconstruct`, from its start to its end."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "service.cli", "reconstruct", *options, "-o", str(Path(folder) / "out.zip")]
+        begun = time.perf_counter()
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        return 1000 * (time.perf_counter() - begun)
 
 
 def line(row: dict[str, Any]) -> str:
@@ -151,7 +157,7 @@ def _cold_rows(lenses: Sequence[int], rounds: int) -> Iterator[dict[str, Any]]:
             row = {"mesh": name, "lenses": count, "sampling": "cold", "views": "center"}
             asked = [f"scene:{name}", "--lenses", f"{count}x{count}"]
             of = {strategy: [*asked, "--strategy", strategy] for strategy in STRATEGIES}
-            turns = [{strategy: cold.reconstruction(of[strategy]) for strategy in STRATEGIES} for _ in range(rounds)]
+            turns = [{strategy: whole_process(of[strategy]) for strategy in STRATEGIES} for _ in range(rounds)]
             taken = {strategy: [turn[strategy] for turn in turns] for strategy in STRATEGIES}
             best = {strategy: min(times) for strategy, times in taken.items()}
             yield row | best | {"took": "", "predicted": None, "rounds": taken}

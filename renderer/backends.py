@@ -100,8 +100,8 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
     """The backend that `name` asks for, and why it was taken, in one line for the report.
 
     `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples: rasterising costs by the
-    triangle and casting by the ray, about the same for each (`python -m benchmarks.backends`); up to `FEW_RAYS` rays
-    are cast in any case. The choice doesn't depend on how many views there are, so that a view alone equals the same
+    triangle and casting by the ray, about the same for each as measured; up to `FEW_RAYS` rays are cast in any
+    case. The choice doesn't depend on how many views there are, so that a view alone equals the same
     view out of an elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
 
     Raises `BackendUnavailable` where `raster` is asked for and OpenGL doesn't work, `InvalidOption` for any other name.

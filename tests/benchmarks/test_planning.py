@@ -40,7 +40,7 @@ def test_a_row_is_measured(monkeypatch, tmp_path):
 
 def test_whole_processes_have_rows_without_a_prediction(monkeypatch):
     asked = []
-    monkeypatch.setattr(planning.cold, "reconstruction", lambda options: asked.append(options) or len(asked))
+    monkeypatch.setattr(planning, "whole_process", lambda options: asked.append(options) or len(asked))
     rows = list(planning._cold_rows([25], 2))
     assert [row["mesh"] for row in rows] == list(planning.SCENES)
     assert asked[0] == ["scene:vase", "--lenses", "25x25", "--strategy", "upscale"]
