@@ -6,8 +6,7 @@ All are trained by `training.loop.train` on the same crops in the same order, wi
 loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel loss.
 RDN and ESRGAN's are only timed where there is no GPU, unless `--all` asks for them. Stop it at any time: started again
 with the same options it goes on where it was. `--out` gets a folder for each network (its checkpoint, log, ONNX file
-and card), `tables.md`, and `figures.json` with every figure. `ciir export OUT/NAME/checkpoint.pt -o models/shipped`
-ships one. Needs the training extra.
+and card), `tables.md`, and `figures.json` with every figure. Needs the training extra.
 """
 
 from __future__ import annotations

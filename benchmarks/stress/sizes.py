@@ -25,9 +25,8 @@ EXTREMES = ((1, 4096), (4096, 1), (2, 3000), (3000, 3))
 FLAT = 4.0
 """Levels that a flat grey picture may come out of its grey, whatever its size. Networks pad with zeros and must learn
 to see past them; where they have not, white gets a darker frame."""
-FLAT_KNOWN = {"paper": 8.0, "srcnn": 16.0, "sparse-camera": 160.0}
-"""The networks of others do have that frame on white, the last a dark one: it adds to no interpolated picture, and its
-deconvolution makes the border out of padding. They ship for comparison, as published."""
+FLAT_KNOWN = {"paper": 8.0}
+"""The paper's network does have that frame on white. It ships for comparison, as published."""
 
 
 def sizes(effort: Effort) -> tuple[tuple[int, int], ...]:

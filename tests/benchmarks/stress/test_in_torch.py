@@ -53,5 +53,5 @@ def test_unknown_ways_of_known_operators_are_named():
 
 def test_the_number_of_threads_stays():
     before = torch.get_num_threads()
-    networks.torch_twin("sparse-camera")(noise(1, 3, 8, 8))
+    networks.torch_twin("fast")(noise(1, 3, 8, 8))
     assert torch.get_num_threads() == before

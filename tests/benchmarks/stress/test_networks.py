@@ -20,11 +20,11 @@ def test_nodes_are_what_onnx_reads():
 
 def test_looking_inside_changes_nothing():
     images = noise(2, 3, 9, 11)
-    weights = networks.weights("sparse-camera")
+    weights = networks.weights("fast")
     nodes = networks.nodes(weights)
     inside = networks.looking_inside(weights, [node.outputs[0] for node in nodes])(images)
     assert [len(values) for values in inside.values()] == [2] * len(nodes)
-    assert np.array_equal(inside[nodes[-1].outputs[0]], networks.raw("sparse-camera")(images))
+    assert np.array_equal(inside[nodes[-1].outputs[0]], networks.raw("fast")(images))
     assert (inside["relu"] == np.maximum(inside["conv2d"], 0)).all()
 
 
@@ -46,7 +46,7 @@ def test_box_is_the_mean_of_each_four():
 
 def test_many_pictures_go_in_parts():
     images = noise(networks.TOGETHER + 1, 3, 8, 8)
-    run = networks.raw("sparse-camera")
+    run = networks.raw("fast")
     assert np.array_equal(run(images)[-1:], run(images[-1:]))
 
 

@@ -1,0 +1,191 @@
+"""Mutated files, forms and heads over HTTP, at a real server.
+
+    python -m benchmarks.fuzz.over_http [--inputs 10000] [--seconds 600] [--connections 4] [--seed 1] [--url URL]
+
+A third each: the seeds of all targets, edited, as the file of a whole form; edited forms; and edited requests from the
+first byte of the head on. Starts `ciir serve` with a folder of its own unless `--url http://HOST:PORT` names one.
+
+Every answer must be one that the API declares (no 500), every fault a line of problem+json, each within
+`ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these doesn't hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import http.client
+import json
+import random
+import socket
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import urlsplit
+
+from benchmarks.fuzz import seeds
+from benchmarks.fuzz.mutate import mutated
+from benchmarks.fuzz.targets import TARGETS
+from benchmarks.load_client import PATH, form
+from benchmarks.load_requests import Asked
+from benchmarks.load_server import serving
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+ANSWER_SECONDS = 60
+SUFFIXES = {
+    "png": ".png",
+    "png-sealed": ".png",
+    "jpeg": ".jpg",
+    "tiff": ".tif",
+    "draco": ".glb",
+    "any": "",
+    "views": ".zip",
+}
+"""What files of a target are called, where it isn't the target's name."""
+HEADS = (
+    f"POST {PATH} HTTP/1.1\r\nHost: a\r\nContent-Type: multipart/form-data; boundary=bound\r\n",
+    "GET /v1/reconstructions/0123456789abcdef0123456789abcdef/events HTTP/1.1\r\nHost: a\r\nLast-Event-ID: 3\r\n",
+    f"POST {PATH} HTTP/1.1\r\nHost: a\r\nPrefer: wait=1, respond-async\r\nTransfer-Encoding: chunked\r\n",
+    'GET /v1/models HTTP/1.1\r\nHost: a\r\nIf-None-Match: "a"\r\nX-Request-Id: abc\r\nAuthorization: Bearer x\r\n',
+    f"DELETE {PATH}/../../healthz?a=%00%ff HTTP/1.0\r\n",
+)
+DECLARED = {200, 202, 204, 304, 400, 401, 404, 405, 408, 409, 410, 413, 415, 422, 429, 431, 503}
+_FORM = {"Content-Type": f"multipart/form-data; boundary={seeds.BOUNDARY.decode()}"}
+
+
+class Said(NamedTuple):
+    """An answer, as far as there was one."""
+
+    status: int
+    """0: the connection was closed without a word, which only a broken head may bring about."""
+    fault: str = ""
+    """What is wrong with the answer; empty for nothing."""
+
+
+class Attacker:
+    """One connection after the other, and inputs made by chance."""
+
+    def __init__(self, host: str, port: int, seed: str) -> None:
+        self._host, self._port = host, port
+        self._random = random.Random(seed)  # noqa: S311 - the same each time is the point
+        self._http = http.client.HTTPConnection(host, port, timeout=ANSWER_SECONDS)
+        self._files = [
+            (SUFFIXES.get(name, f".{name}"), file)
+            for name, target in TARGETS.items()
+            if not name.startswith(("options", "multipart"))
+            for file in target.seeds()
+        ]
+
+    def send(self) -> Said:
+        """One input; `OSError` where no answer came in time."""
+        return self._random.choice((self._file, self._broken_form, self._broken_request))()
+
+    def close(self) -> None:
+        """No more is sent."""
+        self._http.close()
+
+    def _file(self) -> Said:
+        suffix, file = self._random.choice(self._files)
+        options = {"lenses": "4x4", "pixels": "3x3", "model": "none"}
+        given = dict(self._random.sample(sorted(options.items()), self._random.randint(0, 3)))
+        body = form(Asked("file", f"a{suffix}", mutated(file, self._random), given))
+        boundary = body[2 : body.index(b"\r\n")].decode()
+        return self._asked(body, {"Content-Type": f"multipart/form-data; boundary={boundary}"})
+
+    def _broken_form(self) -> Said:
+        return self._asked(mutated(self._random.choice(seeds.multipart()), self._random), _FORM)
+
+    def _asked(self, body: bytes, headers: dict[str, str]) -> Said:
+        prefer = self._random.choice(({}, {}, {"Prefer": "respond-async"}))
+        self._http.request("POST", PATH, body, headers | prefer)
+        answer = self._http.getresponse()
+        return _judged(answer, answer.read())
+
+    def _broken_request(self) -> Said:
+        body = self._random.choice(seeds.multipart())
+        head = (
+            self._random.choice(HEADS).encode() + f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n".encode()
+        )
+        with socket.create_connection((self._host, self._port), ANSWER_SECONDS) as connection:
+            try:
+                connection.sendall(mutated(head, self._random) + body)
+                connection.shutdown(socket.SHUT_WR)
+                with closing(http.client.HTTPResponse(connection)) as answer:
+                    answer.begin()
+                    return _judged(answer, answer.read())
+            except (http.client.HTTPException, ConnectionError):
+                return Said(0)
+
+
+def _judged(answer: http.client.HTTPResponse, body: bytes) -> Said:
+    if answer.status not in DECLARED:
+        return Said(answer.status, f"{answer.status} is no declared answer: {body[:200]!r}")
+    if answer.status >= 400 and answer.headers["Content-Type"] != "application/problem+json":
+        return Said(answer.status, f"{answer.status} without a problem: {body[:200]!r}")
+    if answer.status >= 400 and body and not json.loads(body)["detail"].isprintable():
+        return Said(answer.status, f"{answer.status} whose detail is no line: {body[:200]!r}")
+    return Said(answer.status)
+
+
+def attack(host: str, port: int, *, inputs: int, seconds: float, connections: int, seed: int) -> list[Said]:
+    """What was said to each input, in no order."""
+    end, lock, left = time.monotonic() + seconds, threading.Lock(), inputs
+
+    def take() -> bool:
+        nonlocal left
+        with lock:
+            left -= 1
+            return left >= 0 and time.monotonic() < end
+
+    def work(number: int) -> list[Said]:
+        with closing(Attacker(host, port, f"{seed}-{number}")) as attacker:
+            return [attacker.send() for _ in iter(take, False)]
+
+    with ThreadPoolExecutor(connections) as pool:
+        return [said for part in pool.map(work, range(connections)) for said in part]
+
+
+def told(said: Sequence[Said]) -> Iterator[str]:
+    """Counts by status, and the first faults."""
+    counts = collections.Counter(one.status for one in said)
+    yield f"{len(said):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items()))
+    faults = [one.fault for one in said if one.fault]
+    yield f"{len(faults)} answers that are not as declared"
+    yield from faults[:10]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints the counts."""
+    parser = argparse.ArgumentParser(prog="benchmarks.fuzz.over_http", description=main.__doc__)
+    parser.add_argument("--inputs", type=int, default=10_000, help="how many (default 10000)")
+    parser.add_argument("--seconds", type=float, default=600, help="after which no more are sent (default 600)")
+    parser.add_argument("--connections", type=int, default=4, help="at once (default 4)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
+    parser.add_argument("--url", help="a server that runs (default: one is started)")
+    given = parser.parse_args(argv)
+    with ExitStack() as stack:
+        if given.url:
+            host, port = urlsplit(given.url).hostname or "127.0.0.1", urlsplit(given.url).port or 80
+        else:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            host, port = "127.0.0.1", stack.enter_context(serving(folder, folder / "log")).port
+        said = attack(
+            host, port, inputs=given.inputs, seconds=given.seconds, connections=given.connections, seed=given.seed
+        )
+        with closing(http.client.HTTPConnection(host, port, timeout=ANSWER_SECONDS)) as connection:
+            connection.request("GET", "/healthz")
+            is_alive = connection.getresponse().status == 200
+    for line in told(said):
+        sys.stdout.write(f"{line}\n")
+    sys.stdout.write(f"/healthz answers at the end: {is_alive}\n")
+    return 0 if is_alive and not any(one.fault for one in said) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

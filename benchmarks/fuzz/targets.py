@@ -1,0 +1,216 @@
+"""Each door that strangers' bytes come in by, as a function of bytes that holds it to its word.
+
+A target returns whether the bytes were read. It raises where a door does anything but give what it promises, or refuse
+in one line by a fault of `service.errors.FAULTS`: `python -m benchmarks.fuzz.run` looks for bytes that make it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+
+from benchmarks.fuzz import gltf_seeds, seeds
+from benchmarks.fuzz.seeds import parts
+from renderer import inputs, meshes, pictures
+from renderer.bundle import Bundle
+from renderer.kinds import Kind, identify
+from renderer.light_field import LightField
+from renderer.limits import Limits
+from renderer.png import SIGNATURE
+from service.errors import FAULTS
+from service.outputs import FileSink
+from service.pipeline import reconstruct
+from service.request import NAMES, Options
+from service.web import multipart, upload
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from starlette.types import Message
+
+    from renderer.pictures import Pixels
+    from renderer.scene import Scene
+
+LIMITS = Limits(files=64, bytes=2**24, pixels=2**20, set_bytes=2**22, triangles=20_000, views=64)
+"""Under the service's own, so that inputs at a limit are found, and cost little."""
+LONGEST_LINE = 600
+"""Characters of a message: two names of 80, and words."""
+
+
+class BrokenPromise(AssertionError):  # noqa: N818 - the cause is the name
+    """A door did what it says that it doesn't."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A door, and inputs to begin with."""
+
+    check: Callable[[bytes], object]
+    """Raises a fault where it refuses."""
+    seeds: Callable[[], list[bytes]]
+
+    def __call__(self, data: bytes) -> bool:
+        """Whether `data` was read; `BrokenPromise`, or whatever the door raised, where it broke its word."""
+        try:
+            self.check(data)
+        except (*FAULTS, HTTPException) as fault:
+            line = str(fault.detail) if isinstance(fault, HTTPException) else str(fault)
+            if not line.isprintable() or not 10 <= len(line) <= LONGEST_LINE:
+                raise BrokenPromise(f"no line of 10 to {LONGEST_LINE} characters: {line[:1000]!r}") from fault
+            return False
+        return True
+
+
+def picture(suffix: str) -> Callable[[bytes], None]:
+    """A picture of a kind by itself."""
+
+    def check(data: bytes) -> None:
+        identify(f"upload.{suffix}", data)
+        _check_pixels(pictures.decode(data, name="upload", max_pixels=LIMITS.pixels))
+
+    return check
+
+
+def sealed_png(data: bytes) -> None:
+    """A PNG whose checksums are made right first: what is behind them is reached."""
+    made, offset = [SIGNATURE], len(SIGNATURE)
+    while offset + 8 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, offset)
+        body = data[offset + 8 : offset + 8 + length]
+        made.append(struct.pack(">I4s", len(body), kind) + body + struct.pack(">I", zlib.crc32(kind + body)))
+        offset += 12 + length
+    picture("png")(b"".join(made))
+
+
+def mesh(kind: Kind, *beside: str) -> Callable[[bytes], None]:
+    """A mesh, and the files `beside` it where the input holds several parts."""
+
+    def check(data: bytes) -> None:
+        main, *others = parts(data)
+        name = f"main.{kind.value}"
+        if identify(name, main) is kind:
+            files = {name: main, **dict(zip(beside, others, strict=False))}
+            _check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind))
+
+    return check
+
+
+def archive(data: bytes) -> None:
+    """A zip as it comes in."""
+    _check_content(inputs.read(Bundle.from_upload("upload.zip", data, LIMITS), lenses=(1, 1), pixels=None))
+
+
+def anything(data: bytes) -> None:
+    """A file without a suffix: its content alone tells what it is."""
+    _check_content(inputs.read(Bundle.from_upload("upload", data, LIMITS), lenses=(1, 1), pixels=None))
+
+
+def view_set(data: bytes) -> None:
+    """A set of views: their names, one a line, and their pictures."""
+    listed, *contents = parts(data)
+    names = listed.decode("latin-1").split("\n")
+    _check_content(
+        inputs.read(
+            Bundle("upload.zip", None, dict(zip(names, contents, strict=False)), LIMITS), lenses=None, pixels=None
+        )
+    )
+
+
+_EIA = pictures.encode_png(seeds.noise(24, 36, 3))
+_OFF = seeds.off()[0]
+
+
+def asked(name: str, file: bytes) -> Callable[[bytes], None]:
+    """The options' values, one a line by the order of `service.request.NAMES`, to the end of the pipeline."""
+
+    def check(data: bytes) -> None:
+        values = zip(NAMES, data.decode("latin-1").split("\n"), strict=False)
+        options = Options.parse({option: value for option, value in values if value.strip()})
+        sink = FileSink(io.BytesIO(), None)
+        with sink:
+            report = reconstruct(Bundle.from_upload(name, file, LIMITS), options, sink, max_pixels=20_000)
+        if not report["views"]:
+            raise BrokenPromise("a report without views")
+
+    return check
+
+
+def form(data: bytes) -> None:
+    """A multipart form, in pieces as a network gives it."""
+
+    async def read() -> None:
+        pieces = [data[i : i + 61] for i in range(0, len(data), 61)] or [b""]
+
+        async def receive() -> Message:
+            return {"type": "http.request", "body": pieces.pop(0), "more_body": bool(pieces)}
+
+        headers = [(b"content-type", b"multipart/form-data; boundary=" + seeds.BOUNDARY)]
+        request = Request({"type": "http", "method": "POST", "path": "/", "headers": headers}, receive)
+        given = await multipart.read(request)
+        try:
+            upload.parse(given.multi_items())
+        finally:
+            await given.close()
+
+    asyncio.run(read())
+
+
+def _check_content(content: Scene | LightField) -> None:
+    if not isinstance(content, LightField):
+        _check_scene(content)
+        return
+    if content.views.ndim != 5 or 0 in content.views.shape:
+        raise BrokenPromise(f"views of {content.views.shape}")
+    _check_pixels(content.views[0, 0])
+
+
+def _check_pixels(pixels: Pixels) -> None:
+    if pixels.ndim != 3 or pixels.dtype not in (np.uint8, np.uint16) or not 1 <= pixels.shape[2] <= 4:
+        raise BrokenPromise(f"pixels {pixels.shape} of {pixels.dtype}")
+    if 0 in pixels.shape:
+        raise BrokenPromise(f"pixels {pixels.shape}")
+
+
+def _check_scene(scene: Scene) -> None:
+    if not np.isfinite(scene.bounds()).all() or not scene.triangles:
+        raise BrokenPromise("a scene without finite bounds, or without triangles")
+    if not all(note.isprintable() for note in scene.notes):
+        raise BrokenPromise(f"a note that is no line: {scene.notes}")
+    for part in scene.parts:
+        count = len(part.vertices)
+        if not 0 <= part.faces.min() <= part.faces.max() < count or part.colors.shape != (count, 4):
+            raise BrokenPromise(f"faces or colours that don't fit {count} vertices")
+        if not (np.isfinite(part.colors).all() and part.colors.min() >= 0 and part.colors.max() <= 1):
+            raise BrokenPromise("colours outside [0, 1]")
+        if part.uv is not None and not np.isfinite(part.uv).all():
+            raise BrokenPromise("texture coordinates that are not finite")
+
+
+TARGETS: dict[str, Target] = {
+    "png": Target(picture("png"), seeds.png),
+    "png-sealed": Target(sealed_png, seeds.png),
+    "jpeg": Target(picture("jpg"), seeds.jpegs),
+    "tiff": Target(picture("tif"), seeds.tiffs),
+    "zip": Target(archive, seeds.zips),
+    "views": Target(view_set, seeds.view_sets),
+    "glb": Target(mesh(Kind.GLB), gltf_seeds.glb),
+    "gltf": Target(mesh(Kind.GLTF, "a.bin", "x.png"), gltf_seeds.gltf),
+    "draco": Target(mesh(Kind.GLB), gltf_seeds.draco),
+    "obj": Target(mesh(Kind.OBJ, "a.mtl", "x.png"), seeds.obj),
+    "ply": Target(mesh(Kind.PLY, "x.png"), seeds.ply),
+    "stl": Target(mesh(Kind.STL), seeds.stl),
+    "off": Target(mesh(Kind.OFF), seeds.off),
+    "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf_seeds.glb(), *seeds.png(), *seeds.zips()]),
+    "options-eia": Target(asked("upload.png", _EIA), seeds.options),
+    "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
+    "multipart": Target(form, seeds.multipart),
+}
+"""Name -> door."""

@@ -1,0 +1,211 @@
+"""The server under load: mixed requests over many connections at once, each answer held against the command line's.
+
+    python -m benchmarks.load [--requests 2000] [--seconds 1800] [--connections 16] [--json FILE] [--log FILE]
+
+Starts `ciir serve` with a folder of its own, asks some of each kind, and then sends `--requests` requests
+(`benchmarks.load_requests`: half of them small views, the rest meshes, arrays, bad files, and some that were sent
+before) over `--connections` connections that are kept open; after `--seconds` no more are begun. What is asked to wait
+(202, 429, a 503 that says when to come again) waits, and asks again. Meanwhile `benchmarks.load_watch` looks on.
+
+Then, with nothing else to do, small views one at a time: what the service adds to the pipeline's own time. At the end
+`ciir reconstruct` does all of it again without a server: pictures must agree to the byte, and what it refuses must have
+been refused. Each bound's line ends with whether it holds; exit status 1 where one does not. `CIIR_...` go to the
+server as they are set.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import json
+import multiprocessing
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from benchmarks import machine
+from benchmarks.load_client import Answered, Connection, form
+from benchmarks.load_reference import differences
+from benchmarks.load_requests import asked, origin, small
+from benchmarks.load_server import Server, serving
+from benchmarks.load_watch import Seen, watch
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+WARM = 200
+"""Requests before the count begins: enough of each kind for every worker to have had the largest."""
+APART = 1_000_000
+"""Requests from this number on are none of the load's."""
+ALONE = 200
+"""Small views that are asked for one at a time."""
+MOST_HEALTH_MS, MOST_ADDED_MS, MOST_GROWTH = 50.0, 15.0, 0.10
+
+
+class Line(NamedTuple):
+    """One finding."""
+
+    text: str
+    holds: bool | None = None
+    """None where nothing is asked for."""
+
+
+def ask_all(
+    server: Server, numbers: range, connections: int, seconds: float, answers: Path | None
+) -> dict[int, Answered]:
+    """What was answered to each request that was begun in time; bodies go to `answers/NUMBER-STATUS`."""
+    waiting, lock = iter(numbers), threading.Lock()
+    done: dict[int, Answered] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for number in numbers:  # before anything is measured: making them takes time, and the server's processor
+            Path(folder, str(number)).write_bytes(form(asked(number)))
+        end = time.monotonic() + seconds
+
+        def work(_: int) -> None:
+            with closing(Connection(server.port)) as connection:
+                while time.monotonic() < end:
+                    with lock:
+                        number = next(waiting, None)
+                    if number is None:
+                        return
+                    done[number], body = connection.ask(Path(folder, str(number)).read_bytes())
+                    if answers is not None:
+                        (answers / f"{number}-{done[number].status}").write_bytes(body)
+
+        with ThreadPoolExecutor(connections) as pool:
+            list(pool.map(work, range(connections)))
+    return done
+
+
+def loaded(server: Server, requests: int, connections: int, seconds: float, folder: Path) -> Iterator[Line]:
+    """The load, and what came of it, but for the comparison; answers are left in `folder/answers`."""
+    answers = folder / "answers"
+    answers.mkdir()
+    ask_all(server, range(APART, APART + WARM), connections, seconds, None)
+    spawn = multiprocessing.get_context("spawn")
+    stop, seen_file = spawn.Event(), folder / "seen.json"
+    watcher = spawn.Process(target=watch, args=(server.port, server.pid, stop, seen_file))
+    watcher.start()
+    begun = time.monotonic()
+    done = ask_all(server, range(requests), connections, seconds, answers)
+    took = time.monotonic() - begun
+    stop.set()
+    watcher.join()
+    if watcher.exitcode != 0:
+        yield Line("the watch on /healthz failed", holds=False)
+        return
+    yield from told(done, requests, took)
+    yield from watched(json.loads(seen_file.read_text()))
+
+
+def told(done: dict[int, Answered], requests: int, seconds: float) -> Iterator[Line]:
+    """Answers by status, and times by kind."""
+    rate = len(done) / seconds
+    yield Line(f"{len(done):,} of {requests:,} requests answered, {rate:.1f} a second", len(done) == requests)
+    said = collections.Counter(status for answer in done.values() for status in answer.said)
+    yield Line("statuses: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(said.items())))
+    undeclared = sum(count for status, count in said.items() if status >= 500 and status != 503)
+    undeclared += sum(answer.status == 503 for answer in done.values())
+    yield Line(f"answers of 500 and above, but for 503 with a time to come again: {undeclared}", undeclared == 0)
+    for kind in sorted({origin(number)[0] for number in done}):
+        times = [answer.ms for number, answer in done.items() if origin(number)[0] == kind]
+        middle, high = np.percentile(times, [50, 99])
+        yield Line(f"  {kind:6s} {len(times):5,}: median {middle:7.0f} ms, 99th percentile {high:7.0f} ms")
+
+
+def watched(seen: Seen) -> Iterator[Line]:
+    """What was seen from beside."""
+    health = float(np.percentile(seen["health_ms"], 99))
+    many = len(seen["health_ms"])
+    yield Line(
+        f"/healthz: median {statistics.median(seen['health_ms']):.1f} ms, 99th percentile {health:.1f} ms, "
+        f"most {max(seen['health_ms']):.1f} ms of {many:,}; at most {MOST_HEALTH_MS:.0f} ms at the 99th asked for",
+        health <= MOST_HEALTH_MS,
+    )
+    quarters = by_quarter(seen["bytes"])
+    growth = quarters[3] / quarters[0] - 1
+    yield Line(
+        f"memory of all {statistics.median(seen['processes']):.0f} processes by quarter, MiB: "
+        f"{', '.join(f'{quarter:.0f}' for quarter in quarters)}: {100 * growth:+.1f} %; at most "
+        f"{100 * MOST_GROWTH:.0f} % more asked for",
+        growth <= MOST_GROWTH,
+    )
+    yield Line(f"  of it the web process: {', '.join(f'{quarter:.0f}' for quarter in by_quarter(seen['web_bytes']))}")
+
+
+def by_quarter(sizes: list[int]) -> list[float]:
+    """Medians of the four quarters of the samples, MiB."""
+    return [float(np.median(part)) / 2**20 for part in np.array_split(np.array(sizes), 4)]
+
+
+def alone(server: Server) -> Iterator[Line]:
+    """What the service adds to the pipeline's own time, one small view at a time."""
+    with closing(Connection(server.port)) as connection:
+        answers = [connection.ask(form(small(2 * APART + number)))[0] for number in range(ALONE)]
+    added = [answer.ms - answer.pipeline_ms for answer in answers if answer.pipeline_ms is not None]
+    if len(added) < ALONE:
+        yield Line(f"{ALONE - len(added)} of {ALONE} small views come without the pipeline's time", holds=False)
+        return
+    whole, extra = statistics.median(answer.ms for answer in answers), statistics.median(added)
+    yield Line(
+        f"a 50x50 view by itself: median {whole:.1f} ms, of which the service adds {extra:.1f} ms; "
+        f"at most {MOST_ADDED_MS:.0f} asked for",
+        extra <= MOST_ADDED_MS,
+    )
+
+
+def compared(folder: Path, processes: int) -> Iterator[Line]:
+    """Every answer against the command line's, `processes` of them at once."""
+    answers = folder / "answers"
+    numbers = sorted(int(path.name.partition("-")[0]) for path in answers.iterdir())
+    shares = [numbers[start::processes] for start in range(processes)]
+    places = [folder / f"made-{n}" for n in range(processes)]
+    for place in places:
+        place.mkdir()
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, context) as pool:
+        found = [line for lines in pool.map(differences, shares, [answers] * processes, places) for line in lines]
+    yield Line(f"{len(numbers):,} answers compared with the command line's: {len(found)} differ", not found)
+    for line in found[:20]:
+        yield Line(f"  {line}")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints the lines."""
+    parser = argparse.ArgumentParser(prog="benchmarks.load", description=main.__doc__)
+    parser.add_argument("--requests", type=int, default=2000, help="how many (default 2000)")
+    parser.add_argument("--seconds", type=float, default=1800, help="after which no more are begun (default 1800)")
+    parser.add_argument("--connections", type=int, default=16, help="at once (default 16)")
+    parser.add_argument("--json", type=Path, help="file for the lines and the machine")
+    parser.add_argument("--log", type=Path, help="file for the server's log")
+    given = parser.parse_args(argv)
+    lines: list[Line] = []
+    with tempfile.TemporaryDirectory(prefix="ciir-load-") as name:
+        folder = Path(name)
+
+        def run() -> Iterator[Line]:
+            with serving(folder, given.log or folder / "log") as server:
+                yield from loaded(server, given.requests, given.connections, given.seconds, folder)
+                yield from alone(server)
+            yield from compared(folder, processes=2)
+
+        for line in run():
+            verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[line.holds]
+            sys.stdout.write(f"{line.text}{verdict}\n")
+            sys.stdout.flush()
+            lines.append(line)
+    if given.json:
+        given.json.write_text(json.dumps({"machine": machine.describe(), "lines": lines}, indent=1))
+    return 0 if all(line.holds is not False for line in lines) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""What `benchmarks.load` asks for: small views, large arrays, meshes, bad files; no two alike but those asked twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.fuzz import gltf_seeds, seeds
+from renderer import modelling, pictures
+
+ROUND = (
+    *("small",) * 11,
+    *("mesh",) * 4,
+    *("array",) * 2,
+    *("bad",) * 2,
+    "again",
+)
+"""Kinds of twenty requests, before they are shuffled; one array in `ALL_VIEWS` is asked for in all its views."""
+ALL_VIEWS = 5
+AGAIN = 40
+"""`again` is what was asked so many requests before, or a little earlier where that was `again` too."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request."""
+
+    kind: str
+    name: str
+    """The file's name: its suffix says what it is."""
+    data: bytes
+    options: dict[str, str] = field(default_factory=dict)
+
+
+def origin(number: int) -> tuple[str, int]:
+    """The kind of request `number`, and the number of the one that it repeats: its own, but for `again`."""
+    turn, place = divmod(number, len(ROUND))
+    kind = str(np.random.default_rng(turn).permutation(ROUND)[place])
+    if kind != "again":
+        return kind, number
+    return origin(number - AGAIN) if number >= AGAIN else ("small", number)
+
+
+def asked(number: int) -> Asked:
+    """Request `number`, the same each time."""
+    kind, first = origin(number)
+    return MAKERS[kind](first)
+
+
+def small(number: int) -> Asked:
+    """The centre view of 50x50 lenses, of a tetrahedron of its own."""
+    corner = (number % 1009) / 1009, (number // 1009) / 1009
+    rows = [*seeds.CORNERS[:3], (*corner, 1)]
+    text = "OFF\n4 4 0\n" + "".join("{} {} {}\n".format(*row) for row in rows)
+    text += "".join("3 {} {} {}\n".format(*face) for face in seeds.FACES)
+    return Asked("small", "small.off", text.encode(), {"lenses": "50x50"})
+
+
+def mesh(number: int) -> Asked:
+    """Five views of a coloured mesh of some ten thousand triangles, as OBJ or as a zip with its material."""
+    profile = np.stack([0.6 + 0.3 * np.sin(np.linspace(0, 3 + number % 7, 65)), np.linspace(-1, 1, 65)], axis=1)
+    vertices, faces, _ = modelling.revolve(profile, 80)
+    lines = ["mtllib a.mtl", "usemtl m", f"# {number}"]
+    lines += ["v {:.6f} {:.6f} {:.6f}".format(*row) for row in vertices]
+    lines += ["f {} {} {}".format(*row) for row in faces + 1]
+    text = "\n".join(lines).encode()
+    options = {"lenses": "60x60", "pixels": "9x9", "views": "cross"}
+    if number % 2:
+        return Asked("mesh", "mesh.obj", text, options)
+    material = b"newmtl m\nKd 0.9 0.4 0.2\n"
+    return Asked("mesh", "mesh.zip", seeds.zipped({"mesh.obj": text, "a.mtl": material}), options)
+
+
+def array(number: int) -> Asked:
+    """Views of an array of 50x50 elemental images of 15x15 pixels: waves over the whole, and noise."""
+    rng = np.random.default_rng(number)
+    y, x = np.mgrid[0:750, 0:750].astype(np.float32) / 750
+    waves = [np.sin(x * rng.uniform(5, 60) + y * rng.uniform(5, 60)) for _ in range(3)]
+    picture = np.stack(waves, axis=2) * 100 + 128 + rng.normal(0, 2, (750, 750, 1))
+    views = "all" if number % ALL_VIEWS == 0 else "cross"
+    data = pictures.encode_png(np.clip(picture, 0, 255).astype(np.uint8))
+    return Asked("array", "array.png", data, {"lenses": "50x50", "views": views})
+
+
+def bad(number: int) -> Asked:
+    """A file or an option that can't be taken."""
+    tail = f"# {number}\n".encode()
+    choices = [
+        ("notes.txt", b"hello" + tail, {}),
+        ("a.glb", gltf_seeds.glb()[0][: 40 + number % 100], {}),
+        ("a.png", seeds.png()[2][:-20] + tail, {"lenses": "1x1"}),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1 1 1\n2 2 2\n3 0 1 2\n" + tail, {}),
+        ("a.off", seeds.off()[0] + tail, {"lenses": "0x5"}),
+        ("a.off", seeds.off()[0] + tail, {"views": "99,0"}),
+        ("a.off", seeds.off()[0] + tail, {"lenses": "9000x9000"}),
+        ("a.zip", seeds.zipped({"../evil.obj": b"v 0 0 0\n" + tail}), {}),
+        ("a.zip", seeds.zipped({"a.obj": bytes(2**24) + tail}), {}),
+        ("a.obj", b"v 0 0 0\nf 1 2 3\n" + tail, {}),
+    ]
+    return Asked("bad", *choices[number // 3 % len(choices)])
+
+
+MAKERS = {"small": small, "mesh": mesh, "array": array, "bad": bad}
