@@ -40,6 +40,12 @@ PLACE = dict.fromkeys(
 """System errors that are about where is read or written -> exit status and remedy."""
 
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
+KEPT = (
+    "Finished jobs are kept in the folder CIIR_FOLDER (default: service in the cache folder), with their inputs and "
+    "results unless CIIR_FILES names another place. The same request again gets the result that is kept. A result is "
+    "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
+    "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
+)
 ELEMENTAL = ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta")
 
 
@@ -77,14 +83,7 @@ def parser() -> argparse.ArgumentParser:
         added.set_defaults(module=module or name)
         return added
 
-    kept = (
-        "Results are kept, and what is asked for twice comes out of there: in the folder that the environment variable"
-    )
-    add = command(
-        "reconstruct",
-        "views out of a mesh, an EIA picture, or a folder or zip of views",
-        more=f"{kept} CIIR_STORE names; without it nothing is kept.",
-    )
+    add = command("reconstruct", "views out of a mesh, an EIA picture, or a folder or zip of views")
     add.add_argument("input", metavar="INPUT", help="file, folder or zip, or scene:vase, scene:globe, scene:hamburger")
     add.add_argument(
         "-o", "--out", required=True, metavar="OUT", help="a folder; or a file name with .zip, .npz or .png"
@@ -114,8 +113,7 @@ def parser() -> argparse.ArgumentParser:
     )
     _add_options(add, ("backend",))
 
-    limit = "up to CIIR_STORE_BYTES of them (0: none)"
-    add = command("serve", "the HTTP API", more=f"{kept} CIIR_STORE names, else in the cache folder; {limit}.")
+    add = command("serve", "the HTTP API", more=KEPT)
     add.add_argument("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)")
     add.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
     add.add_argument("--show-settings", action="store_true", help="show all settings (CIIR_...) as they are and exit")

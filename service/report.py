@@ -11,9 +11,9 @@ from functools import cache
 from importlib.metadata import version
 from typing import Any
 
-STAGES = ("stored", "decode", "plan", "render", "map", "upscale", "encode")
-"""In the order of the work; `total` follows. `stored` alone: the result was taken out of the store. `plan`: what to do
-was decided, and what that costs was measured where it wasn't known."""
+STAGES = ("decode", "plan", "render", "map", "upscale", "encode")
+"""In the order of the work; `total` follows. `plan`: the strategy is decided, and costs that it needs are
+measured."""
 
 Report = dict[str, Any]
 """Ready for JSON; `service.pipeline` puts its keys together."""

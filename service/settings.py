@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from pathlib import Path
+from pathlib import Path  # noqa: TC003 - pydantic evaluates the annotations
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, ValidationError
@@ -18,7 +18,6 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from renderer.errors import InvalidOption
 from renderer.limits import DEFAULTS, Limits
 from service import cache
-from service.store import Store
 
 PREFIX = "CIIR_"
 _MOST = 2**40
@@ -62,9 +61,6 @@ class Settings(BaseSettings):
     files: str = ""
     """Where inputs and results are kept: a folder, or s3://BUCKET/PATH (needs s3fs); `files` in the folder where none
     is named. Machines that share a queue share this, too."""
-    store: str = ""
-    """The folder in which the command line keeps results, to give them again; none is kept where none is named. The
-    server doesn't need it: it keeps its finished jobs."""
 
     # How much at once
 
@@ -88,9 +84,9 @@ class Settings(BaseSettings):
 
     keep_seconds: int = _number(86_400, 1, 10**9)
     """Seconds for which a finished job and its result are kept, after it was last asked for; 50,000 at most."""
-    store_bytes: int = _number(2 * 2**30, 0, _MOST)
-    """Most bytes of all results that are kept; the longest unused go first, but in the server none within a minute of
-    being asked for, so that whoever asked gets it. The command line's, too: 0 keeps none."""
+    keep_bytes: int = _number(2 * 2**30, 0, _MOST)
+    """Most bytes of all results that are kept. The longest unused are removed first, but none within a minute of its
+    last request, so that every client gets its result."""
 
     # What may be sent
 
@@ -162,10 +158,6 @@ class Settings(BaseSettings):
             views=self.max_views,
         )
 
-    def open_store(self) -> Store | None:
-        """Where the command line keeps results; None where it doesn't: no folder is named, or no bytes are allowed."""
-        return Store(Path(self.store), self.store_bytes) if self.store and self.store_bytes else None
-
 
 def read() -> Settings:
     """The settings of the environment; `InvalidOption` in place of what pydantic says.
@@ -217,7 +209,6 @@ _WORDS = {
     "folder": "a folder's path",
     "queue": "empty, or the address of a Redis server such as redis://localhost:6379/0",
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
-    "store": "a folder's path",
     "api_keys": "keys with commas between them",
     "cors_origins": "origins with commas between them",
 }

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 _INTRO = f"""\
 # Settings
 
-Environment variables of the server, of workers, and `{PREFIX}STORE` of the command line. One that is empty counts as
-not set; one that is out of range ends the command with a line that says what it may be; a name that begins as these do
-and is none of them is told in the log. `ciir serve --show-settings` prints what holds where it is called. This page is
-made of the settings' own docstrings, by `python -m service.settings_table > docs/settings.md`.
+Environment variables of the server and of workers. One that is empty counts as not set; one that is out of range ends
+the command with a line that says what it may be; a name that begins with `{PREFIX}` and is no setting is logged as a
+warning. `ciir serve --show-settings` prints the values in force. This page is generated from the settings' docstrings
+by `python -m service.settings_table > docs/settings.md`.
 
 Without `{PREFIX}FOLDER` the cache folder is used: `{cache.NAME}`, else `ciir` in `XDG_CACHE_HOME` or in `~/.cache`.
 

@@ -67,7 +67,7 @@ class Jobs:
         self.records = Records(self.queue.jobs)
         self.runs = Runs(self.queue, self.records, self.files)
         self._max_waiting = settings.max_waiting
-        self._keep_seconds, self._store_bytes = settings.keep_seconds, settings.store_bytes
+        self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
 
     def identify(self, request: Request, file: BinaryIO) -> str:
@@ -148,7 +148,7 @@ class Jobs:
         return sum(job.state == "running" for job in self.records.many(ids).values())
 
     def sweep(self) -> bool:
-        """Forgets jobs that were not asked for in `keep_seconds`, and the longest unused of more than `store_bytes`, or
+        """Forgets jobs that were not asked for in `keep_seconds`, and the longest unused of more than `keep_bytes`, or
         `MOST_KEPT`. False where it stopped after `MOST_SWEEP_SECONDS` with some of that left to do.
 
         Goes by the clock on the wall: where that was set back, what was used in its future counts as used now.
@@ -161,7 +161,7 @@ class Jobs:
             if time.monotonic() > until:
                 return False
             age = now - used
-            is_over = total > self._store_bytes or count > MOST_KEPT
+            is_over = total > self._keep_bytes or count > MOST_KEPT
             if age < 0:
                 self.runs.keep(name, size)
             elif age > self._keep_seconds or (is_over and age > LEAST_SECONDS):

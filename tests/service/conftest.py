@@ -168,7 +168,6 @@ def own_cache(tmp_path_factory):
     """Nothing is kept in the user's cache folder, nor taken from there."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CIIR_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.delenv("CIIR_STORE", raising=False)
         yield
 
 

@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import os
+import re
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import models
 from models.card import Accuracy
 from renderer.pictures import decode, encode
 from service.cli import main
+from service.settings import Settings
 
 SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace"]
 
@@ -394,13 +396,11 @@ def test_every_command_has_help(command, capsys):
     assert capsys.readouterr().out.startswith(f"usage: ciir {command}")
 
 
-@pytest.mark.parametrize("command", ["reconstruct", "serve"])
-def test_help_tells_where_results_are_kept(command, capsys):
+def test_help_names_settings_that_exist(capsys):
     with pytest.raises(SystemExit):
-        main([command, "--help"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert "asked for twice" in said
-    assert "CIIR_STORE" in said
+        main(["serve", "--help"])
+    named = set(re.findall(r"CIIR_([A-Z_]+)", capsys.readouterr().out)) - {""}
+    assert {"FOLDER", "KEEP_SECONDS"} <= named <= {name.upper() for name in Settings.model_fields}
 
 
 def test_what_may_be_skipped_can_be_told(samples, tmp_path, capsys):
@@ -439,38 +439,3 @@ def test_auto_that_promises_an_error_renders(cube_file, tmp_path):
     report = json.loads((tmp_path / "a" / "report.json").read_text())
     assert (report["plan"]["strategy"], report["plan"]["skipped"]) == ("direct", {"culled": 0.0})
     assert np.array_equal(read(tmp_path / "a" / "view_01_02.png"), read(tmp_path / "b" / "view_01_02.png"))
-
-
-@pytest.mark.parametrize("name", ["out", "a.zip", "a.npz", "a.png"])
-def test_the_command_line_stores_results_where_a_folder_is_named(cube_file, tmp_path, monkeypatch, name):
-    from service import pipeline
-
-    argv = ["reconstruct", str(cube_file), "--model", "bicubic", *SMALL]
-    runs = []
-    whole = pipeline.reconstruct
-    monkeypatch.setattr(pipeline, "reconstruct", lambda *a, **b: runs.append(a) or whole(*a, **b))
-    places = [tmp_path / folder / name for folder in ("plain", "first", "again")]
-    for place in places:
-        place.parent.mkdir()
-        assert main([*argv, "-o", str(place), "--report", str(place.parent / "r.json")]) == 0
-        monkeypatch.setenv("CIIR_STORE", str(tmp_path / "store"))
-    assert len(runs) == 2  # plain, and the first with a store
-    reports = [json.loads((place.parent / "r.json").read_text()) for place in places]
-    assert ["stored" in report["timings_ms"] for report in reports] == [False, False, True]
-    assert reports[0] | {"timings_ms": 0} == reports[1] | {"timings_ms": 0} == reports[2] | {"timings_ms": 0}
-    if name == "out":
-        names = [sorted(path.name for path in place.iterdir()) for place in places]
-        assert names[0] == names[1] == names[2]
-        pictures = [(place / "view_01_02.png").read_bytes() for place in places]
-        assert pictures[0] == pictures[1] == pictures[2]
-        assert json.loads((places[2] / "report.json").read_text()) == reports[2]
-    if name == "a.png":
-        assert places[0].read_bytes() == places[1].read_bytes() == places[2].read_bytes()
-
-
-def test_a_store_that_fails_is_a_note(cube_file, tmp_path, monkeypatch, capsys):
-    (tmp_path / "file").write_bytes(b"no folder")
-    monkeypatch.setenv("CIIR_STORE", str(tmp_path / "file"))
-    assert main(["reconstruct", str(cube_file), "--model", "bicubic", *SMALL, "-o", str(tmp_path / "a.png")]) == 0
-    assert "ciir: note: the result can't be stored" in capsys.readouterr().err
-    assert read(tmp_path / "a.png").shape == (24, 20, 3)

@@ -125,12 +125,6 @@ def test_the_folder_of_jobs(monkeypatch, tmp_path):
         Settings().place()
 
 
-def test_what_the_command_line_keeps(tmp_path):
-    assert Settings().open_store() is None
-    assert Settings(store=str(tmp_path)).open_store() is not None
-    assert Settings(store=str(tmp_path), store_bytes=0).open_store() is None
-
-
 def test_every_limit_of_the_renderer_can_be_set():
     assert Settings().limits() == DEFAULTS
     values = {

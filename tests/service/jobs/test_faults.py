@@ -16,9 +16,10 @@ import pytest
 
 from renderer.bundle import Bundle
 from renderer.pictures import decode
-from service.answers import answer
+from service import pipeline
 from service.jobs.job import Request
 from service.jobs.pool import Pool
+from service.outputs import FileSink
 from service.request import Options
 from service.settings import Settings
 
@@ -65,8 +66,10 @@ def test_a_worker_that_is_killed_in_each_stage_costs_no_job(service, helpers):
     killer = Killer(pool)
     jobs = service.jobs()
     service.consumer(jobs, killer)
-    with answer(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), "zip").file as file:
-        expected = views(file)
+    file = io.BytesIO()
+    with FileSink(file, "zip") as sink:
+        pipeline.reconstruct(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), sink)
+    expected = views(file)
     try:
         for stage in STAGES:
             killer.stage = stage

@@ -49,3 +49,10 @@ def test_all_of_a_long_file_counts_and_it_is_left_at_its_beginning():
     file.seek(5)
     assert identity(Request("upload.png", {}, None), file, LIMITS) != before
     assert file.tell() == 0
+
+
+def test_an_installation_has_one_name():
+    first = module.installation()
+    module.installation.cache_clear()
+    assert module.installation() == first
+    assert len(first) == 64

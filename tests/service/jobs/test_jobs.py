@@ -202,7 +202,7 @@ def test_whoever_waits_for_a_job_that_is_forgotten_hears_of_it(service, jobs, he
 
 
 def test_the_longest_unused_go_first(service, helpers, monkeypatch):
-    jobs = service.jobs(store_bytes=5000)
+    jobs = service.jobs(keep_bytes=5000)
     ids = []
     for number in range(4):
         at(monkeypatch, 1000.0 + number)

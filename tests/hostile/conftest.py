@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.load.server import serving
+from benchmarks.load_server import serving
 
 
 @pytest.fixture(scope="session")
