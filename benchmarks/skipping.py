@@ -1,13 +1,18 @@
-"""What exact skipping wins on views with something around the object, and what it costs where there is nothing.
+"""What exact skipping gains: of views, and of the triangles of a mesh (culling).
 
     python -m benchmarks.skipping [--model NAME ...] [--lenses 100 200 512] [--mesh FILE ...] [--rounds 11]
+        [--only views|full|culling ...]
 
-Middle views of the shipped scenes, through the upscale stage alone, with and without it, in turns within one process;
-times are medians, and how much faster is the median over rounds of the ratio of the two, which load hits alike.
+`views`: middle views of the shipped scenes, through the upscale stage alone, with and without skipping, in turns within
+one process; times are medians, and how much faster is the median over rounds of the ratio of the two.
 `covered` is the share of the view with alpha > 0, `box` that of the object's bounding box, `seen` that which went
-through the network, halo included. `differs`: levels of 255, at most; 0 for int8 networks. Below, views without
+through the network, halo included. `differs`: levels of 255, at most; 0 for int8 networks. `full`: views without
 background, of which nothing can be left out: with corners that differ, which tells at once, and with corners alike;
 `costs` is how much longer they took.
+
+`culling`: one view and five (`cross`) of each mesh by both backends, with and without culling, which is counted; the
+least of all rounds. `culled` is the share of triangles. Culling is forced where `renderer.culling.pays` leaves it out,
+and the row says so; `!` marks pixels that differ, and rows in which it is done and takes over 3 % longer.
 
 A network that sees r far needs 2*r around what differs, as it has zeros around what it is given: of 100x100 pixels with
 r = 8, a third of each side. What else was tried, all of it the same to the bit with `fast-int8`:
@@ -26,6 +31,7 @@ import argparse
 import statistics
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -35,11 +41,14 @@ from models import catalogue
 from models.pixels import upscale_pixels
 from models.skip import EXACT, NOTHING, Tally
 from models.views import upscale_views
+from renderer import culling
+from renderer.backends import open_backend
 from renderer.bundle import Bundle
 from renderer.framing import frame
 from renderer.lens_array import LensArray
 from renderer.raytrace import RaytraceBackend
 from renderer.scenes import SCENES, scene
+from renderer.views import parse_views
 from service.request import Options
 from service.source import Input
 
@@ -49,6 +58,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from models.skip import Skipping
+    from renderer.backends import Backend
     from renderer.scene import Scene
 
     View = NDArray[np.uint8]
@@ -61,6 +71,8 @@ FULL = (50, 100, 200)
 """Sizes of the views without background."""
 PIXELS = 400 * 400
 """Small views take so many more rounds, up to 20 times, that as many pixels go through them."""
+SLOWER = 1.03
+"""How many times as long views may take with culling."""
 
 
 class Row(NamedTuple):
@@ -135,46 +147,106 @@ def full(size: int, *, alike: bool) -> dict[tuple[int, int], View]:
     return {(v, u): view for v in range(SIDE) for u in range(SIDE)}
 
 
+class Culled(NamedTuple):
+    """Some views of a mesh, with and without culling."""
+
+    share: float
+    """Of the triangles."""
+    whole: float
+    """Milliseconds, as `left`, which includes culling."""
+    left: float
+    differs: int
+    """Pixels."""
+
+
+def culled(placed: Scene, array: LensArray, wanted: str, backend: Backend, rounds: int) -> Culled:
+    """Both in turns, the scene new to the backend each time; the first round doesn't count."""
+    views = parse_views(wanted, array.pixels_v, array.pixels_u)
+    times: dict[bool, list[float]] = {False: [], True: []}
+    made, share, differs = {}, 0.0, 0
+    for _ in range(rounds + 1):
+        for is_culling in (False, True):
+            found = replace(placed)
+            begun = time.perf_counter()
+            if is_culling:
+                found = culling.needed(found, array, views)
+            made[is_culling] = np.stack(list(backend.views(found, array, views)))
+            times[is_culling].append(1000 * (time.perf_counter() - begun))
+            share = 1 - found.triangles / placed.triangles
+        differs = max(differs, int((made[False] != made[True]).any(axis=-1).sum()))
+    return Culled(share, min(times[False][1:]), min(times[True][1:]), differs)
+
+
+def show_views(models: Sequence[str], scenes: dict[str, Scene], lenses: Sequence[int], rounds: int) -> None:
+    """A row for each scene, size and model."""
+    _write(("model", "scene", "lenses", "covered", "box", "seen", "ms with", "without", "faster", "differs"))
+    for name, mesh in scenes.items():
+        for size in lenses:
+            seen = rendered(mesh, size)
+            covered, box = shares(seen[SIDE // 2, SIDE // 2])
+            views = {at: np.ascontiguousarray(view[..., :3]) for at, view in seen.items()}
+            for model in models:
+                row = measured(upscaler(model, views), _rounds(rounds, size))
+                words = [f"{value:.3f}" for value in (covered, box, row.seen)]
+                words += [f"{row.skipping:.1f}", f"{row.whole:.1f}", f"{row.ratio:.2f}", str(row.differs)]
+                _write((model, name, str(size), *words))
+
+
+def show_full(models: Sequence[str], sizes: Sequence[int], rounds: int) -> None:
+    """A row for each view without background, and model."""
+    _write(("model", "corners", "pixels", "ms with", "without", "costs"))
+    for size in sizes:
+        for alike in (False, True):
+            for model in models:
+                row = measured(upscaler(model, full(size, alike=alike)), _rounds(rounds, size))
+                costs = (f"{row.skipping:.2f}", f"{row.whole:.2f}", f"{100 / row.ratio - 100:+.1f} %")
+                _write((model, "alike" if alike else "differ", str(size), *costs))
+
+
+def show_culling(scenes: dict[str, Scene], lenses: Sequence[int], rounds: int) -> bool:
+    """A row for each mesh, array, number of views and backend; whether no row has a mark."""
+    holds = True
+    _write(("mesh", "backend", "lenses", "views", "culled", "whole", "left", "faster", "differs"))
+    for name, mesh in scenes.items():
+        for size in lenses:
+            array = LensArray(size, size, 15, 15)
+            placed = mesh.transformed(frame(mesh, array))
+            for wanted, count in (("center", 1), ("cross", 5)):
+                for backend in (open_backend("raytrace")[0], open_backend("raster")[0]):
+                    pays = culling.pays(backend.name, triangles=mesh.triangles, rays=size**2, views=count)
+                    row = culled(placed, array, wanted, backend, rounds)
+                    kept = not row.differs and (row.left <= SLOWER * row.whole or not pays)
+                    holds &= kept
+                    words = [str(size), str(count), f"{row.share:.2f}", f"{row.whole:.1f}", f"{row.left:.1f}"]
+                    words += [f"{row.whole / row.left:.2f}", str(row.differs)]
+                    _write((name, backend.name, *words, *(() if pays else (" left out",)), *(() if kept else (" !",))))
+    return holds
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Prints a row for each model, scene and size, and one for each view without background."""
+    """Prints the tables."""
     parser = argparse.ArgumentParser(prog="benchmarks.skipping", description=main.__doc__)
+    parts = ("views", "full", "culling")
+    parser.add_argument("--only", nargs="+", choices=parts, default=parts, help="tables (default: all)")
     parser.add_argument("--model", nargs="*", default=MODELS, help=f"names (default {' '.join(MODELS)})")
-    parser.add_argument("--lenses", type=int, nargs="*", default=[100, 200, 512], help="along each side, of the scenes")
+    parser.add_argument(
+        "--lenses", type=int, nargs="*", help="along each side (default 100 200 512; of culling 50 100)"
+    )
     parser.add_argument("--full", type=int, nargs="*", default=FULL, help="sides of the views without background")
     parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="mesh files beside the shipped scenes")
     parser.add_argument("--rounds", type=int, default=11, help="times that each row runs at least (default 11)")
     given = parser.parse_args(argv)
     scenes = {name: scene(name) for name in SCENES}
     scenes |= {path.stem: Input(Bundle.from_path(path)).read_mesh(Options()) for path in given.mesh}
+    if "views" in given.only:
+        show_views(given.model, scenes, given.lenses or (100, 200, 512), given.rounds)
+    if "full" in given.only:
+        show_full(given.model, given.full, given.rounds)
+    return int("culling" in given.only and not show_culling(scenes, given.lenses or (50, 100), given.rounds))
 
-    def rounds(size: int) -> int:
-        return int(given.rounds * min(20, max(1, PIXELS // size**2)))
 
-    _write(("model", "scene", "lenses", "covered", "box", "seen", "ms with", "without", "faster", "differs"))
-    for name, mesh in scenes.items():
-        for size in given.lenses:
-            seen = rendered(mesh, size)
-            covered, box = shares(seen[SIDE // 2, SIDE // 2])
-            views = {at: np.ascontiguousarray(view[..., :3]) for at, view in seen.items()}
-            for model in given.model:
-                row = measured(upscaler(model, views), rounds(size))
-                words = [f"{value:.3f}" for value in (covered, box, row.seen)]
-                words += [
-                    f"{row.skipping:.1f}",
-                    f"{row.whole:.1f}",
-                    f"{row.ratio:.2f}",
-                    str(row.differs),
-                ]
-                _write((model, name, str(size), *words))
-    sys.stdout.write("\n")
-    _write(("model", "corners", "pixels", "ms with", "without", "costs"))
-    for size in given.full:
-        for alike in (False, True):
-            for model in given.model:
-                row = measured(upscaler(model, full(size, alike=alike)), rounds(size))
-                costs = (f"{row.skipping:.2f}", f"{row.whole:.2f}", f"{100 / row.ratio - 100:+.1f} %")
-                _write((model, "alike" if alike else "differ", str(size), *costs))
-    return 0
+def _rounds(given: int, size: int) -> int:
+    return int(given * min(20, max(1, PIXELS // size**2)))
 
 
 def _write(words: Sequence[str]) -> None:

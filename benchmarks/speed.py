@@ -1,6 +1,6 @@
 """How fast the default path is, against what it replaces and against what the processor can do at all.
 
-    python -m benchmarks.speed [--rounds 5] [--mesh FILE] [--eia FILE] [--only view|array|idle|png|memory ...]
+    python -m benchmarks.speed [--rounds 5] [--mesh FILE] [--eia FILE] [--only view|array|jobs|int8|png|memory ...]
 
 `view`: a view of 512x512 pixels to 1024x1024, the model that `auto` takes for single pictures against the paper's
 generator in float, both by onnxruntime; pixels to pixels, and the network alone. The view is noise, so that nothing can
@@ -12,8 +12,10 @@ are of the quickest quarter of the rounds.
 views, each doubled, interleaved again. Against the field's usual way: a perspective render for each lens, its pixels
 mapped into views, the paper's generator in float on each. From bytes in memory to the array in memory.
 
-`idle`: a small view through the default model, alone and just after each of six other sessions has run; and what those
-take of the processor while nobody calls them.
+`jobs`: whole jobs of 50x50 lenses from a mesh's bytes to encoded PNG, with sessions and the rendering context open, and
+`ciir models` as a process from its start.
+
+`int8`: each int8 network of single pictures against its float twin.
 
 `png`: PNG coding as it is against libpng's at level 1 with the Paeth filter, of upscaled views and of an elemental
 image array: time and size.
@@ -27,6 +29,8 @@ where a bound does not hold.
 from __future__ import annotations
 
 import argparse
+import io
+import subprocess
 import sys
 import time
 from functools import partial
@@ -48,7 +52,8 @@ from renderer.bundle import Bundle
 from renderer.framing import frame
 from renderer.light_field import LightField
 from renderer.scenes import SCENES
-from service.pipeline import reconstruct
+from service.outputs import FileSink
+from service.pipeline import elemental, reconstruct
 from service.plan import mesh_array
 from service.request import Options
 from service.source import Input
@@ -73,7 +78,8 @@ GEMM = 1024
 LENSES, PIXELS = (50, 50), (15, 15)
 MOST_SECONDS, VIEW_RATIO, ARRAY_RATIO, MOST_MIB = 3.0, 10.0, 6.0, 1.2e9 / 2**20
 """The bounds: of the whole array, of a view and the array against the usual way, and of memory."""
-OTHERS = 6
+SIZES = ((200, 200), (360, 640))
+"""Of the views that int8 networks are timed on, (rows, columns)."""
 MESH, EIA = Path("../shared/data/meshes/duck.glb"), Path("../shared/data/lightfields/eia-200x200x15.jpg")
 
 
@@ -222,26 +228,49 @@ def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
     yield f"  {auto}: {ratio:.1f} times faster, at least {ARRAY_RATIO:.0f} asked for", ratio >= ARRAY_RATIO
 
 
-def idle(rounds: int) -> Iterator[str]:
-    """What six other sessions cost the one that works."""
-    small = np.random.default_rng(0).integers(0, 256, (1, 50, 50, 3), np.uint8)
-    name = catalogue.default()
-    first = network(name)
-    others = [network(name) for _ in range(OTHERS)]
+def jobs(mesh: Path, rounds: int) -> Iterator[str]:
+    """Whole jobs, warm, with their stages, and the start of a process."""
+    source, default = Bundle.from_path(mesh), catalogue.default()
 
-    def after(sessions: list[Network]) -> dict[str, float]:
-        for session in sessions:
-            upscale_pixels(session, small)
-        return timed(lambda: upscale_pixels(first, small))()
+    def one_view(**options: Any) -> dict[str, float]:
+        asked = Options(lenses=LENSES, pixels=PIXELS, **options)
+        return dict(reconstruct(source, asked, FileSink(io.BytesIO(), None))["timings_ms"])
 
-    jobs = {"by itself": partial(after, [first]), "after others": partial(after, others)}
-    times = in_turns(jobs, 10 * rounds)
-    begun = time.process_time()
-    time.sleep(1)
-    used = time.process_time() - begun
-    yield f"a view of 50x50 by {name}, {OTHERS} other sessions loaded, milliseconds"
-    yield f"  by itself {times['by itself'].median:.1f}, just after the others ran {times['after others'].median:.1f}"
-    yield f"  all sessions idle for a second: {1e3 * used:.1f} ms of processor time"
+    def array(backend: Any) -> dict[str, float]:
+        asked = Options(lenses=LENSES, pixels=PIXELS, backend=backend)
+        return dict(elemental(source, asked, pictures.encode_png)["timings_ms"])
+
+    rows: dict[str, Job] = {}
+    for backend in ("raster", "raytrace"):
+        for model in (default, "bicubic"):
+            rows[f"{backend}: view 50x50 -> 100x100, {model}"] = partial(one_view, backend=backend, model=model)
+        rows[f"{backend}: view 100x100 directly"] = partial(one_view, backend=backend, strategy="direct")
+        rows[f"{backend}: EIA 50x50 lenses of 15x15"] = partial(array, backend)
+    command = [sys.executable, "-m", "service.cli", "models"]
+    rows["ciir models, cold start"] = timed(partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL))
+    yield f"{source.name}, whole jobs from bytes to encoded PNG, milliseconds"
+    for name, times in in_turns(rows, rounds).items():
+        stages = "  ".join(f"{stage} {value:.1f}" for stage, value in times.stages.items())
+        yield f"  {name:42s} {times.median:8.1f}  (quartiles {times.low:.1f}, {times.high:.1f})  {stages}"
+
+
+def int8(rounds: int) -> Iterator[str]:
+    """Each int8 network of single pictures against its float twin, on one core and on all."""
+    yield "float networks against their int8 twins, milliseconds"
+    cards = [entry.card for entry in catalogue.entries() if entry.card and not entry.is_light_field]
+    for card in (card for card in cards if card.float_twin):
+        for threads in sorted({1, available_cores()}):
+            pair = [catalogue.load(name, threads=threads) for name in (card.float_twin, card.name)]
+            for height, width in SIZES:
+                image = np.random.default_rng(0).random((1, 3, height, width), dtype=np.float32)
+                times = in_turns(
+                    {each.name: timed(partial(each, image)) for each in pair}, rounds, reference=card.float_twin
+                )
+                plain, quick = (times[each.name] for each in pair)
+                yield (
+                    f"  {card.name:14s} {width}x{height}, {threads} core(s): float {plain.median:.1f}, "
+                    f"int8 {quick.median:.1f}, {quick.ratio:.2f} times faster"
+                )
 
 
 def png(eia: Path, rounds: int) -> Iterator[str]:
@@ -272,16 +301,17 @@ def memory(eia: Path) -> Iterator[str | Checked]:
 def main(argv: list[str] | None = None) -> int:
     """Prints the parts that are asked for, all of them by default."""
     parser = argparse.ArgumentParser(prog="benchmarks.speed", description=main.__doc__)
-    parts = ("view", "array", "idle", "png", "memory")
+    parts = ("view", "array", "jobs", "int8", "png", "memory")
     parser.add_argument("--rounds", type=int, default=5, help="times that each job runs (default 5)")
-    parser.add_argument("--mesh", type=Path, default=MESH, help=f"mesh of the array (default {MESH})")
+    parser.add_argument("--mesh", type=Path, default=MESH, help=f"mesh of the array and the jobs (default {MESH})")
     parser.add_argument("--eia", type=Path, default=EIA, help=f"elemental image array (default {EIA})")
     parser.add_argument("--only", nargs="+", choices=parts, default=parts, help="parts to run (default: all)")
     given = parser.parse_args(argv)
     made: dict[str, Callable[[], Iterator[str | Checked]]] = {
         "view": lambda: view(given.rounds),
         "array": lambda: whole_array(Bundle.from_path(given.mesh), given.rounds),
-        "idle": lambda: idle(given.rounds),
+        "jobs": lambda: jobs(given.mesh, given.rounds),
+        "int8": lambda: int8(given.rounds),
         "png": lambda: png(given.eia, given.rounds),
         "memory": lambda: memory(given.eia),
     }

@@ -27,7 +27,7 @@ VIEWS = 5
 fewer to cull."""
 FEW = {"raytrace": 2, "raster": 8}
 """How many times as many triangles as rays a scene must have at least, by backend, so that enough of them go: Embree
-takes longer for a triangle than OpenGL (`python -m benchmarks.culling`)."""
+takes longer for a triangle than OpenGL (`python -m benchmarks.skipping --only culling`)."""
 SNAP = 1 / 32
 """How far OpenGL may move a vertex, samples: to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS >= 4)."""
 ROUNDED = 16

@@ -1,10 +1,15 @@
 """The table's columns say what they are said to."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from benchmarks import skipping
 from models.skip import EXACT
+from renderer.framing import frame
+from renderer.lens_array import LensArray
+from renderer.scenes import scene
 
 
 def test_shares_of_a_view():
@@ -32,6 +37,29 @@ def test_both_are_run_as_often_and_compared():
 
 
 def test_a_row_for_each_view(capsys):
-    skipping.main(["--model", "bicubic", "--lenses", "24", "--full", "20", "--rounds", "1"])
+    skipping.main(["--model", "bicubic", "--lenses", "24", "--full", "20", "--rounds", "1", "--only", "views", "full"])
     lines = [line.split() for line in capsys.readouterr().out.splitlines() if line]
     assert [line[1] for line in lines] == ["scene", "vase", "globe", "hamburger", "corners", "differ", "alike"]
+
+
+def test_culling_is_compared_with_the_whole_scene():
+    array, seen = LensArray(4, 4, 3, 3), []
+    mesh = scene("vase").transformed(frame(scene("vase"), array))
+
+    def views(found, array, wanted):
+        seen.append(found.triangles)
+        yield np.full((2, 3, 4), int(found.triangles < mesh.triangles), np.uint8)
+
+    row = skipping.culled(mesh, array, "center", SimpleNamespace(views=views), rounds=2)
+    assert row.differs == 6
+    assert seen[::2] == [mesh.triangles] * 3
+    assert row.share == 1 - seen[1] / mesh.triangles > 0.5
+
+
+def test_a_row_of_culling_for_each_mesh_and_backend(capsys):
+    assert skipping.main(["--only", "culling", "--lenses", "9", "--rounds", "1"]) in (0, 1)  # times may be any
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert {(line[0], line[1]) for line in lines} == {
+        (name, backend) for name in ("vase", "globe", "hamburger") for backend in ("raster", "raytrace")
+    }
+    assert all(line[8] == "0" for line in lines)

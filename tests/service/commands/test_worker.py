@@ -9,9 +9,9 @@ import httpx2
 import numpy as np
 import pytest
 
-from benchmarks.load_watch import descendants
 from renderer.pictures import decode
 from service.cli import main
+from tests.load.server import descendants
 
 
 def test_a_worker_does_what_a_server_without_workers_takes_in(samples, tmp_path):

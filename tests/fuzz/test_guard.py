@@ -8,7 +8,7 @@ import pytest
 PROGRAM = """
 import json, os, socket, sys, tempfile
 from pathlib import Path
-from benchmarks.fuzz.guard import Guard
+from tests.fuzz.guard import Guard
 guard = Guard()
 Path(sys.argv[1]).read_bytes()
 guard.arm()

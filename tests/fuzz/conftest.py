@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.load_server import serving
+from tests.load.server import serving
 
 
 @pytest.fixture(scope="session")

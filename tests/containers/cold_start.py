@@ -1,6 +1,6 @@
 """How long the compose file's services take from nothing to their first answer, and what they hold.
 
-    docker build -t ciir . && python -m benchmarks.containers [--rounds 5]
+    docker build -t ciir . && python -m tests.containers.cold_start [--rounds 5]
 
 Each round starts all containers of a new project with empty volumes, posts an elemental image array until it is
 answered with a view, and takes everything down. Needs a Docker engine with compose.
@@ -22,7 +22,7 @@ import numpy as np
 
 from renderer.pictures import encode_png
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PROJECT, PORT = "ciir-bench", "18765"
 URL = f"http://127.0.0.1:{PORT}/v1/reconstructions"
 PATIENCE_SECONDS = 60
@@ -67,7 +67,7 @@ def _resident(container: str) -> int:
 def run(*command: str) -> str:
     """A command's output; ends this program where it fails."""
     environment = os.environ | {"CIIR_PORT": PORT}
-    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT, env=environment)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT, env=environment)  # noqa: S603 - our own
     if done.returncode != 0:
         sys.exit(f"{' '.join(command)}: {done.stderr[-2000:]}")
     return done.stdout.strip()
@@ -75,7 +75,7 @@ def run(*command: str) -> str:
 
 def main() -> None:
     """Prints a line a round, and medians."""
-    parser = argparse.ArgumentParser(prog="benchmarks.containers", description=__doc__)
+    parser = argparse.ArgumentParser(prog="tests.containers.cold_start", description=__doc__)
     parser.add_argument("--rounds", type=int, default=5, help="cold starts (default 5)")
     rounds = parser.parse_args().rounds
     compose = ["docker-compose"] if shutil.which("docker-compose") else ["docker", "compose"]

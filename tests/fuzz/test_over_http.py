@@ -3,9 +3,8 @@
 import http.client
 from contextlib import closing
 
-from benchmarks import load
-from benchmarks.fuzz.over_http import attack
-from benchmarks.load_reference import differences
+from tests.fuzz.over_http import attack
+from tests.load import run
 
 
 def test_no_input_brings_about_what_is_not_declared(hostile_server):
@@ -23,6 +22,6 @@ def test_many_at_once_get_what_the_command_line_makes(hostile_server, tmp_path):
     answers.mkdir()
     made.mkdir()
     numbers = range(40, 60)  # a round: all kinds, one of them asked for before
-    done = load.ask_all(hostile_server, numbers, 8, 120, answers)
+    done = run.ask_all(hostile_server, numbers, 8, 120, answers)
     assert sorted(done) == list(numbers)
-    assert differences(numbers, answers, made) == []
+    assert run.differences(numbers, answers, made) == []

@@ -1,9 +1,9 @@
 """Mutated files, forms and heads over HTTP, at a real server.
 
-    python -m benchmarks.fuzz.over_http [--inputs 10000] [--seconds 600] [--connections 4] [--seed 1] [--url URL]
+    python -m tests.fuzz.over_http [--inputs 10000] [--seconds 600] [--connections 4] [--seed 1]
 
 A third each: the seeds of all targets, edited, as the file of a whole form; edited forms; and edited requests from the
-first byte of the head on. Starts `ciir serve` with a folder of its own unless `--url http://HOST:PORT` names one.
+first byte of the head on. Starts `ciir serve` with a folder of its own.
 
 Every answer must be one that the API declares (no 500), every fault a line of problem+json, each within
 `ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these doesn't hold.
@@ -22,32 +22,19 @@ import tempfile
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import urlsplit
+from typing import NamedTuple
 
-from benchmarks.fuzz import seeds
-from benchmarks.fuzz.mutate import mutated
-from benchmarks.fuzz.targets import TARGETS
-from benchmarks.load_client import PATH, form
-from benchmarks.load_requests import Asked
-from benchmarks.load_server import serving
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+from tests.fuzz import seeds
+from tests.fuzz.mutate import mutated
+from tests.fuzz.targets import TARGETS
+from tests.load.requests import PATH, Asked, form
+from tests.load.server import serving
 
 ANSWER_SECONDS = 60
-SUFFIXES = {
-    "png": ".png",
-    "png-sealed": ".png",
-    "jpeg": ".jpg",
-    "tiff": ".tif",
-    "draco": ".glb",
-    "any": "",
-    "views": ".zip",
-}
-"""What files of a target are called, where it isn't the target's name."""
+SUFFIXES = {"png-sealed": ".png", "jpeg": ".jpg", "tiff": ".tif", "draco": ".glb", "any": "", "views": ".zip"}
+"""Of a target's files, where it isn't the target's name."""
 HEADS = (
     f"POST {PATH} HTTP/1.1\r\nHost: a\r\nContent-Type: multipart/form-data; boundary=bound\r\n",
     "GET /v1/reconstructions/0123456789abcdef0123456789abcdef/events HTTP/1.1\r\nHost: a\r\nLast-Event-ID: 3\r\n",
@@ -151,40 +138,28 @@ def attack(host: str, port: int, *, inputs: int, seconds: float, connections: in
         return [said for part in pool.map(work, range(connections)) for said in part]
 
 
-def told(said: Sequence[Said]) -> Iterator[str]:
-    """Counts by status, and the first faults."""
-    counts = collections.Counter(one.status for one in said)
-    yield f"{len(said):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items()))
-    faults = [one.fault for one in said if one.fault]
-    yield f"{len(faults)} answers that are not as declared"
-    yield from faults[:10]
-
-
-def main(argv: list[str] | None = None) -> int:
+def main() -> int:
     """Prints the counts."""
-    parser = argparse.ArgumentParser(prog="benchmarks.fuzz.over_http", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="tests.fuzz.over_http", description=main.__doc__)
     parser.add_argument("--inputs", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seconds", type=float, default=600, help="after which no more are sent (default 600)")
     parser.add_argument("--connections", type=int, default=4, help="at once (default 4)")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
-    parser.add_argument("--url", help="a server that runs (default: one is started)")
-    given = parser.parse_args(argv)
-    with ExitStack() as stack:
-        if given.url:
-            host, port = urlsplit(given.url).hostname or "127.0.0.1", urlsplit(given.url).port or 80
-        else:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            host, port = "127.0.0.1", stack.enter_context(serving(folder, folder / "log")).port
+    given = parser.parse_args()
+    host = "127.0.0.1"
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), Path(folder, "log")) as (port, _):
         said = attack(
             host, port, inputs=given.inputs, seconds=given.seconds, connections=given.connections, seed=given.seed
         )
         with closing(http.client.HTTPConnection(host, port, timeout=ANSWER_SECONDS)) as connection:
             connection.request("GET", "/healthz")
             is_alive = connection.getresponse().status == 200
-    for line in told(said):
-        sys.stdout.write(f"{line}\n")
-    sys.stdout.write(f"/healthz answers at the end: {is_alive}\n")
-    return 0 if is_alive and not any(one.fault for one in said) else 1
+    counts = collections.Counter(one.status for one in said)
+    faults = [one.fault for one in said if one.fault]
+    print(f"{len(said):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items())))
+    print(f"{len(faults)} answers that are not as declared", *faults[:10], sep="\n")
+    print(f"/healthz answers at the end: {is_alive}")
+    return 0 if is_alive and not faults else 1
 
 
 if __name__ == "__main__":

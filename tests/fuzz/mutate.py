@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
-from benchmarks.fuzz import seeds
+from tests.fuzz import seeds
 
 if TYPE_CHECKING:
     import random

@@ -10,13 +10,13 @@ import zipfile
 
 import pytest
 
-from benchmarks.fuzz import gltf_seeds, seeds
 from renderer import pictures
+from tests.fuzz import gltf_seeds, seeds
 
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from benchmarks.fuzz.guard import Guard
+from tests.fuzz.guard import Guard
 from service.jobs.job import Problem, Request
 from service.jobs.work import Allowed, Work, do
 from service.settings import Settings

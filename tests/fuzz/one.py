@@ -1,10 +1,10 @@
 """One target under atheris, which learns from what our own code does with each input what to try next.
 
-    python -m benchmarks.fuzz.one TARGET FOLDER [-runs=N] [-max_total_time=SECONDS] [other flags of libFuzzer]
+    python -m tests.fuzz.one TARGET FOLDER [-runs=N] [-max_total_time=SECONDS] [other flags of libFuzzer]
 
 `FOLDER` gets `corpus/`, the seeds and what was found to go new ways; `counts`, how many inputs were read and how many
 refused; and at the first input on which the target breaks its word, opens a file or a connection, or takes over 10
-seconds, that input as `crash-...`, `oom-...` or `timeout-...`. `benchmarks.fuzz.run` calls this for all targets.
+seconds, that input as `crash-...`, `oom-...` or `timeout-...`. `tests.fuzz.run` calls this for all targets.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import atheris
 with atheris.instrument_imports(
     include=["renderer", "service.pipeline", "service.plan", "service.request", "service.web"]
 ):
-    from benchmarks.fuzz.guard import Guard
-    from benchmarks.fuzz.targets import TARGETS, BrokenPromise
+    from tests.fuzz.guard import Guard
+    from tests.fuzz.targets import TARGETS, BrokenPromise
 
 SECONDS_EACH, MEBIBYTES = 10, 3000
 

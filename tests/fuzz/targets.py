@@ -1,7 +1,7 @@
 """Each door that strangers' bytes come in by, as a function of bytes that holds it to its word.
 
 A target returns whether the bytes were read. It raises where a door does anything but give what it promises, or refuse
-in one line by a fault of `service.errors.FAULTS`: `python -m benchmarks.fuzz.run` looks for bytes that make it.
+in one line by a fault of `service.errors.FAULTS`: `python -m tests.fuzz.run` looks for bytes that make it.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ import numpy as np
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
-from benchmarks.fuzz import gltf_seeds, seeds
-from benchmarks.fuzz.seeds import parts
 from renderer import inputs, meshes, pictures
 from renderer.bundle import Bundle
 from renderer.kinds import Kind, identify
@@ -30,6 +28,8 @@ from service.outputs import FileSink
 from service.pipeline import reconstruct
 from service.request import NAMES, Options
 from service.web import multipart, upload
+from tests.fuzz import gltf_seeds, seeds
+from tests.fuzz.seeds import parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable

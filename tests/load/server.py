@@ -1,26 +1,72 @@
-"""What is watched from beside while `benchmarks.load` asks: how soon /healthz answers, and what all processes hold."""
+"""A `ciir serve` for tests under load, and samples of its memory and of /healthz while it works."""
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
+import os
+import re
+import signal
+import subprocess
+import sys
 import time
+import urllib.error
+import urllib.request
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from multiprocessing.synchronize import Event
 
+START_SECONDS = STOP_SECONDS = 120
 EVERY_SECONDS = 0.1
 PAGE = 4096
 ANSWER_SECONDS = 10
 
 
-class Seen(TypedDict):
-    """What was seen, sample by sample."""
+class Server(NamedTuple):
+    """It runs."""
 
-    at: list[float]
-    """Seconds since the watch began."""
+    port: int
+    pid: int
+
+
+@contextlib.contextmanager
+def serving(folder: Path, log: Path) -> Iterator[Server]:
+    """The server on a free port, ready; it is told to end, and must, within `STOP_SECONDS`."""
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0"]
+    environment = os.environ | {"CIIR_FOLDER": str(folder / "jobs"), "CIIR_CACHE": str(folder / "cache")}
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, env=environment)  # noqa: S603 - our own
+    try:
+        end = time.monotonic() + START_SECONDS
+        while (found := re.search(r"http://127\.0\.0\.1:(\d+)", log.read_text())) is None or not _is_ready(found[0]):
+            if process.poll() is not None or time.monotonic() > end:
+                raise RuntimeError(f"the server doesn't start: {log.read_text()[-2000:]}")
+            time.sleep(0.05)
+        yield Server(int(found[1]), process.pid)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+
+
+def _is_ready(url: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{url}/readyz", timeout=10) as answer:  # noqa: S310 - our own
+            return bool(answer.status == 200)
+    except urllib.error.HTTPError:
+        return False
+
+
+class Seen(TypedDict):
+    """Samples."""
+
     health_ms: list[float]
     """Milliseconds from asking /healthz, on an open connection, to its last byte."""
     bytes: list[int]
@@ -31,11 +77,10 @@ class Seen(TypedDict):
 
 
 def watch(port: int, pid: int, stop: Event, out: Path) -> None:
-    """Samples until `stop` is set, then writes `Seen` as JSON to `out`. Made to run in a process of its own: a busy
-    client would be taken for a slow server.
+    """Samples until `stop` is set, then writes `Seen` as JSON to `out`. Run it in a separate process: in a busy client
+    the server would seem slow.
     """
-    seen: Seen = {"at": [], "health_ms": [], "bytes": [], "web_bytes": [], "processes": []}
-    begun = time.monotonic()
+    seen: Seen = {"health_ms": [], "bytes": [], "web_bytes": [], "processes": []}
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=ANSWER_SECONDS)
     while not stop.wait(EVERY_SECONDS):
         asked = time.perf_counter()
@@ -46,7 +91,6 @@ def watch(port: int, pid: int, stop: Event, out: Path) -> None:
         if answer.status != 200:
             raise RuntimeError(f"/healthz answers {answer.status}")
         family = descendants(pid)
-        seen["at"].append(time.monotonic() - begun)
         seen["health_ms"].append(1000 * took)
         seen["bytes"].append(sum(resident(one) for one in family))
         seen["web_bytes"].append(resident(pid))

@@ -1,4 +1,4 @@
-"""Small glTF files of every kind that is read, for `benchmarks.fuzz.seeds` and for whoever makes others of them."""
+"""Small glTF files of every kind that is read, for `tests.fuzz.seeds` and for whoever makes others of them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.fuzz.seeds import CORNERS, FACES, noise, pack
 from renderer import pictures
+from tests.fuzz.seeds import CORNERS, FACES, noise, pack
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,11 +1,11 @@
 """The server under load: mixed requests over many connections at once, each answer held against the command line's.
 
-    python -m benchmarks.load [--requests 2000] [--seconds 1800] [--connections 16] [--json FILE] [--log FILE]
+    python -m tests.load.run [--requests 2000] [--seconds 1800] [--connections 16] [--json FILE] [--log FILE]
 
-Starts `ciir serve` with a folder of its own, asks some of each kind, and then sends `--requests` requests
-(`benchmarks.load_requests`: half of them small views, the rest meshes, arrays, bad files, and some that were sent
-before) over `--connections` connections that are kept open; after `--seconds` no more are begun. What is asked to wait
-(202, 429, a 503 that says when to come again) waits, and asks again. Meanwhile `benchmarks.load_watch` looks on.
+Starts `ciir serve` with a folder of its own, sends some requests of each kind, and then `--requests` of them
+(`tests.load.requests`: half of them small views, the rest meshes, arrays, bad files and repetitions) over
+`--connections` connections that are kept open; after `--seconds` no more are begun. A request whose answer asks the
+client to wait (202, 429, a 503 with Retry-After) is sent again. Another process samples /healthz and memory meanwhile.
 
 Then, with nothing else to do, small views one at a time: what the service adds to the pipeline's own time. At the end
 `ciir reconstruct` does all of it again without a server: pictures must agree to the byte, and what it refuses must have
@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
+import io
 import json
 import multiprocessing
 import statistics
@@ -24,22 +26,20 @@ import sys
 import tempfile
 import threading
 import time
+import zipfile
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from benchmarks import machine
-from benchmarks.load_client import Answered, Connection, form
-from benchmarks.load_reference import differences
-from benchmarks.load_requests import asked, origin, small
-from benchmarks.load_server import Server, serving
-from benchmarks.load_watch import Seen, watch
+from service import cli
+from tests.load.requests import LATER, Answered, Connection, asked, form, origin, small
+from tests.load.server import Seen, Server, serving, watch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 WARM = 200
 """Requests before the count begins: enough of each kind for every worker to have had the largest."""
@@ -70,7 +70,7 @@ def ask_all(
         end = time.monotonic() + seconds
 
         def work(_: int) -> None:
-            with closing(Connection(server.port)) as connection:
+            with contextlib.closing(Connection(server.port)) as connection:
                 while time.monotonic() < end:
                     with lock:
                         number = next(waiting, None)
@@ -148,7 +148,7 @@ def by_quarter(sizes: list[int]) -> list[float]:
 
 def alone(server: Server) -> Iterator[Line]:
     """What the service adds to the pipeline's own time, one small view at a time."""
-    with closing(Connection(server.port)) as connection:
+    with contextlib.closing(Connection(server.port)) as connection:
         answers = [connection.ask(form(small(2 * APART + number)))[0] for number in range(ALONE)]
     added = [answer.ms - answer.pipeline_ms for answer in answers if answer.pipeline_ms is not None]
     if len(added) < ALONE:
@@ -178,9 +178,51 @@ def compared(folder: Path, processes: int) -> Iterator[Line]:
         yield Line(f"  {line}")
 
 
+def differences(numbers: Sequence[int], answers: Path, folder: Path) -> list[str]:
+    """Of each of the requests `numbers` whose answer differs from the command line's a line that says how.
+
+    `answers` holds `NUMBER-STATUS` with the body; `folder` is for what is made here. Runs in a process of its own.
+    """
+    return [line for number in numbers if (line := _difference(number, answers, folder))]
+
+
+def _difference(number: int, answers: Path, folder: Path) -> str:
+    given = asked(number)
+    (answer,) = answers.glob(f"{number}-*")
+    status = int(answer.name.partition("-")[2])
+    file, out = folder / f"{number}-{given.name}", folder / str(number)
+    file.write_bytes(given.data)
+    options = [word for name, value in given.options.items() for word in (f"--{name}", value)]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+        ended = cli.main(["reconstruct", str(file), "-o", str(out), *options])
+    file.unlink()
+    what = f"request {number}, {given.kind} {given.name}"
+    if ended != 0:
+        is_refused = ended == 2 and 400 <= status < 500 and status not in LATER
+        return "" if is_refused else f"{what}: answered {status}, the command line ends with {ended}: {said.getvalue()}"
+    if status != 200:
+        return f"{what}: answered {status}, the command line makes it: {answer.read_bytes()[:300]!r}"
+    made = {path.name: path.read_bytes() for path in out.glob("*.png")}
+    for path in out.iterdir():
+        path.unlink()
+    got = _pictures(answer.read_bytes())
+    if len(made) == 1 and len(got) == 1:
+        return "" if list(made.values()) == list(got.values()) else f"{what}: another picture"
+    wrong = sorted(name for name in made.keys() | got.keys() if made.get(name) != got.get(name))
+    return f"{what}: {len(wrong)} of {len(made)} views differ, {wrong[0]} first" if wrong else ""
+
+
+def _pictures(body: bytes) -> dict[str, bytes]:
+    """An answer's pictures by name: those of a zip, or the one that it is."""
+    if not body.startswith(b"PK"):
+        return {"": body}
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        return {name: archive.read(name) for name in archive.namelist() if name.endswith(".png")}
+
+
 def main(argv: list[str] | None = None) -> int:
     """Prints the lines."""
-    parser = argparse.ArgumentParser(prog="benchmarks.load", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="tests.load.run", description=main.__doc__)
     parser.add_argument("--requests", type=int, default=2000, help="how many (default 2000)")
     parser.add_argument("--seconds", type=float, default=1800, help="after which no more are begun (default 1800)")
     parser.add_argument("--connections", type=int, default=16, help="at once (default 16)")
