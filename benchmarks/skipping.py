@@ -39,7 +39,7 @@ import numpy as np
 
 from models import catalogue
 from models.pixels import upscale_pixels
-from models.skip import EXACT, NOTHING, Tally
+from models.skip import Tally
 from models.views import upscale_views
 from renderer import culling
 from renderer.backends import open_backend
@@ -57,12 +57,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.skip import Skipping
     from renderer.backends import Backend
     from renderer.scene import Scene
 
     View = NDArray[np.uint8]
-    Upscale = Callable[[Skipping, Tally], NDArray[np.uint8]]
+    Upscale = Callable[[bool, Tally], NDArray[np.uint8]]
 
 MODELS = ("fast-int8", "field-int8")
 MIDDLE, SIDE = 7, 5
@@ -95,12 +94,12 @@ class Row(NamedTuple):
 def measured(upscale: Upscale, rounds: int) -> Row:
     """Both in turns, each first in every other round; the first round of each doesn't count."""
     tally = Tally()
-    pair = [upscale(EXACT, tally).astype(int), upscale(NOTHING, Tally()).astype(int)]
+    pair = [upscale(True, tally).astype(int), upscale(False, Tally()).astype(int)]
     times: dict[bool, list[float]] = {True: [], False: []}
     for number in range(rounds):
         for is_skipping in (number % 2 == 0, number % 2 == 1):
             begun = time.perf_counter()
-            upscale(EXACT if is_skipping else NOTHING, Tally())
+            upscale(is_skipping, Tally())
             times[is_skipping].append(1000 * (time.perf_counter() - begun))
     skipped, whole = (statistics.median(times[key]) for key in (True, False))
     ratio = statistics.median(slow / quick for quick, slow in zip(times[True], times[False], strict=True))
@@ -113,7 +112,7 @@ def upscaler(name: str, views: dict[tuple[int, int], View]) -> Upscale:
     if next(entry for entry in catalogue.entries() if entry.name == name).is_light_field:
         network, alone = catalogue.load_light_field(name), catalogue.load(catalogue.DEFAULT)
 
-        def together(skipping: Skipping, tally: Tally) -> NDArray[np.uint8]:
+        def together(skipping: bool, tally: Tally) -> NDArray[np.uint8]:
             made, _ = upscale_views(network, alone, views, [middle], (SIDE, SIDE), skipping=skipping, tally=tally)
             return made.astype(np.uint8)
 

@@ -45,7 +45,6 @@ from benchmarks.bench.work import views
 from models import catalogue
 from models.pixels import upscale_pixels
 from models.session import Network, available_cores, open_session
-from models.skip import NOTHING
 from renderer import pictures
 from renderer.backends import open_backend
 from renderer.bundle import Bundle
@@ -204,7 +203,7 @@ def usual(source: Source, options: Options) -> NDArray[np.uint8]:
     mapped = LightField.from_eia(eia, rows=array.rows, cols=array.cols).views
     v, u, rows, cols, channels = mapped.shape
     small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)
-    large: NDArray[np.uint8] = upscale_pixels(catalogue.load(PAPER), small, skipping=NOTHING)
+    large: NDArray[np.uint8] = upscale_pixels(catalogue.load(PAPER), small, skipping=False)
     return LightField(large.reshape(v, u, *large.shape[1:])).to_eia().astype(np.uint8)
 
 

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from models import bounded, skip, tiles
+from models import skip, tiles
 from models.errors import InvalidImage
-from models.skip import EXACT, Tally
+from models.skip import Tally
 
 if TYPE_CHECKING:
     from typing import Any
 
     from numpy.typing import NDArray
 
-    from models.skip import Skipping
     from models.tiles import Tile
     from models.upscaler import Upscaler
 
@@ -27,7 +26,7 @@ BLOCK = 1 << 20
 
 
 def upscale_pixels(
-    upscaler: Upscaler, pictures: NDArray[Depth], *, skipping: Skipping = EXACT, tally: Tally | None = None
+    upscaler: Upscaler, pictures: NDArray[Depth], *, skipping: bool = True, tally: Tally | None = None
 ) -> NDArray[Depth]:
     """`(N, H, W, C)` -> `(N, scale*H, scale*W, C)` of the same type, rounded to nearest.
 
@@ -36,7 +35,7 @@ def upscale_pixels(
     what is hidden doesn't bleed into what shows, and alpha has a pass of its own. Alpha is exact where it was flat:
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
-    `skipping`: what isn't computed, see `models.skip`; with its default the result is the same. What was skipped is
+    `skipping`: whether to leave out what `models.skip` finds, which doesn't change the result; what was skipped is
     added to `tally`.
 
     Raises `InvalidImage` where the array is of another shape or type.
@@ -48,51 +47,38 @@ def upscale_pixels(
     tally = Tally() if tally is None else tally
     count, height, width, _ = pictures.shape
     tally.pixels += count * height * width
-    if not skipping.exact:
-        return _computed(upscaler, pictures, skipping, tally, of=height * width)
+    if not skipping:
+        return _whole(upscaler, pictures)
     firsts = skip.repeats(pictures) if count > 1 else [0] * count
     singles = sorted(set(firsts))
     if len(singles) == count:
-        return _boxed(upscaler, pictures, skipping, tally)
+        return _boxed(upscaler, pictures, tally)
     tally.repeated += (count - len(singles)) * height * width
-    made = _boxed(upscaler, pictures[singles], skipping, tally)
+    made = _boxed(upscaler, pictures[singles], tally)
     return made[np.searchsorted(singles, firsts)]
 
 
-def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], skipping: Skipping, tally: Tally) -> NDArray[Depth]:
+def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], tally: Tally) -> NDArray[Depth]:
     """All of them, but only what is not one colour all around is computed."""
     count, height, width, channels = pictures.shape
     scale, radius = upscaler.scale, upscaler.radius
-    pixels = height * width
     found = [skip.found(picture, radius) for picture in pictures] if skip.suits(upscaler) else []
     if all(colour is None for colour, _ in found):
-        return _computed(upscaler, pictures, skipping, tally, of=pixels)
+        return _whole(upscaler, pictures)
     result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)
-    alike: dict[tuple[tuple[int, ...], int], list[tuple[int, Tile]]] = {}
+    alike: dict[tuple[int, ...], list[tuple[int, Tile]]] = {}
     for number, (colour, boxes) in enumerate(found):
-        computed = sum(skip.area(box.window) for box in boxes)
         if colour is not None:
             pattern = _pattern(cast("Any", upscaler), colour.tobytes(), pictures.dtype.name)
             skip.fill(result[number], pattern, radius, scale)
-            tally.plain += max(0, pixels - computed)
+            tally.plain += max(0, height * width - sum(skip.area(box.window) for box in boxes))
         for box in boxes:
-            # What may be wrong with a picture is shared out among its boxes by their size.
-            of = pixels * skip.area(box.window) // computed
-            alike.setdefault((pictures[number][box.window].shape, of), []).append((number, box))
-    for (_, of), some in alike.items():
+            alike.setdefault(pictures[number][box.window].shape, []).append((number, box))
+    for some in alike.values():
         parts = np.stack([pictures[at][part.window] for at, part in some])
-        for (at, part), large in zip(some, _computed(upscaler, parts, skipping, tally, of=of), strict=True):
+        for (at, part), large in zip(some, _whole(upscaler, parts), strict=True):
             result[at][part.target(scale)] = large[part.source(scale)]
     return result
-
-
-def _computed(
-    upscaler: Upscaler, pictures: NDArray[Depth], skipping: Skipping, tally: Tally, *, of: int
-) -> NDArray[Depth]:
-    """`_whole`, but for what may be interpolated: see `models.bounded.upscale` for `of`."""
-    if skipping.max_error is None:
-        return _whole(upscaler, pictures)
-    return bounded.upscale(_whole, upscaler, pictures, skipping.max_error, tally, of=of)
 
 
 @lru_cache(maxsize=64)

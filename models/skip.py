@@ -45,20 +45,6 @@ class Model(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Skipping:
-    """What may be left out."""
-
-    exact: bool = True
-    """What is known without the network: the result is the same."""
-    max_error: float | None = None
-    """Root mean square of levels (of 255) by which the result may differ for what is left out beyond that."""
-
-
-EXACT = Skipping()
-NOTHING = Skipping(exact=False)
-
-
 @dataclass
 class Tally:
     """What was upscaled, input pixels."""
@@ -69,8 +55,6 @@ class Tally:
     """Those outside the boxes, all around of one colour."""
     repeated: int = 0
     """Those of pictures that were there before."""
-    interpolated: int = 0
-    """Those that were interpolated within `Skipping.max_error`."""
     seconds: float = 0.0
     """What the others took; whoever calls the model adds it up."""
 

@@ -11,7 +11,7 @@ from models.abreast import each, suits
 from models.errors import InvalidImage
 from models.pixels import upscale_pixels
 from models.session import BATCH, WINDOW
-from models.skip import EXACT, NOTHING, Tally
+from models.skip import Tally
 from models.tiles import split
 from models.windows import axis, window
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from models.light_field import LightFieldNetwork
     from models.shear import Pixels
-    from models.skip import Skipping
     from models.tiles import Tile
     from models.upscaler import Upscaler
     from models.windows import Axis
@@ -50,7 +49,7 @@ def upscale_views(
     wanted: Sequence[View],
     grid: tuple[int, int],
     *,
-    skipping: Skipping = EXACT,
+    skipping: bool = True,
     tally: Tally | None = None,
 ) -> tuple[Pixels, float]:
     """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`; and the share
@@ -65,7 +64,8 @@ def upscale_views(
     Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
     made in tiles, of all views one place after the other: what is held beside input and result stays small.
 
-    `skipping`: what isn't computed, see `models.skip`; what was skipped is added to `tally`.
+    `skipping`: whether to leave out what `models.skip` and `models.plain_views` find, which doesn't change the result;
+    what was skipped is added to `tally`.
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
@@ -73,7 +73,7 @@ def upscale_views(
     tally = Tally() if tally is None else tally
     pixels = first.shape[0] * first.shape[1]
     tally.pixels += len(wanted) * pixels
-    may_repeat = skipping.exact and len(wanted) > 1
+    may_repeat = skipping and len(wanted) > 1
     firsts = plain_views.repeats(views, wanted, grid) if may_repeat else list(range(len(wanted)))
     singles = sorted(set(firsts))
     tally.repeated += (len(wanted) - len(singles)) * pixels
@@ -89,7 +89,7 @@ class _Job(NamedTuple):
     network: LightFieldNetwork
     views: Mapping[View, Pixels]
     grid: tuple[int, int]
-    skipping: Skipping
+    skipping: bool
     tally: Tally
 
 
@@ -109,7 +109,7 @@ def _blended(job: _Job, alone: Upscaler, wanted: Sequence[View]) -> tuple[Pixels
     for number, at in enumerate(wanted):
         strange = np.clip((doubt[number, ..., 0] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
         if np.mean(strange > 0) > NEGLIGIBLE:
-            _blend(result[number], _alone(alone, job.views[at], EXACT if job.skipping.exact else NOTHING), strange)
+            _blend(result[number], _alone(alone, job.views[at], job.skipping), strange)
             left[number] = np.mean(strange > 0.5)
     return result, left
 
@@ -119,7 +119,7 @@ def _fill(job: _Job, at: View, result: Pixels, doubt: NDArray[np.float32]) -> Pi
     None where there is no such colour.
     """
     network = job.network
-    colour = plain_views.colour(network, job.views[at]) if job.skipping.exact else None
+    colour = plain_views.colour(network, job.views[at]) if job.skipping else None
     if colour is not None:
         large, doubtful = plain_views.pattern(network, colour, at, job.grid)
         skip.fill(result, _rounded(large, result), network.radius, network.scale)
@@ -202,7 +202,7 @@ def _rounded(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:
     return levels
 
 
-def _alone(upscaler: Upscaler, view: Pixels, skipping: Skipping) -> Pixels:
+def _alone(upscaler: Upscaler, view: Pixels, skipping: bool) -> Pixels:
     # Its type variable takes 8 or 16 bit, where a view is either: one of them stands for both.
     made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skipping=skipping)[0]
     return made

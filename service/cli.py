@@ -101,7 +101,7 @@ def parser() -> argparse.ArgumentParser:
     add.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
     add.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture's name, or a folder")
     takes = f"a listed model that takes pictures (default {DEFAULT}, or its int8 twin where the processor suits)"
-    _add_options(add, ("model", "scale", "skip", "max_error"), model=takes)
+    _add_options(add, ("model", "scale", "skip"), model=takes)
     add.add_argument("--report", metavar="FILE", help="write the report (JSON) here")
 
     add = command("models", "the models that can be named")

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from models import bounded, catalogue
-from models.skip import EXACT
+from models import catalogue
 from models.views import NEGLIGIBLE
-from service.request import NO_MODEL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.skip import Skipping, Tally
+    from models.skip import Tally
     from models.upscaler import Upscaler
     from renderer.pictures import Pixels
     from renderer.views import View
@@ -27,9 +25,9 @@ Enlarge = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels"
 pixels that another model made, as the views around don't match."""
 
 
-def opened(plan: Plan, grid: tuple[int, int], skipping: Skipping = EXACT, tally: Tally | None = None) -> Enlarge:
-    """What `plan.model`, one of the catalogue, makes of views of a light field of `grid` views. What `skipping` leaves
-    out is added to `tally`.
+def opened(plan: Plan, grid: tuple[int, int], *, skipping: bool = True, tally: Tally | None = None) -> Enlarge:
+    """What `plan.model`, one of the catalogue, makes of views of a light field of `grid` views. `skipping`: whether to
+    leave out what needn't be computed, which is added to `tally`.
 
     Raises as `models.catalogue.load`.
     """
@@ -78,7 +76,7 @@ def _opaque(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
 
 
-def enlarge(upscaler: Upscaler, pictures: Pixels, *, skipping: Skipping = EXACT, tally: Tally | None = None) -> Pixels:
+def enlarge(upscaler: Upscaler, pictures: Pixels, *, skipping: bool = True, tally: Tally | None = None) -> Pixels:
     """`models.upscale_pixels`: `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type."""
     from models.pixels import upscale_pixels
 
@@ -101,29 +99,12 @@ def skipped(tally: Tally) -> dict[str, Any]:
     off; null where there are no others.
     """
     pixels = max(1, tally.pixels)
-    shares = {"plain": tally.plain, "repeated": tally.repeated, "interpolated": tally.interpolated}
+    shares = {"plain": tally.plain, "repeated": tally.repeated}
     left_out = sum(shares.values())
     left = tally.pixels - left_out
     saved = round(1000 * tally.seconds * left_out / left, 3) if left else None
     by_reason = {reason: round(count / pixels, 4) for reason, count in shares.items()}
     return {"pixels": tally.pixels} | by_reason | {"saved_ms": saved}
-
-
-def uninterpolated(plan: Plan, tally: Tally) -> list[str]:
-    """The report's note where an error was allowed and nothing was interpolated for it."""
-    if tally.interpolated:
-        return []
-    if plan.is_light_field:
-        why = "views that help one another never are"
-    elif plan.model == NO_MODEL:
-        why = "no model ran"
-    elif (sha256 := describe_model(plan.model, plan.enlarge)["sha256"]) is None:
-        why = f"{plan.model} is no network"
-    elif sha256 not in bounded.tables():
-        why = f"nothing was learnt of how far {plan.model} is from interpolation"
-    else:
-        why = "that would not be quicker: the views are small, detailed or transparent"
-    return [f"max_error: nothing was interpolated, as {why}"]
 
 
 def unmatched(share: float) -> list[str]:

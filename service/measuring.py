@@ -136,13 +136,12 @@ def opengl_cost() -> OpenGL:
 
 def network_cost(model: str, scale: int, *, is_light_field: bool) -> Network:
     """Of views of noise, all of them the same: those of a light field match, and nothing is skipped."""
-    from models.skip import NOTHING
     from renderer.views import parse_views
     from service.enlarging import opened
     from service.plan import Plan
 
     grid = (7, 7)  # the middle 3x3 have whole windows
-    run = opened(Plan("upscale", model, scale, 1, (), is_light_field), grid, NOTHING)
+    run = opened(Plan("upscale", model, scale, 1, (), is_light_field), grid, skipping=False)
     inner: list[View] = [(v, u) for v in (2, 3, 4) for u in (2, 3, 4)]
     some = inner[: 2 * available_cores()]
 

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from models.skip import Skipping, Tally
+from models.skip import Tally
 from renderer.light_field import LightField
 from renderer.scene import Scene
 from renderer.views import parse_views
 from service import plan as plans
 from service.ahead import ahead
 from service.choice import Job
-from service.enlarging import describe_model, opened, skipped, uninterpolated, unmatched
+from service.enlarging import describe_model, opened, skipped, unmatched
 from service.makers import MeshViews, PictureViews
 from service.plan import Plan
 from service.report import Clock, Report, in_words, versions
@@ -75,7 +75,7 @@ def reconstruct(
         made = [view for turn in in_order for view in turn.new]
         plans.check_work(maker.samples, len(made), max_pixels, plan.strategy, further=len(made) - len(job.wanted))
     tally = Tally()
-    enlarge = _load(plan, job.grid, Skipping(options.skip == "exact", options.max_error), tally, clock)
+    enlarge = _load(plan, job.grid, tally, clock, skipping=options.skip == "exact")
     sink.begin(len(job.wanted))
     maker.start()
 
@@ -95,8 +95,6 @@ def reconstruct(
 
     left_out = ({} if enlarge is None else skipped(tally)) | maker.skipped() or None
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
-    is_told = options.strategy == AUTO and enlarge is None  # the plan's reasons say what becomes of the error
-    bound = uninterpolated(plan, tally) if options.max_error is not None and not is_told else []
     report: Report = {
         "input": given.described(content),
         "lens_array": maker.lens_array(),
@@ -114,7 +112,7 @@ def reconstruct(
         },
         "model": describe_model(plan.model, plan.enlarge) if enlarge is not None else None,
         "options": options.as_dict(),
-        "notes": [*maker.notes(), *_replaced(options, plan), *bound, *unmatched(strange)],
+        "notes": [*maker.notes(), *_replaced(options, plan), *unmatched(strange)],
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }
@@ -207,8 +205,8 @@ def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clo
     return PictureViews(content, options, clock)
 
 
-def _load(plan: Plan, grid: tuple[int, int], skipping: Skipping, tally: Tally, clock: Clock) -> Enlarge | None:
+def _load(plan: Plan, grid: tuple[int, int], tally: Tally, clock: Clock, *, skipping: bool) -> Enlarge | None:
     if plan.model == NO_MODEL:
         return None
     with clock.stage("upscale"):  # the first call in a process reads the network
-        return opened(plan, grid, skipping, tally)
+        return opened(plan, grid, skipping=skipping, tally=tally)

@@ -96,15 +96,12 @@ def _cheapest(
 ) -> tuple[Literal["upscale", "direct"], str]:
     """What `auto` comes to, and why.
 
-    A mesh's views rendered at the larger size are the truth. How far a network is from it depends on the scene, so
-    where an error is bounded they are the only way; else the cheaper one by `service.cost` is taken.
+    For a mesh, the strategy that is cheaper by `service.cost`.
     """
     if options.model == NO_MODEL:
         return "upscale", "no model is wanted, so nothing is enlarged"
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
-    if options.max_error is not None:
-        return "direct", "views rendered at the larger size are exact; no network can promise max_error for every mesh"
     from service import strategy
 
     return strategy.cheapest(options, job, mesh, limit)

@@ -27,7 +27,6 @@ AUTO_TAKES = (
 )
 """What `auto` comes to, in words; `service.choice` has the rule."""
 MAX_SCALE = 8
-MAX_ERROR = 255.0
 _CHOICES: dict[str, tuple[str, ...]] = {
     "strategy": get_args(Strategy),
     "backend": get_args(Backend),
@@ -56,8 +55,7 @@ class Options:
     scale: int = 2
     """Output pixels for each view pixel, along each side."""
     strategy: Strategy = "upscale"
-    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the quicker one that meets
-    `max_error`."""
+    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the quicker one."""
     backend: Backend = "auto"
     """What renders a mesh."""
     sampling: Sampling = "pinhole"
@@ -67,9 +65,6 @@ class Options:
     skip: Skip = "exact"
     """`exact`: triangles that no wanted view needs aren't rendered, and what is known without the model isn't computed:
     the result is the same; `none`: all is."""
-    max_error: float | None = None
-    """Root mean square, in levels of 255, by which views may differ for the sake of speed; none by default. From what
-    the model makes with nothing skipped; with `auto` from the mesh rendered at the larger size."""
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255, where a mesh leaves a view empty."""
     pitch: float | None = None
@@ -83,12 +78,6 @@ class Options:
                 raise InvalidOption(f"{name}: {getattr(self, name)[:40]!r} is not known; give {' or '.join(allowed)}")
         if not 1 <= self.scale <= MAX_SCALE:
             raise InvalidOption(f"scale: {self.scale} is out of range; give 1 to {MAX_SCALE}")
-        if self.max_error is not None and not 0 < self.max_error <= MAX_ERROR:
-            raise InvalidOption(f"max_error: {self.max_error} is out of range; give levels over 0, up to {MAX_ERROR:g}")
-        if self.max_error is not None and self.skip == "none":
-            raise InvalidOption(
-                "max_error, skip: none skips nothing, so that no error is needed; leave one of them out"
-            )
         for name in ("pitch", "delta"):
             length = getattr(self, name)
             if length is not None and not (math.isfinite(length) and _LENGTHS[0] <= length <= _LENGTHS[1]):
@@ -129,10 +118,6 @@ HELP: dict[str, tuple[str, str]] = {
     "skip": (
         "NAME",
         "exact: no triangle that no ray meets, no model where its result is known; none: all (default exact)",
-    ),
-    "max_error": (
-        "LEVELS",
-        "views may be off by this, RMS of 255 levels; with strategy auto meshes are rendered directly (default: not)",
     ),
     "background": ("RRGGBB", "colour behind a mesh (default 000000)"),
     "pitch": ("LENGTH", "distance between lenses, scene units (default for a mesh: 1)"),
@@ -188,7 +173,6 @@ _PARSERS: dict[str, Callable[[str, str], Any]] = {
     "sampling": _text,
     "pickup": _text,
     "skip": _text,
-    "max_error": _number,
     "background": _colour,
     "pitch": _number,
     "delta": _number,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models import catalogue
-from models.skip import EXACT, Tally
+from models.skip import Tally
 from renderer import pictures
 from renderer.errors import InvalidOption
 from service.enlarging import describe_model, enlarge, skipped
@@ -18,7 +18,6 @@ from service.report import Clock, Report, versions
 from service.request import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
-    from models.skip import Skipping
     from renderer.pictures import Pixels
     from service.pipeline import Progress
 
@@ -51,13 +50,14 @@ def upscale_pictures(
     *,
     model: str,
     scale: int,
-    skipping: Skipping = EXACT,
+    skipping: bool = True,
     progress: Progress | None = None,
 ) -> Report:
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
-    `model`: one that takes single pictures; `auto` is the catalogue's default. `skipping`: what needn't be computed.
+    `model`: one that takes single pictures; `auto` is the catalogue's default. `skipping`: whether to leave out
+    what needn't be computed.
 
     Raises the input faults of `renderer.errors`, with the picture's name, and those of `models.errors`.
     """

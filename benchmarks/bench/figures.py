@@ -24,7 +24,7 @@ LOOKS = {
     "interpolation": ("#6b6b6b", "o"),
     "float network": ("#0b63b5", "s"),
     "int8 network": ("#d55e00", "^"),
-    "other skipping": ("#b8860b", "X"),
+    "nothing skipped": ("#b8860b", "X"),
     "light-field network": ("#7a3aa8", "P"),
     "direct rendering": ("#1b8a5a", "D"),
 }

@@ -30,12 +30,6 @@ WORDS = {
     "direct-rays": "rendered at the target's resolution by rays: the truth itself",
 }
 
-SKIPPING: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
-    ("whole", "the default with nothing skipped (`--skip none`)", {"skip": "none"}),
-    ("within-2", "the default, interpolated where that is within 2 levels RMS (`--max-error 2`)", {"max_error": 2.0}),
-)
-"""The default's other ways: suffix of its name, words, options. By itself it skips what is known exactly."""
-
 
 @dataclass(frozen=True)
 class Method:
@@ -49,7 +43,7 @@ class Method:
     macs_per_output_pixel: float | None
     """Multiply-adds of the network; None where there is none."""
     kind: str
-    """`interpolation`, `float network`, `int8 network`, `light-field network`, `other skipping` or
+    """`interpolation`, `float network`, `int8 network`, `light-field network`, `nothing skipped` or
     `direct rendering`."""
 
     def suits(self, work: Work) -> bool:
@@ -89,9 +83,14 @@ def methods() -> tuple[list[Method], dict[str, str]]:
             cost = card.macs_per_output_pixel if card is not None else None
             found.append(Method(entry.name, WORDS.get(entry.name, entry.kind), {"model": entry.name}, cost, kind))
     default = next(method for method in found if method.name == catalogue.default())
-    for suffix, what, options in SKIPPING:
-        given = {**default.options, **options}
-        found.append(Method(f"{default.name}-{suffix}", what, given, default.macs_per_output_pixel, "other skipping"))
+    whole = replace(
+        default,
+        name=f"{default.name}-whole",
+        what="the default with nothing skipped (`--skip none`)",
+        options={**default.options, "skip": "none"},
+        kind="nothing skipped",
+    )
+    found.append(whole)
     found.sort(key=lambda method: (method.macs_per_output_pixel or 0.0, method.name != "nearest", method.name))
     for name, backend in (("direct-raster", "raster"), ("direct-rays", "raytrace")):
         options = {"strategy": "direct", "backend": backend}

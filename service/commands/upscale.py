@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.skip import Skipping
 from renderer import pictures
 from renderer.bundle import is_kind
 from renderer.errors import InvalidOption, UnsupportedType
@@ -88,6 +87,6 @@ def _upscaled(
         write,
         model=options.model,
         scale=options.scale,
-        skipping=Skipping(options.skip == "exact", options.max_error),
+        skipping=options.skip == "exact",
         progress=progress,
     )

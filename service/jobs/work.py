@@ -209,7 +209,6 @@ def warm() -> list[str]:
     import numpy as np
 
     from models import catalogue
-    from models.skip import NOTHING
     from renderer.bundle import Bundle
     from renderer.views import parse_views
     from service import enlarging, pipeline
@@ -221,7 +220,7 @@ def warm() -> list[str]:
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
     for model, is_light_field in ((catalogue.default(), False), (catalogue.field(), True)):
         if model in catalogue.names():
-            run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, NOTHING)
+            run = enlarging.opened(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, skipping=False)
             every = parse_views("all", *_WARM_GRID)
             for wanted in ([(1, 1)], every):  # one by all cores, many with one each: sessions of their own
                 run(dict.fromkeys(every, view), wanted)

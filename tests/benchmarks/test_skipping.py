@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks import skipping
-from models.skip import EXACT
 from renderer.framing import frame
 from renderer.lens_array import LensArray
 from renderer.scenes import scene
@@ -25,10 +24,10 @@ def test_shares_of_a_view():
 def test_both_are_run_as_often_and_compared():
     asked = []
 
-    def upscale(how, tally):
-        asked.append(how is EXACT)
-        tally.pixels, tally.plain = 100, 25 * how.exact
-        return np.array([200 if how.exact else 3], np.uint8)
+    def upscale(is_skipping, tally):
+        asked.append(is_skipping)
+        tally.pixels, tally.plain = 100, 25 * is_skipping
+        return np.array([200 if is_skipping else 3], np.uint8)
 
     row = skipping.measured(upscale, rounds=4)
     assert row.differs == 197

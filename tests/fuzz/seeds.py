@@ -182,7 +182,7 @@ def options() -> list[bytes]:
             "sampling": "lenslet",
             "delta": "0.1",
         },
-        {"lenses": "6x9", "pixels": "4x4", "strategy": "direct", "max_error": "2", "background": "ff8000"},
+        {"lenses": "6x9", "pixels": "4x4", "strategy": "direct", "background": "ff8000"},
         {"lenses": "6x9", "pixels": "4x4", "model": "fast", "pitch": "1e-3"},
     ]
     return ["\n".join(one.get(name, "") for name in NAMES).encode() for one in asked]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models import catalogue, shear, skip
-from models.skip import EXACT, NOTHING, Tally
+from models.skip import Tally
 from models.views import upscale_views
 from renderer.framing import frame
 from renderer.lens_array import LensArray
@@ -38,7 +38,7 @@ def field(grid, shape, *, moves=1, seed=0, dtype=np.uint8, size=4, at=(6, 6)):
 def both(network, views, wanted, grid, tally=None):
     alone = Mixing()
     skipped = upscale_views(network, alone, views, wanted, grid, tally=tally)
-    whole = upscale_views(network, alone, views, wanted, grid, skipping=NOTHING)
+    whole = upscale_views(network, alone, views, wanted, grid, skipping=False)
     return skipped, whole
 
 
@@ -78,7 +78,7 @@ def test_what_a_view_becomes_depends_on_no_other_view_and_on_no_tile(monkeypatch
     views = field((7, 7), (60, 64, 3), moves=moves, at=(28, 28), size=12)
     wanted = [(3, 3), (0, 0), (6, 2), (3, 4)]
     assert shear.of(views, (3, 3), (7, 7)) == (moves if moves > 1 else 0)
-    whole = [upscale_views(MixingViews(), Mixing(), views, [at], (7, 7), skipping=NOTHING)[0][0] for at in wanted]
+    whole = [upscale_views(MixingViews(), Mixing(), views, [at], (7, 7), skipping=False)[0][0] for at in wanted]
     monkeypatch.setattr("models.views.WINDOW", window)
     tally = Tally()
     got, _ = upscale_views(MixingViews(), Mixing(), views, wanted, (7, 7), tally=tally)
@@ -108,7 +108,7 @@ def test_windows_that_repeat_are_made_once():
 
 def test_nothing_is_skipped_where_that_is_asked_for():
     views, network, tally = field((3, 3), (30, 30, 3), moves=0), MixingViews(doubtful=False), Tally()
-    upscale_views(network, Mixing(), views, [(1, 1), (1, 1)], (3, 3), skipping=NOTHING, tally=tally)
+    upscale_views(network, Mixing(), views, [(1, 1), (1, 1)], (3, 3), skipping=False, tally=tally)
     assert network.seen == tally.pixels == 2 * 900
     assert tally.plain == tally.repeated == 0
 
@@ -145,8 +145,8 @@ def test_where_boxes_overlap_both_are_the_same_to_the_bit(name, monkeypatch):
 def test_rendered_views_equal_the_whole(name):
     network, alone = catalogue.load_light_field(name), catalogue.load("fast")
     wanted, tally = [(2, 2), (0, 1)], Tally()
-    got, left = upscale_views(network, alone, rendered(), wanted, (5, 5), skipping=EXACT, tally=tally)
-    want, wished = upscale_views(network, alone, rendered(), wanted, (5, 5), skipping=NOTHING)
+    got, left = upscale_views(network, alone, rendered(), wanted, (5, 5), skipping=True, tally=tally)
+    want, wished = upscale_views(network, alone, rendered(), wanted, (5, 5), skipping=False)
     np.testing.assert_array_equal(got, want)
     assert left == wished
     assert tally.plain > 0

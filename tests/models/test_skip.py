@@ -11,7 +11,7 @@ from models import catalogue, skip
 from models.baselines import Bicubic
 from models.card import Sizes
 from models.pixels import upscale_pixels
-from models.skip import NOTHING, Skipping, Tally
+from models.skip import Tally
 from renderer.framing import frame
 from renderer.lens_array import LensArray
 from renderer.raytrace import RaytraceBackend
@@ -57,7 +57,7 @@ def pictures(draw):
 def test_it_equals_the_whole(some, layers):
     tally = Tally()
     got = upscale_pixels(Mixing(layers), some, tally=tally)
-    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skipping=NOTHING))
+    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skipping=False))
     assert tally.pixels == some.shape[0] * some.shape[1] * some.shape[2]
     assert min(tally.plain, tally.repeated) >= 0
     assert tally.plain + tally.repeated <= tally.pixels
@@ -75,7 +75,7 @@ def before_grey(height, width, *parts):
 def test_a_radius_that_is_said_too_small_shows():
     picture = before_grey(40, 40, np.s_[16:20, 15:22])
     whole = upscale_pixels(Mixing(4), picture)
-    assert np.array_equal(upscale_pixels(Mixing(4), picture, skipping=NOTHING), whole)
+    assert np.array_equal(upscale_pixels(Mixing(4), picture, skipping=False), whole)
     assert not np.array_equal(upscale_pixels(Mixing(4, radius=3), picture), whole)
 
 
@@ -104,7 +104,7 @@ def test_things_far_apart_are_computed_apart():
     picture, tally = before_grey(200, 200, *parts), Tally()
     got = upscale_pixels(network, picture, tally=tally)
     assert 200 * 200 - tally.plain == (25 + 6) ** 2 + 42 * (35 + 11)
-    np.testing.assert_array_equal(got, upscale_pixels(network, picture, skipping=NOTHING))
+    np.testing.assert_array_equal(got, upscale_pixels(network, picture, skipping=False))
 
 
 def test_pictures_that_repeat_are_made_once():
@@ -119,7 +119,7 @@ def test_pictures_that_repeat_are_made_once():
 def test_nothing_is_skipped_where_that_is_asked_for():
     network, tally = Mixing(), Tally()
     same = np.repeat(before_grey(30, 30), 3, axis=0)
-    upscale_pixels(network, same, skipping=Skipping(exact=False), tally=tally)
+    upscale_pixels(network, same, skipping=False, tally=tally)
     assert network.seen == tally.pixels == 3 * 900
     assert tally.plain == tally.repeated == 0
 
@@ -157,7 +157,7 @@ def test_rendered_views_equal_the_whole(name, of):
     for dtype, factor in ((np.uint8, 1), (np.uint16, 257)):
         some = rendered(of)[np.newaxis].astype(dtype) * dtype(factor)
         got = upscale_pixels(network, some, tally=tally)
-        want = upscale_pixels(network, some, skipping=NOTHING)
+        want = upscale_pixels(network, some, skipping=False)
         np.testing.assert_allclose(got.astype(int), want.astype(int), rtol=0, atol=0 if "int8" in name else 1)
     assert tally.plain > 0
 

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InvalidImage
-from models.skip import EXACT, NOTHING, Skipping
 from models.views import DOUBTED, TRUSTED, needed, upscale_views
 from models.windows import SIDE, axis
 
@@ -121,8 +120,7 @@ def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
     assert left == share
 
 
-def test_what_takes_a_strange_views_place_is_exact(monkeypatch):
-    """No error is allowed for views that the report says are not interpolated."""
+def test_what_takes_a_strange_views_place_is_skipped_like_the_rest(monkeypatch):
     asked = []
 
     def noted(upscaler, pictures, *, skipping):
@@ -131,10 +129,9 @@ def test_what_takes_a_strange_views_place_is_exact(monkeypatch):
 
     monkeypatch.setattr("models.views.upscale_pixels", noted)
     views = field((3, 3), (9, 8, 3))
-    for exact in (True, False):
-        skipping = Skipping(exact, None if not exact else 2.0)
+    for skipping in (True, False):
         upscale_views(Told(0.9), alone, views, [(1, 1)], (3, 3), skipping=skipping)
-    assert asked == [EXACT, NOTHING]
+    assert asked == [True, False]
 
 
 class Abreast(Told):

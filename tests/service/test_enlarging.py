@@ -104,8 +104,8 @@ def test_views_are_let_go_of(cube, stand_in, monkeypatch):
     kept = []
     opened = pipeline.opened
 
-    def noted(plan, grid, *options):
-        enlarge = opened(plan, grid, *options)
+    def noted(plan, grid, **options):
+        enlarge = opened(plan, grid, **options)
         return lambda views, wanted: kept.append(len(views)) or enlarge(views, wanted)
 
     monkeypatch.setattr(pipeline, "opened", noted)

@@ -7,7 +7,7 @@ from service.metrics import Counted, Metrics
 
 REPORT = {
     "timings_ms": {"decode": 1000, "total": 3000},
-    "plan": {"skipped": {"pixels": 200, "plain": 0.25, "repeated": 0.5, "interpolated": 0.0}},
+    "plan": {"skipped": {"pixels": 200, "plain": 0.25, "repeated": 0.5}},
 }
 
 

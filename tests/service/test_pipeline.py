@@ -56,20 +56,6 @@ def cube(samples):
     return Bundle.from_upload("cube.off", samples.CUBE)
 
 
-def test_an_error_that_buys_nothing_is_noted(cube):
-    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="fast", max_error=2.0, backend="raytrace")
-    assert any(note.startswith("max_error: nothing was interpolated, as that would") for note in report["notes"])
-    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="bicubic", max_error=2.0, backend="raytrace")
-    assert "max_error: nothing was interpolated, as bicubic is no network" in report["notes"]
-    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), model="field", max_error=2.0, backend="raytrace")
-    assert any("views that help one another never are" in note for note in report["notes"])
-    for untouched in ({"strategy": "direct"}, {"model": "none"}):
-        _, report = run(cube, lenses=(9, 9), pixels=(3, 3), max_error=2.0, backend="raytrace", **untouched)
-        assert "max_error: nothing was interpolated, as no model ran" in report["notes"]
-    _, report = run(cube, lenses=(9, 9), pixels=(3, 3), strategy="auto", max_error=2.0, backend="raytrace")
-    assert report["notes"] == []  # `plan.reasons` tell what became of it
-
-
 def eia_bundle(eia):
     return Bundle.from_upload("eia.png", encode_png(eia))
 
@@ -404,7 +390,7 @@ def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
 
     monkeypatch.setattr(pipeline.MeshViews, "take", failing("render", pipeline.MeshViews.take))
     opened = pipeline.opened
-    monkeypatch.setattr(pipeline, "opened", lambda *args: failing("upscale", opened(*args)))
+    monkeypatch.setattr(pipeline, "opened", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
     sink = Kept()
     sink.add = failing("encode", sink.add)
     options = Options(views="all", model="bicubic", **SMALL)

@@ -40,16 +40,8 @@ def test_without_a_model_nothing_is_enlarged():
 
 
 def test_without_a_model_auto_leaves_views_as_they_are():
-    made = mesh(model="none", strategy="auto", scale=4, max_error=1.0)
+    made = mesh(model="none", strategy="auto", scale=4)
     assert (made.strategy, made.model, made.enlarge) == ("upscale", "none", 1)
-
-
-def test_auto_promises_an_error_only_where_it_is_exact():
-    made = mesh(strategy="auto", max_error=250.0)
-    assert (made.strategy, made.model, made.samples) == ("direct", "none", 4)
-    assert made.reasons[0].startswith("strategy auto: views rendered at the larger size are exact")
-    assert mesh(strategy="upscale", max_error=1.0).strategy == "upscale"
-    assert pictures(strategy="auto", max_error=1.0).strategy == "upscale"
 
 
 @pytest.mark.parametrize("strategy", ["upscale", "direct", "auto"])

@@ -38,7 +38,7 @@ def test_json_is_utf8_and_refuses_nan():
 
 
 def test_what_was_skipped_is_told_in_a_line():
-    nothing = {"pixels": 10, "plain": 0.0, "repeated": 0.0, "interpolated": 0.0, "saved_ms": 0.0}
+    nothing = {"pixels": 10, "plain": 0.0, "repeated": 0.0, "saved_ms": 0.0}
     assert report.in_words(None) == report.in_words(nothing) == report.in_words(nothing | {"culled": 0.0}) == []
     assert report.in_words({"culled": 0.25}) == ["skipped: 25 % of the triangles, which no ray that is needed meets"]
     assert report.in_words(nothing | {"plain": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [

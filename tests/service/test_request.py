@@ -22,13 +22,13 @@ def test_parses_every_option():
     texts = {
         "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
-        "delta": "1e-2", "skip": "exact", "max_error": "1.5",
+        "delta": "1e-2", "skip": "exact",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
         lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
-        skip="exact", max_error=1.5,
+        skip="exact",
     )  # fmt: skip
 
 
@@ -39,7 +39,7 @@ def test_parses_every_option():
         ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
         ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
-        ("skip", "all"), ("max_error", "0"), ("max_error", "256"), ("max_error", "nan"),
+        ("skip", "all"),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):
@@ -78,15 +78,8 @@ def test_any_text_gives_options_or_a_fault(texts):
     json.dumps(options.as_dict(), allow_nan=False)
 
 
-def test_skipping_and_its_error_fit_each_other():
-    assert (Options().skip, Options().max_error) == ("exact", None)
-    assert Options.parse({"max_error": "255"}).max_error == 255
-    for text in ("0", "-1", "256", "nan", "inf"):
-        with pytest.raises(InvalidOption, match=r"max_error: .* out of range; give levels over 0, up to 255"):
-            Options.parse({"max_error": text})
-    with pytest.raises(InvalidOption, match="max_error: 'few' is not a number"):
-        Options.parse({"max_error": "few"})
+def test_skip_takes_two_values():
+    assert Options().skip == "exact"
+    assert Options.parse({"skip": "none"}).skip == "none"
     with pytest.raises(InvalidOption, match="skip: 'all' is not known; give exact or none"):
         Options.parse({"skip": "all"})
-    with pytest.raises(InvalidOption, match="leave one of them out"):
-        Options(skip="none", max_error=1.0)

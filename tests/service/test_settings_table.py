@@ -27,7 +27,6 @@ OTHERS = {
     "renderer.opengl.MAX_SIDE": "larger pictures are drawn by rays",
     "renderer.sampling.MAX_SAMPLES": "no request reaches it",
     "renderer.texture_files.MAX_NOTES": "what is told, and nothing of the input",
-    "service.request.MAX_ERROR": "in the help of max_error",
 }
 """Constants of that name that are no limits on what may be sent."""
 
