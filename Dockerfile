@@ -14,6 +14,7 @@ RUN grep -vE '^(scipy|pyglet|imageio|matplotlib|contourpy|cycler|fonttools|kiwis
     requirements/run.txt > requirements/image.txt \
     && pip install --no-cache-dir --no-compile --use-pep517 --no-deps -r requirements/image.txt
 COPY pyproject.toml README.md LICENSE ./
+COPY ciir ciir
 COPY renderer renderer
 COPY models models
 COPY training training
@@ -41,7 +42,7 @@ ENV PATH=/opt/ciir/bin:$PATH \
     CIIR_CACHE=/var/lib/ciir/cache
 # The demo, once: what doesn't work fails here, and what Python compiles is kept, as nothing can be written there later.
 RUN export HOME=/tmp/home; ciir serve --port 48123 & server=$! \
-    && python -m service.demo_over_http http://127.0.0.1:48123 /tmp/demo \
+    && python -m ciir.service.demo.over_http http://127.0.0.1:48123 /tmp/demo \
     && kill $server && wait $server && rm -r /tmp/* /var/lib/ciir/*
 USER ciir
 WORKDIR /var/lib/ciir

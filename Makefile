@@ -66,7 +66,7 @@ serve: setup
 # Exact versions of everything, for the oldest Python that is supported. pyrender asks for PyOpenGL 3.1.0, which fails on
 # Python 3.12 and newer, and works with 3.1.10: so the locks say that, and are installed without looking at what packages
 # ask for. Not so training's, where torch asks for what the machine needs: pip takes the build that suits it. spandrel
-# asks for torchvision, for two networks that are of no use here (see training/foreign.py), and pip would bring one that
+# asks for torchvision, for two networks that are of no use here (see training/export/external_weights.py), and pip would bring one that
 # doesn't fit every build of torch: so spandrel has a lock of its own.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
 	--no-emit-trusted-host --allow-unsafe

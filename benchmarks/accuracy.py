@@ -1,6 +1,6 @@
 """How close each model comes to the view that a lens array with a finer pitch gives, on the shipped scenes.
 
-    python -m benchmarks.accuracy [--lenses 100] [--scale 2] [--model NAME_OR_CARD ...] [--mesh FILE ...]
+    python -m ciir.benchmarks.accuracy [--lenses 100] [--scale 2] [--model NAME_OR_CARD ...] [--mesh FILE ...]
 
 The truth is the view rendered at the larger size, area-averaged over its own pixels (`--strategy direct`), whatever
 sampled the input. Y-PSNR in dB (BT.601), whole pictures, mean over five views; below, the mean over all scenes and what
@@ -18,23 +18,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench.work import views
-from models import catalogue
-from models.baselines import Bicubic
-from models.metrics import luma, psnr
-from models.pixels import upscale_pixels
-from renderer.bundle import Bundle
-from renderer.scenes import SCENES
-from service.request import Options
-from training.evaluate import upscaler
+from ciir.benchmarks.bench.work import views
+from ciir.models import catalogue
+from ciir.models.metrics import luma, psnr
+from ciir.models.single.interpolation import Bicubic
+from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.scenes import SCENES
+from ciir.service.pipeline.options import Options
+from ciir.training.evaluation.pictures import upscaler
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from service.request import Sampling
-    from service.source import Source
+    from ciir.service.pipeline.options import Sampling
+    from ciir.service.pipeline.source import Source
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -1,6 +1,6 @@
 """What a light-field network gains over single pictures, what it costs, and whether it does harm or bends the parallax.
 
-    python -m benchmarks.light_fields ../shared/data/lightfields/knights --mesh ../shared/data/meshes/duck.glb
+    python -m ciir.benchmarks.light_fields ../shared/data/lightfields/knights --mesh ../shared/data/meshes/duck.glb
 
 Accuracy: Y-PSNR in dB over the inner views of the middle 5x5 and 9x9 of a folder of views, made small in three ways,
 and over the centre view of meshes seen by pinholes. Time: one view, models in turn. Harm: windows of another scene,
@@ -18,23 +18,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench.timing import in_turns
-from benchmarks.bench.work import views as rendered
-from benchmarks.parallax import disparities
-from models import catalogue
-from models.metrics import luma, psnr
-from models.pixels import upscale_pixels
-from models.views import upscale_views
-from renderer.bundle import Bundle
-from service.request import Options
-from training import degrade, light_fields
+from ciir.benchmarks.bench.timing import in_turns
+from ciir.benchmarks.bench.work import views as rendered
+from ciir.benchmarks.parallax import disparities
+from ciir.models import catalogue
+from ciir.models.light_field.views import upscale_views
+from ciir.models.metrics import luma, psnr
+from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.readers.bundle import Bundle
+from ciir.service.pipeline.options import Options
+from ciir.training.data import degrade, light_fields
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from training.light_fields import Pair
+    from ciir.training.data.light_fields import Pair
 
     Views = NDArray[np.uint8]
     """`(V, U, H, W, 3)`."""

@@ -6,8 +6,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from models import processor
-from models.session import available_cores
+from ciir.models import processor
+from ciir.models.session import available_cores
 
 PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch", "openvino")
 

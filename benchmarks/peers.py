@@ -1,8 +1,10 @@
 """Every network at an equal budget: the paper's table 2 (blocks, batch normalisation) and table 3 (other networks).
 
-    python -m benchmarks.peers [--updates 1500] [--crop 48] [--batch 16] [--only NAME ...] [--all] [--out runs/peers]
+    python -m ciir.benchmarks.peers [--updates 1500] [--crop 48] [--batch 16] [--only NAME ...] [--all] [--out
+    runs/peers]
 
-All are trained by `training.loop.train` on the same crops in the same order, with the same number of updates, pixel
+All are trained by `training.loop.train.train` on the same crops in the same order, with the same number of updates,
+pixel
 loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel loss.
 RDN and ESRGAN's are only timed where there is no GPU, unless `--all` asks for them. Stop it at any time: started again
 with the same options it goes on where it was. `--out` gets a folder for each network (its checkpoint, log, ONNX file
@@ -24,20 +26,21 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from benchmarks import peers_tables
-from benchmarks.peers_tables import Figures
-from models import card as cards
-from models.card import Sizes
-from models.catalogue import BASELINES
-from models.session import open_session
-from models.upscaler import finish
-from training import checkpoints, export, measure, to_onnx
-from training.evaluate import evaluate
-from training.interrupt import Stopped
-from training.loop import train
-from training.networks import make
-from training.recipe import Recipe
-from training.run import Run
+from ciir.benchmarks import peers_tables
+from ciir.benchmarks.peers_tables import Figures
+from ciir.models import card as cards
+from ciir.models.card import Sizes
+from ciir.models.catalogue import BASELINES
+from ciir.models.session import open_session
+from ciir.models.upscaler import finish
+from ciir.training.evaluation.pictures import evaluate
+from ciir.training.export import export, measure, to_onnx
+from ciir.training.loop import checkpoints
+from ciir.training.loop.interrupt import Stopped
+from ciir.training.loop.train import train
+from ciir.training.loop.trainer import Run
+from ciir.training.networks import make
+from ciir.training.recipe import Recipe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
-    from models.card import Accuracy
+    from ciir.models.card import Accuracy
 
 SETS = ("Set5", "Set14", "BSD100")
 LEARNING_RATE = 5e-4

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from models.session import available_cores
-from training.run import commit
+from ciir.models.session import available_cores
+from ciir.training.loop.trainer import commit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from models.card import Accuracy
-    from training.recipe import Recipe
+    from ciir.models.card import Accuracy
+    from ciir.training.recipe import Recipe
 
 NONE = "-"
 TEXT = """\

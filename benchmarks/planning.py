@@ -1,6 +1,6 @@
 """`--strategy auto` held against both fixed strategies, and what it predicts against what was measured.
 
-    python -m benchmarks.planning [--rounds 5] [--lenses 25 50 100 200] [--mesh FILE ...] [--json FILE]
+    python -m ciir.benchmarks.planning [--rounds 5] [--lenses 25 50 100 200] [--mesh FILE ...] [--json FILE]
 
 Whole jobs from bytes or scene to a zip of PNGs in memory, warm, taking turns in one process: upscale, direct, auto. A
 row for each mesh, lens count, sampling and choice of views: the quickest of all rounds, the strategy that `auto` took
@@ -24,18 +24,18 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from benchmarks.machine import describe
-from renderer.bundle import Bundle
-from renderer.scenes import SCENES
-from service.outputs import FileSink
-from service.pipeline import reconstruct
-from service.request import Options, Strategy
+from ciir.benchmarks.machine import describe
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.scenes import SCENES
+from ciir.service.pipeline.options import Options, Strategy
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from service.report import Report
-    from service.source import Source
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
 
 LENSES = (25, 50, 100, 200)
 VIEWS = ("center", "cross", "all")
@@ -93,7 +93,7 @@ def slower(row: dict[str, Any]) -> float:
 def whole_process(options: Sequence[str]) -> float:
     """Milliseconds of a process of `ciir reconstruct`, from its start to its end."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "service.cli", "reconstruct", *options, "-o", str(Path(folder) / "out.zip")]
+        command = [sys.executable, "-m", "ciir", "reconstruct", *options, "-o", str(Path(folder) / "out.zip")]
         begun = time.perf_counter()
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         return 1000 * (time.perf_counter() - begun)

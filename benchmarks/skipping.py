@@ -1,6 +1,6 @@
 """What exact skipping gains: of views, and of the triangles of a mesh (culling).
 
-    python -m benchmarks.skipping [--model NAME ...] [--lenses 100 200 512] [--mesh FILE ...] [--rounds 11]
+    python -m ciir.benchmarks.skipping [--model NAME ...] [--lenses 100 200 512] [--mesh FILE ...] [--rounds 11]
         [--only views|full|culling ...]
 
 `views`: middle views of the shipped scenes, through the upscale stage alone, with and without skipping, in turns within
@@ -11,7 +11,8 @@ background, of which nothing can be left out: with corners that differ, which te
 `costs` is how much longer they took.
 
 `culling`: one view and five (`cross`) of each mesh by both backends, with and without culling, which is counted; the
-least of all rounds. `culled` is the share of triangles. Culling is forced where `renderer.culling.pays` leaves it out,
+least of all rounds. `culled` is the share of triangles. Culling is forced where `renderer.backends.culling.pays`
+leaves it out,
 and the row says so; `!` marks pixels that differ, and rows in which it is done and takes over 3 % longer.
 
 A network that sees r far needs 2*r around what differs, as it has zeros around what it is given: of 100x100 pixels with
@@ -21,7 +22,8 @@ r = 8, a third of each side. What else was tried, all of it the same to the bit 
   enough; but onnxruntime's `Pad` took as much time as the smaller box won;
 - that before every second or fourth layer, and no padding in between. It wins, least on large views, but takes a second
   file for each network, and where the object is nearer than 2*r to an edge of the view that axis needs the zeros;
-- boxes cut in two along rows or columns where that saves enough (`models.skip.boxes`, which does so): the globe at 512
+- boxes cut in two along rows or columns where that saves enough (`models.single.skip.boxes`, which does so): the
+globe at 512
   lenses gains; at 100 and 200 the halo that a cut adds costs what it saves.
 """
 
@@ -37,28 +39,27 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models import catalogue
-from models.pixels import upscale_pixels
-from models.skip import Tally
-from models.views import upscale_views
-from renderer import culling
-from renderer.backends import open_backend
-from renderer.bundle import Bundle
-from renderer.framing import frame
-from renderer.lens_array import LensArray
-from renderer.raytrace import RaytraceBackend
-from renderer.scenes import SCENES, scene
-from renderer.views import parse_views
-from service.request import Options
-from service.source import Input
+from ciir.models import catalogue
+from ciir.models.light_field.views import upscale_views
+from ciir.models.single.pixels import upscale_pixels
+from ciir.models.single.skip import Tally
+from ciir.renderer.backends import culling, open_backend
+from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.scenes import SCENES, scene
+from ciir.renderer.views import parse_views
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from renderer.backends import Backend
-    from renderer.scene import Scene
+    from ciir.renderer.backends import Backend
+    from ciir.renderer.scene import Scene
 
     View = NDArray[np.uint8]
     Upscale = Callable[[bool, Tally], NDArray[np.uint8]]

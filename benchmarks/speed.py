@@ -1,6 +1,6 @@
 """How fast the default path is, against what it replaces and against what the processor can do at all.
 
-    python -m benchmarks.speed [--rounds 5] [--mesh FILE] [--eia FILE] [--only view|array|jobs|int8|png|memory ...]
+    python -m ciir.benchmarks.speed [--rounds 5] [--mesh FILE] [--eia FILE] [--only view|array|jobs|int8|png|memory ...]
 
 `view`: a view of 512x512 pixels to 1024x1024, the model that `auto` takes for single pictures against the paper's
 generator in float, both by onnxruntime; pixels to pixels, and the network alone. The view is noise, so that nothing can
@@ -40,31 +40,31 @@ from typing import TYPE_CHECKING, Any
 import imagecodecs
 import numpy as np
 
-from benchmarks.bench.timing import alone, in_turns
-from benchmarks.bench.work import views
-from models import catalogue
-from models.pixels import upscale_pixels
-from models.session import Network, available_cores, open_session
-from renderer import pictures
-from renderer.backends import open_backend
-from renderer.bundle import Bundle
-from renderer.framing import frame
-from renderer.light_field import LightField
-from renderer.scenes import SCENES
-from service.outputs import FileSink
-from service.pipeline import elemental, reconstruct
-from service.plan import mesh_array
-from service.request import Options
-from service.source import Input
+from ciir.benchmarks.bench.timing import alone, in_turns
+from ciir.benchmarks.bench.work import views
+from ciir.models import catalogue
+from ciir.models.session import Network, available_cores, open_session
+from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.backends import open_backend
+from ciir.renderer.framing import frame
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.scenes import SCENES
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.pipeline.plan import mesh_array
+from ciir.service.pipeline.run import elemental, reconstruct
+from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from models.card import Card
-    from service.report import Report
-    from service.source import Source
+    from ciir.models.card import Card
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
 
     Job = Callable[[], dict[str, float]]
     Checked = tuple[str, bool]
@@ -245,7 +245,7 @@ def jobs(mesh: Path, rounds: int) -> Iterator[str]:
             rows[f"{backend}: view 50x50 -> 100x100, {model}"] = partial(one_view, backend=backend, model=model)
         rows[f"{backend}: view 100x100 directly"] = partial(one_view, backend=backend, strategy="direct")
         rows[f"{backend}: EIA 50x50 lenses of 15x15"] = partial(array, backend)
-    command = [sys.executable, "-m", "service.cli", "models"]
+    command = [sys.executable, "-m", "ciir", "models"]
     rows["ciir models, cold start"] = timed(partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL))
     yield f"{source.name}, whole jobs from bytes to encoded PNG, milliseconds"
     for name, times in in_turns(rows, rounds).items():

@@ -8,11 +8,11 @@
 
 from __future__ import annotations
 
-from models.card import Accuracy, Card
-from models.catalogue import DEFAULT, Entry, default, entries, load, names
-from models.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
-from models.pixels import upscale_pixels
-from models.upscaler import Upscaler
+from ciir.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
+from ciir.models.card import Accuracy, Card
+from ciir.models.catalogue import DEFAULT, Entry, default, entries, load, names
+from ciir.models.single.pixels import upscale_pixels
+from ciir.models.upscaler import Upscaler
 
 __all__ = [
     "DEFAULT",

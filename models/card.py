@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from models.errors import BadCard
+from ciir.errors import BadCard
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,7 +114,7 @@ class Card:
 
     @property
     def is_light_field(self) -> bool:
-        """Whether it upscales a view with the help of those around it: see `models.light_field`."""
+        """Whether it upscales a view with the help of those around it: see `models.light_field.network`."""
         return bool(self.further)
 
     def __post_init__(self) -> None:

@@ -8,16 +8,16 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models import card as cards
-from models import processor
-from models.baselines import SCALES, Bicubic, Nearest
-from models.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.models import card as cards
+from ciir.models import processor
+from ciir.models.single.interpolation import SCALES, Bicubic, Nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from models.light_field import LightFieldNetwork
-    from models.upscaler import Upscaler
+    from ciir.models.light_field.network import LightFieldNetwork
+    from ciir.models.upscaler import Upscaler
 
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
@@ -113,7 +113,7 @@ def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
 
 
 def load_light_field(name: str = FIELD, *, scale: int = 2, threads: int | None = None) -> LightFieldNetwork:
-    """The light-field network `name`, made once; may be called from several threads. See `models.views`.
+    """The light-field network `name`, made once; may be called from several threads. See `models.light_field.views`.
 
     Raises as `load`, and `UnsuitedModel` where the model takes single pictures.
     """
@@ -122,7 +122,7 @@ def load_light_field(name: str = FIELD, *, scale: int = 2, threads: int | None =
         if (name, threads) not in _fields:
             if not entry.is_light_field:
                 raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
-            from models.light_field import LightFieldNetwork
+            from ciir.models.light_field.network import LightFieldNetwork
 
             _fields[name, threads] = LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads)
         return _fields[name, threads]
@@ -147,6 +147,6 @@ def _make(name: str, scale: int, threads: int | None) -> Upscaler:
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
         )
-    from models.session import Network  # not before a network is asked for: `ciir models` needs none
+    from ciir.models.session import Network  # not before a network is asked for: `ciir models` needs none
 
     return Network(SHIPPED / f"{name}.json", threads=threads)

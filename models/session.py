@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models import card as cards
-from models import processor, tiles
-from models.errors import BadCard, UnsuitedProcessor
-from models.upscaler import check, finish
+from ciir.errors import BadCard, UnsuitedProcessor
+from ciir.models import card as cards
+from ciir.models import processor, tiles
+from ciir.models.upscaler import check, finish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.errors import BrokenNetwork, InvalidImage
+from ciir.errors import BrokenNetwork, InvalidImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,8 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from renderer.lens_array import LensArray
-    from renderer.scene import Scene
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.scene import Scene
 
 FILL = 0.94
 """Share of the array's width or height that the object's images take up, all views together."""

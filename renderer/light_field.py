@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from renderer.errors import InvalidOption
-from renderer.views import parse_views
+from ciir.errors import InvalidOption
+from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from renderer.lens_array import LensArray
+    from ciir.renderer.lens_array import LensArray
 
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as a virtual camera does, or turned by 180 degrees, as a lens does."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from renderer.errors import InvalidOption
+from ciir.errors import InvalidOption
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from renderer.errors import InvalidGeometry, TooLarge, Unreadable
-from renderer.limits import DEFAULTS
-from renderer.scene import Part, Scene, Texture
-from renderer.shading import shade, smooth_normals, unit
+from ciir.errors import InvalidGeometry, TooLarge, Unreadable
+from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.scene import Part, Scene, Texture
+from ciir.renderer.shading import shade, smooth_normals, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

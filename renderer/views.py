@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from renderer.errors import InvalidOption
+from ciir.errors import InvalidOption
 
 View = tuple[int, int]
 """(v, u): the view's pixel row and column under each lens, from the top left."""

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.errors import BadCard, BrokenNetwork, ModelError
-from renderer.errors import (
+from ciir.errors import (
     BackendUnavailable,
+    BadCard,
+    BrokenNetwork,
     InputError,
     InvalidGeometry,
     InvalidOption,
+    ModelError,
+    NotReady,
     TooLarge,
     Unreadable,
     UnsupportedType,
 )
-
-
-class NotReady(RuntimeError):  # noqa: N818 - the cause is the name
-    """The server is still loading its models, or it is stopping."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from models import card, catalogue
+from ciir.models import card, catalogue
 
 
 def models() -> list[dict[str, Any]]:

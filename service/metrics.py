@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 
-from service.jobs.job import Problem
+from ciir.service.jobs.job import Problem
 
 if TYPE_CHECKING:
     import threading
     from collections.abc import Callable, Mapping
     from typing import Any, Protocol
 
-    from service.jobs.job import Result
-    from service.jobs.work import Work
+    from ciir.service.jobs.job import Result
+    from ciir.service.jobs.workers.work import Work
 
     class Runs(Protocol):
         """A pool, or what stands in front of one."""

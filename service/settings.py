@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from renderer.errors import InvalidOption
-from renderer.limits import DEFAULTS, Limits
-from service import cache
+from ciir.errors import InvalidOption
+from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.service.pipeline import cache_folder
 
 PREFIX = "CIIR_"
 _MOST = 2**40
@@ -141,7 +141,7 @@ class Settings(BaseSettings):
         """The folder of the server's jobs. Raises `InvalidOption` where none is named and no cache folder is known."""
         if self.folder is not None:
             return self.folder
-        kept = cache.folder()
+        kept = cache_folder.folder()
         if kept is None:
             raise InvalidOption(f"{PREFIX}FOLDER: this user has no home to keep jobs in; name a folder")
         return kept / "service"
@@ -164,7 +164,7 @@ def read() -> Settings:
 
     Names that begin as settings do and are none, most likely misspelt, are told in the log.
     """
-    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache.NAME}
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
         _log.warning("%s is set, and there is no such setting; `ciir serve --show-settings` lists them", name)
     try:

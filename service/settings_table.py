@@ -1,6 +1,6 @@
 """All settings as text: as they are, for a terminal, and as they may be, for docs/settings.md.
 
-``python -m service.settings_table > docs/settings.md``
+``python -m ciir.service.settings_table > docs/settings.md``
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from service import cache, settings
-from service.settings import PREFIX, Settings
+from ciir.service import settings
+from ciir.service.pipeline import cache_folder
+from ciir.service.settings import PREFIX, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,9 +23,10 @@ _INTRO = f"""\
 Environment variables of the server and of workers. One that is empty counts as not set; one that is out of range ends
 the command with a line that says what it may be; a name that begins with `{PREFIX}` and is no setting is logged as a
 warning. `ciir serve --show-settings` prints the values in force. This page is generated from the settings' docstrings
-by `python -m service.settings_table > docs/settings.md`.
+by `python -m ciir.service.settings_table > docs/settings.md`.
 
-Without `{PREFIX}FOLDER` the cache folder is used: `{cache.NAME}`, else `ciir` in `XDG_CACHE_HOME` or in `~/.cache`.
+Without `{PREFIX}FOLDER` the cache folder is used: `{cache_folder.NAME}`, else `ciir` in `XDG_CACHE_HOME` or in
+`~/.cache`.
 
 | setting | default | may be | |
 |---|---|---|---|
@@ -32,22 +34,22 @@ Without `{PREFIX}FOLDER` the cache folder is used: `{cache.NAME}`, else `ciir` i
 
 
 FIXED = {
-    "renderer.gltf.ELEMENTS": "elements in all accessors of a glTF file, for each triangle of `CIIR_MAX_TRIANGLES`",
-    "renderer.gltf_scene.MAX_NODES": "nodes of a glTF scene",
-    "renderer.gltf_scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",
-    "renderer.jpeg.MAX_SCANS": "scans in a progressive JPEG",
+    "renderer.readers.meshes.gltf.ELEMENTS": "elements in all accessors of a glTF file, per `CIIR_MAX_TRIANGLES`",
+    "renderer.readers.meshes.gltf_scene.MAX_NODES": "nodes of a glTF scene",
+    "renderer.readers.meshes.gltf_scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",
+    "renderer.readers.jpeg.MAX_SCANS": "scans in a progressive JPEG",
     "renderer.lens_array.MAX_LENSES": "lenses along one side",
     "renderer.lens_array.MAX_PIXELS": "pixels along one side of an elemental image",
-    "renderer.obj.MAX_LIBRARIES": "MTL files that an OBJ names",
-    "renderer.obj.MAX_MATERIALS": "materials that an OBJ uses",
-    "renderer.pictures.MAX_SIDE": "pixels along one side of a picture or a view",
-    "renderer.raytrace.MAX_LAYERS": "cut-out surfaces that a ray passes",
+    "renderer.readers.meshes.obj.MAX_LIBRARIES": "MTL files that an OBJ names",
+    "renderer.readers.meshes.obj.MAX_MATERIALS": "materials that an OBJ uses",
+    "renderer.readers.pictures.MAX_SIDE": "pixels along one side of a picture or a view",
+    "renderer.backends.embree.MAX_LAYERS": "cut-out surfaces that a ray passes",
     "renderer.surface.MAX_COORDINATE": "the largest absolute coordinate",
     "renderer.surface.MAX_TEXTURE_COORDINATE": "the largest absolute texture coordinate; larger ones are taken as 0",
-    "renderer.texture_files.MAX_SIDE": "pixels along one side of a texture; larger ones are left out",
-    "service.plan.MAX_VIEW_PIXELS": "pixels in one view, in or out",
-    "service.plan.MAX_VIEW_SAMPLES": "points of a mesh that are sampled for one view",
-    "service.request.MAX_SCALE": "output pixels for each view pixel, along a side",
+    "renderer.readers.meshes.texture_files.MAX_SIDE": "pixels along one side of a texture; larger ones are left out",
+    "service.pipeline.plan.MAX_VIEW_PIXELS": "pixels in one view, in or out",
+    "service.pipeline.plan.MAX_VIEW_SAMPLES": "points of a mesh that are sampled for one view",
+    "service.pipeline.options.MAX_SCALE": "output pixels for each view pixel, along a side",
     "service.web.multipart.MAX_FIELDS": "fields in a form",
     "service.web.multipart.MAX_FIELD_BYTES": "bytes in a field that isn't the file",
 }
@@ -85,7 +87,7 @@ def page() -> str:
 
 def _value(place: str) -> float:
     module, _, name = place.rpartition(".")
-    return float(getattr(importlib.import_module(module), name))
+    return float(getattr(importlib.import_module(f"ciir.{module}"), name))
 
 
 def _all() -> Iterator[tuple[str, Any, str]]:

@@ -13,10 +13,10 @@ pytest.importorskip("onnxscript", reason=NEEDS)
 import numpy as np
 from PIL import Image
 
-from benchmarks import peers
-from benchmarks.peers_tables import Figures, table
-from models.card import Accuracy
-from training.networks import make
+from ciir.benchmarks import peers
+from ciir.benchmarks.peers_tables import Figures, table
+from ciir.models.card import Accuracy
+from ciir.training.networks import make
 
 TINY = {
     "lite-6": peers.Peer("lite", "lite", {"blocks": 1, "channels": 4, "batch_norm": True}),

@@ -50,9 +50,9 @@ class Recipe:
     """Checkpoint whose weights the run starts from; empty: from random ones."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
-    """How the LR of a crop was made -> its share of the crops: see `training.data`."""
+    """How the LR of a crop was made -> its share of the crops: see `training.data.crops`."""
     scenes: int = 0
-    """Random scenes that are rendered as training pairs beside the photographs (see `training.rendered`)."""
+    """Random scenes that are rendered as training pairs beside the photographs (see `training.data.rendered`)."""
     meshes: list[Any] = field(default_factory=list)
     """Mesh files whose views join the random scenes'."""
     noise: float = 0.0
@@ -63,24 +63,27 @@ class Recipe:
     """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own from it up; 0: none does."""
     light_field: bool = False
     """Whether the network upscales a view with the help of those around it: `train` then holds the textures of layered
-    scenes (`training.view_crops`), `validate` the views of a light field; `scenes`, `noise`, `blur`, `jpeg` play no
+    scenes (`training.data.light_field_crops`), `validate` the views of a light field; `scenes`, `noise`, `blur`,
+    `jpeg` play no
     part."""
     eased: int = 0
-    """Steps over which a light-field network's crops become as hard as they are: see `training.view_crops`."""
+    """Steps over which a light-field network's crops become as hard as they are: see
+    `training.data.light_field_crops`."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses`)."""
+    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
-    """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see `training.perceptual`)."""
+    """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see
+    `training.losses.perceptual`)."""
     perceptual_weight: float = 1.0
     vgg: str = ""
     """torchvision's VGG-19 weight file, for `perceptual = "vgg19"`."""
     adversarial: str = ""
-    """Adversarial term: `bce` (with logits), `hinge`, or none (see `training.adversary`)."""
+    """Adversarial term: `bce` (with logits), `hinge`, or none (see `training.losses.adversarial`)."""
     adversarial_weight: float = 1e-3
     discriminator: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of `training.networks.discriminator.Discriminator`; SRGAN's where none is given."""

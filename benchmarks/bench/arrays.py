@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench.timing import Times, in_turns
-from renderer.backends import open_backend
-from renderer.errors import BackendUnavailable
-from renderer.framing import frame
-from renderer.light_field import interleaved
-from renderer.views import parse_views
-from service.source import Input
+from ciir.benchmarks.bench.timing import Times, in_turns
+from ciir.errors import BackendUnavailable
+from ciir.renderer.backends import open_backend
+from ciir.renderer.framing import frame
+from ciir.renderer.light_field import interleaved
+from ciir.renderer.views import parse_views
+from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from renderer.lens_array import LensArray
-    from renderer.scene import Scene
-    from service.request import Options
-    from service.source import Source
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.scene import Scene
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.source import Source
 
 ECVIR, OBLIQUE, RAYS = "a perspective render for each lens (ECVIR)", "an oblique render for each view", "Embree's rays"
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.metrics import SSIM_RADIUS, Plane, luma, ssim_map
+from ciir.models.metrics import SSIM_RADIUS, Plane, luma, ssim_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-    from benchmarks.bench.growth import Line
-    from benchmarks.bench.results import Point, Result
+    from ciir.benchmarks.bench.growth import Line
+    from ciir.benchmarks.bench.results import Point, Result
 
 INK, FAINT, FRONTIER = "#222222", "#8a8a8a", "#b0006e"
 LOOKS = {

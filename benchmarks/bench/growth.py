@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench.timing import Stages, in_turns
-from models import catalogue
-from models.session import available_cores
-from renderer.backends import open_backend
-from renderer.errors import BackendUnavailable
-from renderer.framing import frame
-from renderer.lens_array import LensArray
-from renderer.modelling import revolve
-from renderer.scenes import scene
-from renderer.surface import Surface, assemble
-from service.outputs import FileSink
-from service.pipeline import reconstruct
-from service.request import Options
+from ciir.benchmarks.bench.timing import Stages, in_turns
+from ciir.errors import BackendUnavailable
+from ciir.models import catalogue
+from ciir.models.session import available_cores
+from ciir.renderer.backends import open_backend
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import scene
+from ciir.renderer.scenes.modelling import revolve
+from ciir.renderer.surface import Surface, assemble
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from renderer.scene import Scene
+    from ciir.renderer.scene import Scene
 
 MESH = "hamburger"
 LENSES, PIXELS, VIEWS = (25, 50, 100, 200, 400), (5, 9, 15, 25, 45), (1, 5, 25, 81, 225)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.bench.methods import PAPER
-from benchmarks.bench.timing import Stages, Times, in_turns
-from models import catalogue
+from ciir.benchmarks.bench.methods import PAPER
+from ciir.benchmarks.bench.timing import Stages, Times, in_turns
+from ciir.models import catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,7 +55,7 @@ def engines(models: Sequence[str]) -> tuple[dict[str, Engine], dict[str, str]]:
 def _torch() -> Engine:
     import torch
 
-    from benchmarks.stress.in_torch import network
+    from ciir.benchmarks.stress.networks.in_torch import network
 
     graph = network((catalogue.SHIPPED / f"{PAPER}.onnx").read_bytes())
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.bench.work import SCALE, Kept
-from models import catalogue
-from service.outputs import FileSink
-from service.pipeline import reconstruct
+from ciir.benchmarks.bench.work import SCALE, Kept
+from ciir.models import catalogue
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from benchmarks.bench.work import Work
+    from ciir.benchmarks.bench.work import Work
 
 PAPER = "paper"
 """The network that ratios refer to: the paper's generator."""

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.bench.errors import Error, compare
-from benchmarks.bench.methods import PAPER
-from benchmarks.bench.timing import Times, in_turns
+from ciir.benchmarks.bench.errors import Error, compare
+from ciir.benchmarks.bench.methods import PAPER
+from ciir.benchmarks.bench.timing import Times, in_turns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from benchmarks.bench.methods import Method
-    from benchmarks.bench.work import Work
+    from ciir.benchmarks.bench.methods import Method
+    from ciir.benchmarks.bench.work import Work
 
 
 @dataclass(eq=False)

@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from benchmarks import machine
-from benchmarks.bench import arrays, figures, growth, inference, tables
-from benchmarks.bench.methods import Method, methods
-from benchmarks.bench.results import Result, as_rows, measured, points
-from benchmarks.bench.timing import Alone, alone
-from benchmarks.bench.work import PIXELS, SAMPLINGS, SCALE, works
-from models.catalogue import DEFAULT, default
-from renderer.lens_array import LensArray
-from renderer.scenes import SCENES
-from service.request import Options
+from ciir.benchmarks import machine
+from ciir.benchmarks.bench import arrays, figures, growth, inference, tables
+from ciir.benchmarks.bench.methods import Method, methods
+from ciir.benchmarks.bench.results import Result, as_rows, measured, points
+from ciir.benchmarks.bench.timing import Alone, alone
+from ciir.benchmarks.bench.work import PIXELS, SAMPLINGS, SCALE, works
+from ciir.models.catalogue import DEFAULT, default
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import SCENES
+from ciir.service.pipeline.options import Options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from benchmarks.bench.work import Work
-    from service.request import Sampling
-    from service.source import Source
+    from ciir.benchmarks.bench.work import Work
+    from ciir.service.pipeline.options import Sampling
+    from ciir.service.pipeline.source import Source
 
 LENSES = (25, 50, 100, 200)
 ROUNDS = 11
@@ -62,7 +62,7 @@ def quick() -> Asked:
 def bench(asked: Asked, out: Path) -> dict[str, Any]:
     """Measures, writes `results.json`, `results.csv`, `results.md` and the pictures into `out`; returns the results.
 
-    Raises the input faults of `renderer.errors`.
+    Raises the input faults of `ciir.errors`.
     """
     begun = time.perf_counter()
     every, missing = methods()

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from benchmarks.bench.arrays import Route
-    from benchmarks.bench.growth import Line
-    from benchmarks.bench.inference import Row
-    from benchmarks.bench.timing import Alone
+    from ciir.benchmarks.bench.arrays import Route
+    from ciir.benchmarks.bench.growth import Line
+    from ciir.benchmarks.bench.inference import Row
+    from ciir.benchmarks.bench.timing import Alone
 
 Rows = "Sequence[Mapping[str, Any]]"
 NOTHING = "not computed"

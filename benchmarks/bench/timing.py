@@ -80,7 +80,7 @@ def alone(source: str, options: Mapping[str, Any]) -> Alone:
     task = json.dumps({"source": source, "options": dict(options)})
     begun = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.bench.timing", task], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "ciir.benchmarks.bench.timing", task], capture_output=True, text=True, check=False
     )
     cold = 1e3 * (time.perf_counter() - begun)
     if done.returncode:
@@ -102,10 +102,10 @@ def peak_mib() -> float | None:
 def _child(task: dict[str, Any]) -> None:
     import io
 
-    from service.commands.common import source
-    from service.outputs import FileSink
-    from service.pipeline import reconstruct
-    from service.request import Options
+    from ciir.service.cli.common import source
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.outputs import FileSink
+    from ciir.service.pipeline.run import reconstruct
 
     given: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value for key, value in task["options"].items()

@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from renderer.bundle import Bundle
-from renderer.errors import InvalidOption
-from renderer.light_field import LightField
-from renderer.pictures import encode_png
-from renderer.sampling import rounded_mean
-from renderer.scene import Scene
-from service.pipeline import reconstruct
-from service.request import Options
-from service.source import Input
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.sampling import rounded_mean
+from ciir.renderer.scene import Scene
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from renderer.pictures import Pixels
-    from service.report import Report
-    from service.request import Sampling
-    from service.source import Source
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.service.pipeline.options import Sampling
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
 
 SCALE = 2
 PIXELS = (15, 15)
@@ -93,7 +93,7 @@ def works(
     image array or a set of views one for each sampling, at half its own resolution.
 
     `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`); a mesh is seen through its `pixels`.
-    Raises the input faults of `renderer.errors`.
+    Raises the input faults of `ciir.errors`.
     """
     if isinstance(Input(source).read(array), Scene):
         for count in lenses:
@@ -140,7 +140,7 @@ def halved(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.
     """LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
 
     `lenslet`: LR is the mean of 2x2 pixels. `pinhole`: a point must be smaller than a pixel of the truth, so HR is the
-    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.degrade`).
+    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.data.degrade`).
     """
     cell = 2 * SCALE if sampling == "pinhole" else SCALE
     rows, cols = (length // cell for length in pictures.shape[1:3])

@@ -8,27 +8,27 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from benchmarks import machine
-from benchmarks.stress.case import Found, Skipped
-from models import catalogue
-from renderer.errors import InvalidOption
-from service.errors import one_line
+from ciir.benchmarks import machine
+from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.errors import InvalidOption
+from ciir.models import catalogue
+from ciir.service.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from benchmarks.stress.case import Case, Effort
+    from ciir.benchmarks.stress.case import Case, Effort
 
 GROUPS = {
-    "signals": "benchmarks.stress.signals",
-    "sizes": "benchmarks.stress.sizes",
-    "layers": "benchmarks.stress.layers",
-    "gain": "benchmarks.stress.gain",
-    "invariance": "benchmarks.stress.invariance",
-    "rounds": "benchmarks.stress.rounds",
-    "cliffs": "benchmarks.stress.cliffs",
-    "geometry": "benchmarks.stress.geometry",
-    "training": "benchmarks.stress.training",
+    "signals": "ciir.benchmarks.stress.networks.signals",
+    "sizes": "ciir.benchmarks.stress.networks.sizes",
+    "layers": "ciir.benchmarks.stress.networks.layers",
+    "gain": "ciir.benchmarks.stress.networks.gain",
+    "invariance": "ciir.benchmarks.stress.networks.invariance",
+    "rounds": "ciir.benchmarks.stress.networks.rounds",
+    "cliffs": "ciir.benchmarks.stress.networks.cliffs",
+    "geometry": "ciir.benchmarks.stress.geometry.views",
+    "training": "ciir.benchmarks.stress.training",
 }
 """Name -> the module whose `CASES` belong to it; imported when its turn comes."""
 

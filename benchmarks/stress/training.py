@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from benchmarks.stress.case import Found, Skipped
-from renderer import pictures
-from renderer.modelling import noise, rgba
-from training import recipe as recipes
+from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.renderer.readers import pictures
+from ciir.renderer.scenes.modelling import noise, rgba
+from ciir.training import recipe as recipes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from torch import Tensor
 
-    from benchmarks.stress.case import Case, Effort
-    from training.data import Crops
-    from training.recipe import Recipe
-    from training.run import Run
+    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.training.data.crops import Crops
+    from ciir.training.loop.trainer import Run
+    from ciir.training.recipe import Recipe
 
 DESIGNS = {"fast": "fast", "quality": "quality", "paper": "paper", "gan": "gan", "paper's adversary": "paper-vgg"}
 """What is trained -> its recipe, of which network, losses, clipping and precision are taken."""
@@ -71,7 +71,7 @@ def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
 @contextmanager
 def _crops(recipe: Recipe) -> Iterator[Crops]:
     """What the recipe draws from four generated pictures: smooth, rough, and cut by edges."""
-    from training.data import Crops
+    from ciir.training.data.crops import Crops
 
     with tempfile.TemporaryDirectory() as folder:
         y, x = np.mgrid[:96, :128] / 64.0
@@ -125,7 +125,7 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
     yield from (skipped := list(_skipped("200 updates")))
     if skipped:
         return
-    from training.run import Run
+    from ciir.training.loop.trainer import Run
 
     updates = QUICK_UPDATES if effort.quick else UPDATES
     for design in ("gan",) if effort.quick else DESIGNS:
@@ -155,7 +155,7 @@ def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
     yield from (skipped := list(_skipped("bfloat16 against float32")))
     if skipped:
         return
-    from training.run import Run
+    from ciir.training.loop.trainer import Run
 
     for design in ("fast",) if effort.quick else DESIGNS:
         recipe = _recipe(design)
@@ -177,7 +177,7 @@ def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a cas
         return
     import torch
 
-    from training.run import Run
+    from ciir.training.loop.trainer import Run
 
     recipe = _recipe("gan")
     with _crops(recipe) as crops:

@@ -16,9 +16,8 @@ from typing import IO, TYPE_CHECKING, BinaryIO
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from renderer.errors import InvalidOption
-from service.jobs.faults import Unavailable
-from service.jobs.trouble import Trouble
+from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs.workers.error_log import Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -36,11 +35,11 @@ class Run:
     target: Path
     """In a folder of its own, which goes with all that is in it when the run ends."""
     keep: Callable[[], None]
-    """Puts what is at `target` among the results; raises `Unavailable`."""
+    """Puts what is at `target` among the results; raises `QueueUnavailable`."""
 
 
 class Files:
-    """Files by name in `INPUTS` and `RESULTS`. Every method raises `Unavailable` where they can't be used."""
+    """Files by name in `INPUTS` and `RESULTS`. Every method raises `QueueUnavailable` where they can't be used."""
 
     def __init__(self, place: str, scratch: Path) -> None:
         """`place`: a folder, which is made, or an address such as s3://BUCKET/PATH; `scratch`: a folder for copies.
@@ -152,7 +151,7 @@ class Files:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """`Unavailable` in place of every `OSError` but `FileNotFoundError`, and of what an object store's client
+        """`QueueUnavailable` in place of every `OSError` but `FileNotFoundError`, and of what an object store's client
         raises: those have classes of their own, which nobody here knows.
         """
         try:
@@ -164,7 +163,7 @@ class Files:
                 raise
             self._trouble.begins(str(error))
             why = getattr(error, "strerror", None) or "their store doesn't answer"
-            raise Unavailable(
+            raise QueueUnavailable(
                 f"the server's files can't be used ({why}); make room for them, or try again later"
             ) from error
         self._trouble.is_over()

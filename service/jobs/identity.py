@@ -10,12 +10,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from service.request import Options
+from ciir.service.pipeline.options import Options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from service.jobs.job import Request
+    from ciir.service.jobs.job import Request
 
 DIGITS = 32
 CHUNK = 1 << 20

@@ -19,7 +19,7 @@ class Request:
     name: str
     """`upload` and the suffix of the client's file name: `upload.glb`."""
     options: dict[str, str]
-    """As text, by the names of `service.request.NAMES`; already parsed once, so known to be in range."""
+    """As text, by the names of `service.pipeline.options.NAMES`; already parsed once, so known to be in range."""
     format: str | None
     """`png`, `zip`, `npz`; None: png where one view is asked for, else zip."""
 
@@ -41,7 +41,7 @@ class Result:
     size: int
     """Bytes."""
     report: dict[str, Any]
-    """`service.report.Report` without its `views`, which a zip and an npz hold."""
+    """`service.pipeline.report.Report` without its `views`, which a zip and an npz hold."""
 
 
 @dataclass(frozen=True)

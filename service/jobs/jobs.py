@@ -10,20 +10,19 @@ from typing import IO, TYPE_CHECKING, Any, BinaryIO
 
 from anyio import to_thread
 
-from renderer.errors import InvalidOption
-from service.jobs.faults import Gone, QueueFull, Unavailable
-from service.jobs.files import INPUTS, RESULTS, Files
-from service.jobs.identity import identity
-from service.jobs.job import FINAL, Event, Job, Request
-from service.jobs.lanes import LANES, lane
-from service.jobs.queue import POLL_SECONDS, Queue
-from service.jobs.records import Records
-from service.jobs.runs import Runs
+from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
+from ciir.service.jobs.files import INPUTS, RESULTS, Files
+from ciir.service.jobs.identity import identity
+from ciir.service.jobs.job import FINAL, Event, Job, Request
+from ciir.service.jobs.lanes import LANES, lane
+from ciir.service.jobs.queue import POLL_SECONDS, Queue
+from ciir.service.jobs.records import Records
+from ciir.service.jobs.workers.runs import Runs
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from service.settings import Settings
+    from ciir.service.settings import Settings
 
 LEAST_SECONDS = 60.0
 """A result stays for so long after it was last asked for, or made, however little room there is: so that whoever waits
@@ -53,7 +52,8 @@ _LIMITS = (
 
 
 class Jobs:
-    """Where jobs are. Threads may share it. Every method raises `Unavailable` where queue or files can't be used."""
+    """Where jobs are. Threads may share it. Every method raises `QueueUnavailable` where queue or files can't be
+    used."""
 
     def __init__(self, settings: Settings) -> None:
         """Opens the places that `settings` name, and makes what isn't there. Raises `InvalidOption`."""
@@ -79,7 +79,7 @@ class Jobs:
 
         One that failed by the input's fault stands; one that failed otherwise, that was cancelled, or whose result is
         gone is run again. Raises `QueueFull` where `max_waiting` wait in its lane (some more may, where several are
-        handed in at the same moment), and `Unavailable` where it can't be kept.
+        handed in at the same moment), and `QueueUnavailable` where it can't be kept.
         """
         id_ = self.identify(request, file)
         found = self.records.get(id_)
@@ -97,7 +97,7 @@ class Jobs:
             self.forget_input(name)
             now = self.records.get(id_)
             if now is None:
-                raise Unavailable("the same was handed in, and forgotten, at the same moment; post it again")
+                raise QueueUnavailable("the same was handed in, and forgotten, at the same moment; post it again")
             return self._asked_again(now)
         self.queue.push(its_lane, id_)
         return made
@@ -126,7 +126,7 @@ class Jobs:
         return self.runs.cancel(id_)
 
     def open_result(self, id_: str) -> IO[bytes]:
-        """The result of a job that is done, at its beginning, the caller's to close. Raises `Gone`."""
+        """The result of a job that is done, at its beginning, the caller's to close. Raises `ResultExpired`."""
         job = self.records.get(id_)
         if job is not None and job.result is not None:
             try:
@@ -136,7 +136,7 @@ class Jobs:
             else:
                 self.runs.touch(job)
                 return file
-        raise Gone(f"{id_}: no result is kept, or no longer; post the input again")
+        raise ResultExpired(f"{id_}: no result is kept, or no longer; post the input again")
 
     def waiting(self) -> int:
         """How many wait, in both lanes; some of them may have been cancelled."""
@@ -206,7 +206,7 @@ class Jobs:
         self.queue.open.put(name, b"{}")
         try:
             self.files.put(INPUTS, name, file)
-        except Unavailable:
+        except QueueUnavailable:
             self.forget_input(name)
             raise
 

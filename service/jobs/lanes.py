@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from service.plan import LENSES, PIXELS
-from service.request import Options
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.plan import LENSES, PIXELS
 
 if TYPE_CHECKING:
-    from service.jobs.job import Lane, Request
+    from ciir.service.jobs.job import Lane, Request
 
 LANES: tuple[Lane, ...] = ("small", "large")
 SMALL_BYTES = 4 << 20

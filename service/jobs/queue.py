@@ -21,16 +21,15 @@ from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 from redis.retry import Retry
 
-from renderer.errors import InvalidOption
-from service.jobs.faults import Unavailable
-from service.jobs.lanes import LANES
-from service.jobs.trouble import Trouble
+from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs.lanes import LANES
+from ciir.service.jobs.workers.error_log import Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from service.jobs.job import Lane
+    from ciir.service.jobs.job import Lane
 
 FILE = "jobs.db"
 POLL_SECONDS = (0.02, 0.25)
@@ -88,19 +87,20 @@ class _Telling:
 
     @contextmanager
     def __call__(self) -> Iterator[None]:
-        """Raises `Unavailable` in place of what the storage raises; what callers hear names no server and no path."""
+        """Raises `QueueUnavailable` in place of what the storage raises; what callers hear names no server and no
+        path."""
         try:
             yield
         except (RedisError, sqlite3.Error) as error:
             self._trouble.begins(str(error))
             is_redis = isinstance(error, RedisError)
             why = "its server doesn't answer" if is_redis else str(error)
-            raise Unavailable(f"the queue can't be used ({why}); try again later") from error
+            raise QueueUnavailable(f"the queue can't be used ({why}); try again later") from error
         self._trouble.is_over()
 
 
 class Table:
-    """Values by key. Every method raises `Unavailable` where the storage can't be reached or written."""
+    """Values by key. Every method raises `QueueUnavailable` where the storage can't be reached or written."""
 
     def __init__(self, storage: _Sqlite | _Redis, telling: _Telling) -> None:
         self._storage, self._telling = storage, telling
@@ -177,7 +177,7 @@ class Queue:
         return _Redis(name, self._pool)
 
     def push(self, lane: Lane, id_: str) -> None:
-        """Puts an id at the end of a lane; it may stand there twice. Raises `Unavailable`."""
+        """Puts an id at the end of a lane; it may stand there twice. Raises `QueueUnavailable`."""
         with self._telling():
             self._lanes[lane].enqueue(id_.encode())
         self.wake()
@@ -185,7 +185,7 @@ class Queue:
     def pop(self, lanes: Sequence[Lane], seconds: float) -> str | None:
         """The first id of the first of `lanes` that has one; None where none comes within `seconds`, or after `wake`.
 
-        Raises `Unavailable`.
+        Raises `QueueUnavailable`.
         """
         if self._pool is not None:
             with self._telling():
@@ -219,12 +219,12 @@ class Queue:
             self._pushed.notify_all()
 
     def waiting(self, lane: Lane) -> int:
-        """How many ids are in a lane. Raises `Unavailable`."""
+        """How many ids are in a lane. Raises `QueueUnavailable`."""
         with self._telling():
             return int(self._lanes[lane].queue_size())
 
     def contents(self) -> set[str]:
-        """All ids that wait. Raises `Unavailable`."""
+        """All ids that wait. Raises `QueueUnavailable`."""
         with self._telling():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 

@@ -8,18 +8,18 @@ from collections import defaultdict
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from service.jobs.job import Job
+from ciir.service.jobs.job import Job
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from service.jobs.queue import Table
+    from ciir.service.jobs.queue import Table
 
 _log = logging.getLogger("ciir.jobs")
 
 
 class Records:
-    """Jobs by id in a table. Every method that reads or writes raises `Unavailable`."""
+    """Jobs by id in a table. Every method that reads or writes raises `QueueUnavailable`."""
 
     def __init__(self, table: Table) -> None:
         self._table = table

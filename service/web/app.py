@@ -1,4 +1,4 @@
-"""The HTTP API, put together. Nothing is decoded, rendered or upscaled in this process: see `service.engine`."""
+"""The HTTP API, put together. Nothing is decoded, rendered or upscaled in this process: see `service.jobs.engine`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from anyio import to_thread
 from fastapi import Depends, FastAPI, Request, Response
 from starlette.middleware.cors import CORSMiddleware
 
-from service.engine import Engine
-from service.metrics import Metrics
-from service.settings import Settings
-from service.web import docs, operations, problems, reconstructions, results
-from service.web.body_limit import BodyLimit
-from service.web.keys import guard
-from service.web.observe import QUIET, Observe
-from service.web.parts import Parts
+from ciir.service.jobs.engine import Engine
+from ciir.service.metrics import Metrics
+from ciir.service.settings import Settings
+from ciir.service.web import problems
+from ciir.service.web.middleware.body_limit import BodyLimit
+from ciir.service.web.middleware.keys import guard
+from ciir.service.web.middleware.observe import QUIET, Observe
+from ciir.service.web.routes import docs, operations, reconstructions, results
+from ciir.service.web.routes.common import Parts
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 
-from service.jobs.faults import Unavailable
+from ciir.errors import QueueUnavailable
 
 if TYPE_CHECKING:
     from starlette.datastructures import FormData
@@ -32,7 +32,7 @@ _REMEDIES = {  # how a fault's text begins -> what to do
 async def read(request: Request) -> FormData:
     """The body's parts, of which one may be a file; to be closed. A large one goes through a temporary file.
 
-    Raises `HTTPException` 400 where it is broken, and `Unavailable` where the disk is full.
+    Raises `HTTPException` 400 where it is broken, and `QueueUnavailable` where the disk is full.
     """
     parser = _WholeParser(
         request.headers, request.stream(), max_files=1, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES
@@ -45,7 +45,7 @@ async def read(request: Request) -> FormData:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         fault = "the server has no room for what you send; try again later, or have whoever runs it make room in TMPDIR"
-        raise Unavailable(fault) from error
+        raise QueueUnavailable(fault) from error
     except (UnicodeError, LookupError) as error:  # the form's charset names no encoding, or not the one it is in
         raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from service.web import problems, results
+from ciir.service.web import problems
+from ciir.service.web.routes import results
 
 Responses = dict[int | str, dict[str, Any]]
 

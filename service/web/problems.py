@@ -10,8 +10,8 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 from starlette.routing import Match
 
-from service.errors import FAULTS, meaning, one_line
-from service.jobs.faults import Gone, QueueFull, Unavailable
+from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
+from ciir.service.errors import FAULTS, meaning, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.requests import Request
 
-    from service.jobs.job import Problem
+    from ciir.service.jobs.job import Problem
 
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 MEDIA_TYPE = "application/problem+json"
@@ -135,11 +135,12 @@ async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: AR
 
 
 def install(app: FastAPI) -> None:
-    """Makes `app` answer every error as a problem, but for what nobody foresaw: see `service.web.observe`."""
+    """Makes `app` answer every error as a problem, but for what nobody foresaw: see
+    `service.web.middleware.observe`."""
     for fault in FAULTS:
         app.add_exception_handler(fault, _fault)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(QueueFull, _full)
-    app.add_exception_handler(Unavailable, _unavailable)
-    app.add_exception_handler(Gone, _expired)
+    app.add_exception_handler(QueueUnavailable, _unavailable)
+    app.add_exception_handler(ResultExpired, _expired)
     app.add_exception_handler(ClientDisconnect, _gone)

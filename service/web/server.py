@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import uvicorn
 
-from service.web.protocol import within
+from ciir.service.web.middleware.protocol import within
 
 if TYPE_CHECKING:
     import socket
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from service.web.parts import Parts
+    from ciir.service.web.routes.common import Parts
 
 KEEP_ALIVE_SECONDS = 30
 CLOSING_SECONDS = 5

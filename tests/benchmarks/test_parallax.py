@@ -6,7 +6,7 @@ pytest.importorskip("scipy", reason="needs the training extra")
 import numpy as np
 from scipy import ndimage
 
-from benchmarks.parallax import disparities
+from ciir.benchmarks.parallax import disparities
 
 
 def textured(seed):

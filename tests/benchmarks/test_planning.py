@@ -1,9 +1,9 @@
 import pytest
 
-from benchmarks import planning
-from renderer.bundle import Bundle
-from service import cost
-from service.measuring import OpenGL, Rays
+from ciir.benchmarks import planning
+from ciir.renderer.readers.bundle import Bundle
+from ciir.service.pipeline import cost
+from ciir.service.pipeline.measuring import OpenGL, Rays
 
 
 def row(**given):

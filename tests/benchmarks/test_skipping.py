@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import skipping
-from renderer.framing import frame
-from renderer.lens_array import LensArray
-from renderer.scenes import scene
+from ciir.benchmarks import skipping
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import scene
 
 
 def test_shares_of_a_view():

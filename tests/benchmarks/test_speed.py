@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("onnx", reason="needs the training extra")
 
-from benchmarks import speed
-from models import catalogue
-from renderer.light_field import LightField
+from ciir.benchmarks import speed
+from ciir.models import catalogue
+from ciir.renderer.light_field import LightField
 
 
 def test_views_are_interleaved_as_the_light_field_has_them():

@@ -15,14 +15,13 @@ import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import httpx2
 import numpy as np
 
-from renderer.pictures import encode_png
+from ciir.renderer.readers.pictures import encode_png
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PROJECT, PORT = "ciir-bench", "18765"
 URL = f"http://127.0.0.1:{PORT}/v1/reconstructions"
 PATIENCE_SECONDS = 60

@@ -19,9 +19,9 @@ import httpx2
 import numpy as np
 import pytest
 
-from renderer.pictures import encode_png
+from ciir.renderer.readers.pictures import encode_png
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 IMAGE = "ciir:test"
 REDIS = "redis:7-bookworm"
 POST = "/v1/reconstructions"

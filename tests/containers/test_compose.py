@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from renderer.pictures import decode
+from ciir.renderer.readers.pictures import decode
 
 LONG = {"lenses": "120x120", "views": "all", "model": "paper", "format": "npz"}
 """25 views by the slowest network: seconds."""
@@ -35,7 +35,7 @@ print(*(name for name in names if "resource_tracker" not in pathlib.Path("/proc"
 def test_results_are_the_command_lines(containers, stack, tmp_path):
     _, png = containers.noise(60, 90, seed=1)
     (tmp_path / "eia.png").write_bytes(png)
-    command = ["-m", "service.cli", "reconstruct", "eia.png", "--lenses", "12x18", "--views", "cross", "-o", "out"]
+    command = ["-m", "ciir", "reconstruct", "eia.png", "--lenses", "12x18", "--views", "cross", "-o", "out"]
     containers.run(sys.executable, *command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": containers.ROOT})
     answer = containers.post(stack.url, png, lenses="12x18", views="cross", format="zip")
     assert answer.status_code == 200, answer.text

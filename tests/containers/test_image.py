@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from renderer.pictures import decode
+from ciir.renderer.readers.pictures import decode
 
 LIMIT = 900e6
 HARD = ("--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL", "--security-opt", "no-new-privileges")  # noqa: S108 - there

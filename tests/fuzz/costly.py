@@ -18,11 +18,11 @@ import time
 import zlib
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from renderer import inputs, tiff
-from renderer.bundle import Bundle
-from renderer.errors import InputError
-from renderer.png import SIGNATURE
-from service.settings import Settings
+from ciir.errors import InputError
+from ciir.renderer.readers import inputs, tiff
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.png import SIGNATURE
+from ciir.service.settings import Settings
 from tests.fuzz import gltf_seeds, seeds
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from renderer import pictures
+from ciir.renderer.readers import pictures
 from tests.fuzz.seeds import CORNERS, FACES, noise, pack
 
 if TYPE_CHECKING:

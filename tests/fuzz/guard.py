@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import models
+from ciir import models
 
 FORBIDDEN = frozenset(
     {

@@ -16,7 +16,13 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(
-    include=["renderer", "service.pipeline", "service.plan", "service.request", "service.web"]
+    include=[
+        "ciir.renderer",
+        "ciir.service.pipeline.run",
+        "ciir.service.pipeline.plan",
+        "ciir.service.pipeline.options",
+        "ciir.service.web",
+    ]
 ):
     from tests.fuzz.guard import Guard
     from tests.fuzz.targets import TARGETS, BrokenPromise

@@ -15,8 +15,8 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from renderer import jpeg, pictures, tiff
-from service.request import NAMES
+from ciir.renderer.readers import jpeg, pictures, tiff
+from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -168,7 +168,8 @@ def view_sets() -> list[bytes]:
 
 
 def options() -> list[bytes]:
-    """The options' values, one a line by the order of `service.request.NAMES`; an empty line leaves one out."""
+    """The options' values, one a line by the order of `service.pipeline.options.NAMES`; an empty line leaves one
+    out."""
     asked: list[dict[str, str]] = [
         {"lenses": "6x9", "views": "center", "model": "none", "scale": "2"},
         {"lenses": "6x9", "pixels": "4x4", "views": "0,0;1,1;3,3", "model": "bicubic", "scale": "3"},

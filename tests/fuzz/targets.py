@@ -17,17 +17,18 @@ import numpy as np
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
-from renderer import inputs, meshes, pictures
-from renderer.bundle import Bundle
-from renderer.kinds import Kind, identify
-from renderer.light_field import LightField
-from renderer.limits import Limits
-from renderer.png import SIGNATURE
-from service.errors import FAULTS
-from service.outputs import FileSink
-from service.pipeline import reconstruct
-from service.request import NAMES, Options
-from service.web import multipart, upload
+from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers import inputs, meshes, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.file_types import Kind, identify
+from ciir.renderer.readers.png import SIGNATURE
+from ciir.service.errors import FAULTS
+from ciir.service.pipeline.options import NAMES, Options
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.pipeline.run import reconstruct
+from ciir.service.web import multipart
+from ciir.service.web.routes import upload
 from tests.fuzz import gltf_seeds, seeds
 from tests.fuzz.seeds import parts
 
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
 
     from starlette.types import Message
 
-    from renderer.pictures import Pixels
-    from renderer.scene import Scene
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.scene import Scene
 
 LIMITS = Limits(files=64, bytes=2**24, pixels=2**20, set_bytes=2**22, triangles=20_000, views=64)
 """Under the service's own, so that inputs at a limit are found, and cost little."""
@@ -129,7 +130,7 @@ _OFF = seeds.off()[0]
 
 
 def asked(name: str, file: bytes) -> Callable[[bytes], None]:
-    """The options' values, one a line by the order of `service.request.NAMES`, to the end of the pipeline."""
+    """The options' values, one a line by the order of `service.pipeline.options.NAMES`, to the end of the pipeline."""
 
     def check(data: bytes) -> None:
         values = zip(NAMES, data.decode("latin-1").split("\n"), strict=False)

@@ -2,9 +2,9 @@ import contextlib
 
 import pytest
 
-from renderer import inputs
-from renderer.bundle import Bundle
-from renderer.errors import InvalidGeometry, InvalidOption, TooLarge, UnsupportedType
+from ciir.errors import InvalidGeometry, InvalidOption, TooLarge, UnsupportedType
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from tests.fuzz import costly
 
 SMALL = sorted(set(costly.CASES) - {"black", "scans"})

@@ -10,16 +10,16 @@ import zipfile
 
 import pytest
 
-from renderer import pictures
+from ciir.renderer.readers import pictures
 from tests.fuzz import gltf_seeds, seeds
 
 PROGRAM = """
 import json, sys
 from pathlib import Path
 from tests.fuzz.guard import Guard
-from service.jobs.job import Problem, Request
-from service.jobs.work import Allowed, Work, do
-from service.settings import Settings
+from ciir.service.jobs.job import Problem, Request
+from ciir.service.jobs.workers.work import Allowed, Work, do
+from ciir.service.settings import Settings
 
 folder, allowed, told = Path(sys.argv[1]), Allowed.by(Settings()), {}
 guard = Guard(folder)

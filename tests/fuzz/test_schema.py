@@ -5,7 +5,7 @@ import sys
 
 NOT_ASKED = (
     "positive_data_acceptance",  # a file of random bytes is no mesh: 415 and 422 are the answers
-    "ignored_auth",  # without CIIR_API_KEYS anyone may ask; tests/service/web/test_keys.py holds the rest
+    "ignored_auth",  # without CIIR_API_KEYS anyone may ask; tests/service/web/middleware/test_keys.py holds the rest
     "use_after_free",  # DELETE cancels, and what was cancelled can still be looked at
 )
 

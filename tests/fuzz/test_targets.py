@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from starlette.exceptions import HTTPException
 
-from renderer.errors import Unreadable
+from ciir.errors import Unreadable
 from tests.fuzz.mutate import KINDS, MOST_BYTES, WORDS, Edit, edited
 from tests.fuzz.targets import TARGETS, BrokenPromise, Target
 

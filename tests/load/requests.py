@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from renderer import modelling, pictures
+from ciir.renderer.readers import pictures
+from ciir.renderer.scenes import modelling
 from tests.fuzz import gltf_seeds, seeds
 
 PATH = "/v1/reconstructions"

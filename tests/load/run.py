@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from benchmarks import machine
-from service import cli
+from ciir.benchmarks import machine
+from ciir.service.cli import main as cli
 from tests.load.requests import LATER, Answered, Connection, asked, form, origin, small
 from tests.load.server import Seen, Server, serving, watch
 

@@ -36,7 +36,7 @@ class Server(NamedTuple):
 @contextlib.contextmanager
 def serving(folder: Path, log: Path) -> Iterator[Server]:
     """The server on a free port, ready; it is told to end, and must, within `STOP_SECONDS`."""
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0"]
+    command = [sys.executable, "-m", "ciir", "serve", "--port", "0"]
     environment = os.environ | {"CIIR_FOLDER": str(folder / "jobs"), "CIIR_CACHE": str(folder / "cache")}
     with log.open("wb") as output:
         process = subprocess.Popen(command, stdout=output, stderr=output, env=environment)  # noqa: S603 - our own

@@ -1,6 +1,6 @@
 import pytest
 
-from service import cli
+from ciir.service.cli import main
 from tests.load import requests, run
 
 
@@ -43,7 +43,7 @@ def small(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "asked", lambda number: given)
     (tmp_path / given.name).write_bytes(given.data)
     options = [word for name, value in given.options.items() for word in (f"--{name}", value)]
-    assert cli.main(["reconstruct", str(tmp_path / given.name), "-o", str(tmp_path / "out.png"), *options]) == 0
+    assert main.main(["reconstruct", str(tmp_path / given.name), "-o", str(tmp_path / "out.png"), *options]) == 0
     for folder in ("answers", "made"):
         (tmp_path / folder).mkdir()
     return given, (tmp_path / "out.png").read_bytes(), tmp_path / "answers", tmp_path / "made"

@@ -2,9 +2,9 @@ import json
 
 import pytest
 
-from models import card as cards
-from models.catalogue import SHIPPED
-from models.errors import BadCard
+from ciir.errors import BadCard
+from ciir.models import card as cards
+from ciir.models.catalogue import SHIPPED
 
 PAPER = SHIPPED / "paper.json"
 

@@ -5,10 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import models
-from models import catalogue
-from models.catalogue import SHIPPED
-from models.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir import models
+from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.models import catalogue
+from ciir.models.catalogue import SHIPPED
 
 
 def test_names_and_entries():

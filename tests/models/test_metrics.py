@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from models.metrics import luma, psnr, ssim
+from ciir.models.metrics import luma, psnr, ssim
 
 
 def planes() -> tuple[np.ndarray, np.ndarray]:

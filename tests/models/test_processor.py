@@ -1,6 +1,6 @@
 import pytest
 
-from models import processor
+from ciir.models import processor
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from models import card as cards
-from models import session
-from models.catalogue import SHIPPED, entries, load
-from models.errors import BadCard, InvalidImage, UnsuitedProcessor
-from models.session import Network, Shipped
+from ciir.errors import BadCard, InvalidImage, UnsuitedProcessor
+from ciir.models import card as cards
+from ciir.models import session
+from ciir.models.catalogue import SHIPPED, entries, load
+from ciir.models.session import Network, Shipped
 
 
 def noise(*shape: int) -> np.ndarray:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models import tiles
+from ciir.models import tiles
 
 sizes = st.integers(1, 70)
 

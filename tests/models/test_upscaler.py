@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from models.errors import BrokenNetwork, InvalidImage
-from models.upscaler import check, finish
+from ciir.errors import BrokenNetwork, InvalidImage
+from ciir.models.upscaler import check, finish
 
 
 def pictures(*shape: int) -> np.ndarray:

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.framing import FILL, frame
-from renderer.lens_array import LensArray
-from renderer.scene import Part, Scene
+from ciir.renderer.framing import FILL, frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scene import Part, Scene
 
 
 def cloud(seed, stretch):

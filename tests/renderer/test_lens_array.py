@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.errors import InvalidOption
-from renderer.lens_array import MAX_LENSES, MAX_PIXELS, TANGENT_RANGE, LensArray
+from ciir.errors import InvalidOption
+from ciir.renderer.lens_array import MAX_LENSES, MAX_PIXELS, TANGENT_RANGE, LensArray
 
 COUNTS = st.integers(1, 40)
 LENGTHS = st.floats(1e-6, 1e6)

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.errors import InvalidOption
-from renderer.light_field import LightField, Pickup
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField, Pickup
 
 SIDES = st.integers(1, 6)
 SETTINGS = settings(max_examples=80, deadline=None, derandomize=True)

@@ -5,15 +5,15 @@ The readers run in a process of their own, in which opening a file, a socket or 
 
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.paths import ROOT
+
 CODE = r"""
 import base64, json, struct, sys
 
-from renderer import inputs, pictures
-from renderer.bundle import Bundle
-from renderer.errors import InputError
+from ciir.renderer.readers import inputs, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.errors import InputError
 
 import numpy as np
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from renderer.errors import InvalidOption
-from renderer.sampling import average_cells, check_samples
+from ciir.errors import InvalidOption
+from ciir.renderer.sampling import average_cells, check_samples
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 4])

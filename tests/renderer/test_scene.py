@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from renderer.scene import Part, Scene
+from ciir.renderer.scene import Part, Scene
 
 SQUARE = np.array([[0, 0, 0], [2, 0, -1], [0, 3, 0], [2, 3, -1]], float)
 FACES = np.array([[0, 1, 2], [2, 1, 3]], np.int32)

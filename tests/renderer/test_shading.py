@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.modelling import revolve
-from renderer.shading import LIGHT, encode, merged, shade, smooth_normals, unit
+from ciir.renderer.scenes.modelling import revolve
+from ciir.renderer.shading import LIGHT, encode, merged, shade, smooth_normals, unit
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 CUBE_FACES = np.array(
@@ -51,7 +51,7 @@ def test_positions_are_merged_exactly_where_hashes_meet(monkeypatch: pytest.Monk
     def colliding(values: np.ndarray, **options: object) -> object:
         return real(np.zeros_like(values) if next(first_call, False) else values, **options)
 
-    monkeypatch.setattr("renderer.shading.np.unique", colliding)
+    monkeypatch.setattr("ciir.renderer.shading.np.unique", colliding)
     place, count = merged(vertices)
     assert count == 2
     assert place[0] == place[2] != place[1]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from renderer.errors import InvalidGeometry, TooLarge, Unreadable
-from renderer.scene import Texture
-from renderer.shading import shade
-from renderer.surface import MAX_COORDINATE, Surface, assemble
+from ciir.errors import InvalidGeometry, TooLarge, Unreadable
+from ciir.renderer.scene import Texture
+from ciir.renderer.shading import shade
+from ciir.renderer.surface import MAX_COORDINATE, Surface, assemble
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

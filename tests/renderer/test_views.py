@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.errors import InvalidOption
-from renderer.views import parse_views
+from ciir.errors import InvalidOption
+from ciir.renderer.views import parse_views
 
 
 def test_named_views():

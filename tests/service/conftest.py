@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from models import catalogue
-from models.card import Tensor
-from renderer.pictures import encode_png
+from ciir.models import catalogue
+from ciir.models.card import Tensor
+from ciir.renderer.readers.pictures import encode_png
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -205,7 +205,7 @@ def launched(log: Path, *words, **environment):
     environment = {"CIIR_FOLDER": str(log.with_name("service"))} | environment
     with log.open("wb") as output:
         process = subprocess.Popen(  # noqa: S603 - our own
-            [sys.executable, "-m", "service.cli", *words], stdout=output, stderr=output, env=os.environ | environment
+            [sys.executable, "-m", "ciir", *words], stdout=output, stderr=output, env=os.environ | environment
         )
     try:
         yield process

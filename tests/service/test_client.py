@@ -7,9 +7,9 @@ import httpx2
 import numpy as np
 import pytest
 
-from renderer.pictures import decode
-from service import client as client_module
-from service.client import (
+from ciir.renderer.readers.pictures import decode
+from ciir.service import client as client_module
+from ciir.service.client import (
     Client,
     Event,
     InvalidInput,

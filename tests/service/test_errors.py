@@ -1,8 +1,7 @@
 import pytest
 
-from models import errors as model_errors
-from renderer import errors as renderer_errors
-from service.errors import FAULTS, NotReady, meaning, one_line
+from ciir import errors
+from ciir.service.errors import FAULTS, meaning, one_line
 
 
 def descendants(kind):
@@ -20,13 +19,13 @@ def test_every_fault_has_a_meaning_that_both_doors_agree_on(root):
 @pytest.mark.parametrize(
     ("fault", "status"),
     [
-        (renderer_errors.TooLarge("x"), 413),
-        (renderer_errors.UnsupportedType("x"), 415),
-        (renderer_errors.InvalidOption("x"), 422),
-        (renderer_errors.BackendUnavailable("x"), 422),
-        (model_errors.UnknownModel("x"), 422),
-        (model_errors.BadCard("x"), 500),
-        (NotReady("x"), 503),
+        (errors.TooLarge("x"), 413),
+        (errors.UnsupportedType("x"), 415),
+        (errors.InvalidOption("x"), 422),
+        (errors.BackendUnavailable("x"), 422),
+        (errors.UnknownModel("x"), 422),
+        (errors.BadCard("x"), 500),
+        (errors.NotReady("x"), 503),
     ],
 )
 def test_status_codes(fault, status):

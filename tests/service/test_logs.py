@@ -3,7 +3,7 @@ import logging
 
 import pytest
 
-from service import logs
+from ciir.service import logs
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_text(root, capsys):
         token = logs.REQUEST_ID.set("r-1")
         logging.getLogger("ciir.access").info("%s", "hello", extra={logs.FIELDS: {"status": 200}})
         logs.REQUEST_ID.reset(token)
-        logging.getLogger("service.jobs").info("of none")
+        logging.getLogger("ciir.service.jobs").info("of none")
         logging.getLogger("huey").info("a library's")
         logging.getLogger("huey").warning("which is heard")
 

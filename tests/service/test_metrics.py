@@ -2,8 +2,8 @@ import threading
 
 import pytest
 
-from service.jobs.job import Problem, Result
-from service.metrics import Counted, Metrics
+from ciir.service.jobs.job import Problem, Result
+from ciir.service.metrics import Counted, Metrics
 
 REPORT = {
     "timings_ms": {"decode": 1000, "total": 3000},

@@ -5,10 +5,10 @@ import os
 
 import pytest
 
-from renderer.errors import InvalidOption
-from renderer.pictures import encode_png
-from service.cli import main
-from service.commands import out
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.cli import output_path
+from ciir.service.cli.main import main
 
 SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace", "--model", "none"]
 
@@ -67,14 +67,14 @@ def test_no_name_is_refused(folder, capsys, command):
     ],
 )
 def test_a_file_of_another_kind_is_refused_before_any_work(folder, capsys, monkeypatch, command, name):
-    for work in ("service.pipeline.reconstruct", "service.commands.upscale.upscale_pictures"):
+    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.cli.commands.upscale.upscale_pictures"):
         monkeypatch.setattr(work, pytest.fail)
     refused(capsys, [*COMMANDS[command], "-o", name], name, "/ for a folder")
     assert list(folder.iterdir()) == []
 
 
 def test_the_demo_takes_a_folder(folder, capsys, monkeypatch):
-    monkeypatch.setattr("service.demo.run", pytest.fail)
+    monkeypatch.setattr("ciir.service.demo.demo.run", pytest.fail)
     refused(capsys, ["demo", "-o", "zz.png"], "zz.png", "/ for a folder")
 
 
@@ -89,21 +89,21 @@ def test_elemental_makes_no_folder(folder, capsys):
 
 
 def test_names_of_folders(tmp_path):
-    assert not out.is_file("run.v2", [".png"], what="views")
-    assert not out.is_file(str(tmp_path), [".png"], what="views")
+    assert not output_path.is_file("run.v2", [".png"], what="views")
+    assert not output_path.is_file(str(tmp_path), [".png"], what="views")
     (tmp_path / "there.jpg").mkdir()
-    assert not out.is_file(str(tmp_path / "there.jpg"), [".png"], what="views")
-    assert out.is_file("a.PNG", [".png"], what="views")
+    assert not output_path.is_file(str(tmp_path / "there.jpg"), [".png"], what="views")
+    assert output_path.is_file("a.PNG", [".png"], what="views")
     with pytest.raises(InvalidOption, match="-o"):
-        out.folder("", what="views")
+        output_path.folder("", what="views")
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, "elemental"])
 @pytest.mark.parametrize("report", ["../in", "../p.png/r.json", "../pipe", "o.png", ""])
 def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, monkeypatch, command, report):
-    for work in ("service.pipeline.reconstruct", "service.pipeline.elemental"):
+    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.pipeline.run.elemental"):
         monkeypatch.setattr(work, pytest.fail)
-    monkeypatch.setattr("service.commands.upscale.upscale_pictures", pytest.fail)
+    monkeypatch.setattr("ciir.service.cli.commands.upscale.upscale_pictures", pytest.fail)
     argv = COMMANDS.get(command, ["elemental", "../cube.off"])
     name = "o.png/" if command == "upscale a folder" else "o.png"
     refused(capsys, [*argv, "-o", name, "--report", report])
@@ -111,7 +111,7 @@ def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, m
 
 
 def test_a_report_where_nothing_may_be_written(folder, capsys, monkeypatch):
-    monkeypatch.setattr("service.atomic.os.access", lambda path, mode: path != folder)
+    monkeypatch.setattr("ciir.renderer.writers.atomic_write.os.access", lambda path, mode: path != folder)
     refused(capsys, [*COMMANDS["reconstruct"], "-o", "../out", "--report", "r.json"], str(folder))
     assert not (folder.parent / "out").exists()
 
@@ -169,9 +169,9 @@ def test_what_is_read_stays(folder):
 
 TERMINATED = """
 import os, signal, sys
-import service.outputs
-from service.cli import main
-service.outputs._png = lambda pixels: os.kill(os.getpid(), signal.SIGTERM)
+import ciir.service.pipeline.outputs
+from ciir.service.cli.main import main
+service.pipeline.outputs._png = lambda pixels: os.kill(os.getpid(), signal.SIGTERM)
 sys.exit(main(sys.argv[1:]))
 """
 

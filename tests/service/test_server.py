@@ -12,9 +12,9 @@ import httpx2
 import numpy as np
 import pytest
 
-from renderer.backends import open_backend
-from renderer.errors import BackendUnavailable
-from renderer.pictures import decode
+from ciir.errors import BackendUnavailable
+from ciir.renderer.backends import open_backend
+from ciir.renderer.readers.pictures import decode
 
 POST = "/v1/reconstructions"
 
@@ -255,7 +255,7 @@ def test_a_client_that_stops_reading_is_cut_off_and_holds_no_worker(impatient_se
 
 
 def test_a_port_that_is_taken(server, samples):
-    done = samples.python("-m", "service.cli", "serve", "--port", server.rpartition(":")[2])
+    done = samples.python("-m", "ciir", "serve", "--port", server.rpartition(":")[2])
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "already in use" in done.stderr
 
@@ -263,6 +263,6 @@ def test_a_port_that_is_taken(server, samples):
 @pytest.mark.parametrize(("name", "value"), [("CIIR_WORKERS", "65"), ("CIIR_MAX_BODY_BYTES", "many")])
 def test_a_setting_out_of_range(samples, monkeypatch, name, value):
     monkeypatch.setenv(name, value)
-    done = samples.python("-m", "service.cli", "serve", "--port", "0", timeout=60)
+    done = samples.python("-m", "ciir", "serve", "--port", "0", timeout=60)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert name in done.stderr

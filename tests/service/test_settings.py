@@ -2,16 +2,15 @@
 
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 
-from renderer.errors import InvalidOption
-from renderer.limits import DEFAULTS, Limits
-from service import settings
-from service.settings import Settings
+from ciir.errors import InvalidOption
+from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.service import settings
+from ciir.service.settings import Settings
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 NUMBERS = [name for name, field in Settings.model_fields.items() if field.annotation in (int, float)]
 
 

@@ -1,17 +1,15 @@
 import re
-from pathlib import Path
 
-from service import settings_table
-from service.cli import main
-from service.settings import Settings
-
-ROOT = Path(__file__).resolve().parents[2]
+from ciir.service import settings_table
+from ciir.service.cli.main import main
+from ciir.service.settings import Settings
+from tests.support.paths import ROOT
 
 
 def test_the_page_is_of_today():
     path = ROOT / "docs" / "settings.md"
     assert path.read_text(encoding="utf-8") == settings_table.page(), (
-        "python -m service.settings_table > docs/settings.md"
+        "python -m ciir.service.settings_table > docs/settings.md"
     )
 
 
@@ -23,10 +21,10 @@ def test_every_setting_is_on_the_page_and_in_the_table():
 
 
 OTHERS = {
-    "renderer.jpeg.MAX_SIDE": "what JPEG can hold that is written",
-    "renderer.opengl.MAX_SIDE": "larger pictures are drawn by rays",
+    "renderer.readers.jpeg.MAX_SIDE": "what JPEG can hold that is written",
+    "renderer.backends.opengl.MAX_SIDE": "larger pictures are drawn by rays",
     "renderer.sampling.MAX_SAMPLES": "no request reaches it",
-    "renderer.texture_files.MAX_NOTES": "what is told, and nothing of the input",
+    "renderer.readers.meshes.texture_files.MAX_NOTES": "what is told, and nothing of the input",
 }
 """Constants of that name that are no limits on what may be sent."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from training.recipe import Recipe
+from ciir.training.recipe import Recipe
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,15 +12,19 @@ import onnxruntime
 import torch
 from PIL import Image
 
-from models import card as cards
-from models import processor
-from models.light_field import LightFieldNetwork
-from models.session import open_session
-from models.windows import axis
-from training import calibration, checkpoints, degrade, evaluate_views, examples, qdq, to_onnx
-from training.export import compare, export, export_int8, from_checkpoint, plain
-from training.layered import TEXTURE
-from training.networks.light_field import LightFieldGenerator
+from ciir.models import card as cards
+from ciir.models import processor
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.windows import axis
+from ciir.models.session import open_session
+from ciir.training.data import degrade
+from ciir.training.data.layered_scenes import TEXTURE
+from ciir.training.evaluation import light_fields
+from ciir.training.export import calibration, qdq, to_onnx
+from ciir.training.export import inputs as examples
+from ciir.training.export.export import compare, export, export_int8, from_checkpoint, plain
+from ciir.training.loop import checkpoints
+from ciir.training.networks.light_field import LightFieldGenerator
 
 suited = pytest.mark.skipif(bool(processor.against_int8()), reason=processor.against_int8() or "it is suited")
 OPTIONS = {"widths": [8, 16, 16], "planes": 5, "width": 16, "depth": 1}
@@ -58,9 +62,9 @@ def test_the_card(exported, views):
     assert card.is_light_field
     assert [tensor.name for tensor in card.further] == ["around", "rows", "cols"]
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 4 + 2 + 1 + 1 + 1 + 1, 7)
-    assert card.protocol == evaluate_views.PROTOCOL
+    assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
-    assert card.accuracy == tuple(evaluate_views.score(network, views, degradation=kind) for kind in degrade.KINDS)
+    assert card.accuracy == tuple(light_fields.score(network, views, degradation=kind) for kind in degrade.KINDS)
     assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in degrade.KINDS]
     commands = card.command.split("; ")
     assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"

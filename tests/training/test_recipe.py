@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from models import catalogue
-from training import recipe as recipes
-from training.networks import make
+from ciir.models import catalogue
+from ciir.training import recipe as recipes
+from ciir.training.networks import make
 
 SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from training.networks.compact import CompactGenerator
-from training.networks.fsrcnn import FSRCNN
-from training.networks.light_field import LightFieldGenerator
-from training.networks.lite import LiteGenerator
-from training.networks.rdn import RDN
-from training.networks.rrdb import RRDBGenerator
-from training.networks.sparse_camera import SparseCameraGenerator
-from training.networks.srcnn import SRCNN
-from training.networks.srgan import SRGANGenerator
-from training.networks.vdsr import VDSR
+from ciir.training.networks.compact import CompactGenerator
+from ciir.training.networks.light_field import LightFieldGenerator
+from ciir.training.networks.lite import LiteGenerator
+from ciir.training.networks.peers.fsrcnn import FSRCNN
+from ciir.training.networks.peers.rdn import RDN
+from ciir.training.networks.peers.rrdb import RRDBGenerator
+from ciir.training.networks.peers.sparse_camera import SparseCameraGenerator
+from ciir.training.networks.peers.srcnn import SRCNN
+from ciir.training.networks.peers.srgan import SRGANGenerator
+from ciir.training.networks.peers.vdsr import VDSR
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from torch import Tensor, nn
 from torch.nn import functional
 
-from training.networks.collapsible import CollapsibleConv
-from training.networks.interpolation import Bicubic
+from ciir.training.networks.collapsible import CollapsibleConv
+from ciir.training.networks.interpolation import Bicubic
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

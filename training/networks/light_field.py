@@ -14,9 +14,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from training.networks.collapsible import CollapsibleConv
-from training.networks.compact import CompactGenerator
-from training.networks.plane_sweep import PlaneSweep
+from ciir.training.networks.collapsible import CollapsibleConv
+from ciir.training.networks.compact import CompactGenerator
+from ciir.training.networks.plane_sweep import PlaneSweep
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ class LightFieldGenerator(nn.Module):
         super().__init__()
         self.scale = 2
         self.single = CompactGenerator(widths, self.scale, slope)
-        """May start from a trained one: see `training.run.Run.start_from`."""
+        """May start from a trained one: see `training.loop.trainer.Run.start_from`."""
         self.sweep = PlaneSweep(planes)
         self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + SIDES, width), nn.ReLU())
         for layer in range(depth):

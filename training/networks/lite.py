@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from training.networks.batch_norm import normalised
+from ciir.training.networks.batch_norm import normalised
 
 SCALE = 2
 SLOPE = 0.2

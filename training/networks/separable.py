@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from training.networks.interpolation import Bicubic
+from ciir.training.networks.interpolation import Bicubic
 
 if TYPE_CHECKING:
     from typing import TypeVar

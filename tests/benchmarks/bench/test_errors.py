@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.bench.errors import compare
-from models.metrics import luma, psnr, ssim
+from ciir.benchmarks.bench.errors import compare
+from ciir.models.metrics import luma, psnr, ssim
 
 
 def pictures(seed, shape=(2, 40, 30, 3)):

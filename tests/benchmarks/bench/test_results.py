@@ -3,14 +3,14 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.bench import figures, tables
-from benchmarks.bench.growth import Line, sphere
-from benchmarks.bench.methods import Method
-from benchmarks.bench.results import Point, as_rows, measured, points
-from benchmarks.bench.run import _finite
-from benchmarks.bench.timing import in_turns, peak_mib, quartiles
-from benchmarks.bench.work import works
-from service.request import Options
+from ciir.benchmarks.bench import figures, tables
+from ciir.benchmarks.bench.growth import Line, sphere
+from ciir.benchmarks.bench.methods import Method
+from ciir.benchmarks.bench.results import Point, as_rows, measured, points
+from ciir.benchmarks.bench.run import _finite
+from ciir.benchmarks.bench.timing import in_turns, peak_mib, quartiles
+from ciir.benchmarks.bench.work import works
+from ciir.service.pipeline.options import Options
 
 
 def point(method, ms, rmse, kind="float network"):

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.bench import arrays
-from benchmarks.bench.run import Asked, bench, quick
-from models import catalogue
-from renderer.pictures import encode_png
-from service.cli import main
+from ciir.benchmarks.bench import arrays
+from ciir.benchmarks.bench.run import Asked, bench, quick
+from ciir.models import catalogue
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.cli.main import main
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.bench.methods import methods
-from benchmarks.bench.work import halved, works
-from renderer.bundle import Bundle
-from renderer.errors import InvalidOption
-from renderer.light_field import LightField
-from renderer.pictures import encode_png
-from service.request import Options
+from ciir.benchmarks.bench.methods import methods
+from ciir.benchmarks.bench.work import halved, works
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.pipeline.options import Options
 
 
 def field(rows=24, cols=20):

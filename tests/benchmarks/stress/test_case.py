@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 
-from benchmarks.stress.case import Found
+from ciir.benchmarks.stress.case import Found
 
 
 def test_a_bound_holds_up_to_itself_and_never_for_nan():

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from benchmarks.stress import (
+from ciir.benchmarks.stress.case import Effort, Skipped
+from ciir.benchmarks.stress.networks import (
     cliffs,
     gain,
     in_torch,
     invariance,
     layers,
-    networks,
     patterns,
     rounds,
+    shipped,
     signals,
     sizes,
 )
-from benchmarks.stress.case import Effort, Skipped
-from models import catalogue
-from models.baselines import Bicubic, Nearest
+from ciir.models import catalogue
+from ciir.models.single.interpolation import Bicubic, Nearest
 
 QUICK = Effort(("fast",), quick=True)
 
@@ -41,7 +41,7 @@ def put(monkeypatch):
             return np.clip(self.compute(images), 0, 1)
 
     def replace(compute):
-        monkeypatch.setattr(networks, "raw", lambda name, threads=None: compute)
+        monkeypatch.setattr(shipped, "raw", lambda name, threads=None: compute)
         load = catalogue.load
         monkeypatch.setattr(catalogue, "load", lambda name, **more: load(name) if name == "bicubic" else Model(compute))
 
@@ -58,7 +58,7 @@ def states(case, effort=QUICK):
 
 def test_a_difference_from_torch_breaks(monkeypatch):
     pytest.importorskip("torch", reason="needs the training extra")
-    raw = networks.raw
+    raw = shipped.raw
     assert states(signals.against_torch) == [True]
     assert states(sizes.against_torch) == [True]
 
@@ -70,7 +70,7 @@ def test_a_difference_from_torch_breaks(monkeypatch):
 
         return run
 
-    monkeypatch.setattr(networks, "raw", off)
+    monkeypatch.setattr(shipped, "raw", off)
     (found,) = signals.against_torch(QUICK)
     assert not found.holds
     assert found.where == "view"
@@ -86,14 +86,14 @@ def test_without_torch_it_is_said(monkeypatch):
 
 
 def test_int8_that_is_not_its_twin_breaks(monkeypatch):
-    monkeypatch.setattr(networks, "twins", lambda effort: [("float", "int8")])
+    monkeypatch.setattr(shipped, "twins", lambda effort: [("float", "int8")])
     plain = Bicubic(2)
     for coarse, holds in (
         (lambda x: np.round(plain(x) * 128) / 128, [True, True, True]),
         (lambda x: plain(x) + 3 / 255, [False, True, False]),
     ):
         by_name = {"float": plain, "int8": coarse}
-        monkeypatch.setattr(networks, "raw", by_name.__getitem__)
+        monkeypatch.setattr(shipped, "raw", by_name.__getitem__)
         assert states(signals.against_float) == holds
     by_name["int8"] = Nearest(2)
     monkeypatch.setattr(catalogue, "load", by_name.__getitem__)
@@ -143,10 +143,10 @@ def test_growth_of_activations(monkeypatch):
 
 def test_growth_is_counted_from_the_layer_before():
     nodes = [
-        networks.Node("Conv", ("image", "w"), ("a",)),
-        networks.Node("Relu", ("a",), ("b",)),
-        networks.Node("Conv", ("b", "w"), ("c",)),
-        networks.Node("Conv", ("image", "w"), ("d",)),
+        shipped.Node("Conv", ("image", "w"), ("a",)),
+        shipped.Node("Relu", ("a",), ("b",)),
+        shipped.Node("Conv", ("b", "w"), ("c",)),
+        shipped.Node("Conv", ("image", "w"), ("d",)),
     ]
     assert layers._before(nodes, ["a", "c", "d"]) == {"a": "", "c": "a", "d": ""}
 
@@ -154,7 +154,7 @@ def test_growth_is_counted_from_the_layer_before():
 def test_saturation(monkeypatch):
     effort = Effort(("fast-int8",), quick=True)
     assert states(layers.saturation, effort) == [True, True]
-    inside = networks.looking_inside
+    inside = shipped.looking_inside
 
     def saturated(weights, names):
         run = inside(weights, names)
@@ -164,7 +164,7 @@ def test_saturation(monkeypatch):
 
         return ran
 
-    monkeypatch.setattr(networks, "looking_inside", saturated)
+    monkeypatch.setattr(shipped, "looking_inside", saturated)
     assert states(layers.saturation, effort) == [False, False]
 
 
@@ -218,7 +218,7 @@ def test_threads_that_matter(monkeypatch):
     def raw(name, threads=None):
         return lambda images: nearest(images) * np.float32(1 + 1e-4 * threads)
 
-    monkeypatch.setattr(networks, "raw", raw)
+    monkeypatch.setattr(shipped, "raw", raw)
     assert states(invariance.threads) == [False]
 
 

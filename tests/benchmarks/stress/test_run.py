@@ -3,10 +3,10 @@ import math
 
 import pytest
 
-from benchmarks.stress import run as stress
-from benchmarks.stress.case import Effort, Found, Skipped
-from models import processor
-from service.cli import main
+from ciir.benchmarks.stress import run as stress
+from ciir.benchmarks.stress.case import Effort, Found, Skipped
+from ciir.models import processor
+from ciir.service.cli.main import main
 
 
 def good(effort):

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.stress import training
-from benchmarks.stress.case import Effort, Found, Skipped
+from ciir.benchmarks.stress import training
+from ciir.benchmarks.stress.case import Effort, Found, Skipped
 
 torch = pytest.importorskip("torch", reason="needs the training extra")
 
@@ -45,7 +45,7 @@ def test_an_explosion_is_noticed_with_its_words(monkeypatch):
 
 
 def test_a_coarser_number_than_bfloat16_is_noticed(monkeypatch):
-    from training.run import Run
+    from ciir.training.loop.trainer import Run
 
     update = Run.update
 
@@ -60,10 +60,10 @@ def test_a_coarser_number_than_bfloat16_is_noticed(monkeypatch):
 
 
 def test_a_guard_that_looks_away_is_noticed(monkeypatch):
-    monkeypatch.setattr("training.run.Run.looks", False)
+    monkeypatch.setattr("training.loop.trainer.Run.looks", False)
     assert "NaN in a picture, let through" in broken(training.guards)
 
 
 def test_a_checkpoint_that_takes_anything_is_noticed(monkeypatch):
-    monkeypatch.setattr("training.checkpoints._finite", lambda value: True)
+    monkeypatch.setattr("ciir.training.loop.checkpoints._finite", lambda value: True)
     assert broken(training.guards) == ["NaN in a checkpoint's weight, saved"]

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.consumer import Consumer
-from service.jobs.job import Request, Result
-from service.jobs.jobs import Jobs
-from service.jobs.queue import Queue
-from service.settings import Settings
+from ciir.service.jobs.job import Request, Result
+from ciir.service.jobs.jobs import Jobs
+from ciir.service.jobs.queue import Queue
+from ciir.service.jobs.workers.consumer import Consumer
+from ciir.service.settings import Settings
 
 PATIENCE = 60.0
 

@@ -6,9 +6,8 @@ import shutil
 
 import pytest
 
-from renderer.errors import InvalidOption
-from service.jobs.faults import Unavailable
-from service.jobs.files import INPUTS, RESULTS, Files
+from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs.files import INPUTS, RESULTS, Files
 
 DATA = bytes(range(256)) * 10
 
@@ -107,7 +106,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(shutil, "copyfileobj", full)
-    with pytest.raises(Unavailable, match=r"No space left on device.*make room"):
+    with pytest.raises(QueueUnavailable, match=r"No space left on device.*make room"):
         files.put(INPUTS, "a", io.BytesIO(DATA))
     assert [path for path in (tmp_path / "files").rglob("*") if path.is_file()] == []
 
@@ -118,7 +117,7 @@ def test_what_cannot_be_removed_is_told(tmp_path, monkeypatch):
 
     files = Files(str(tmp_path / "files"), tmp_path)
     monkeypatch.setattr("pathlib.Path.unlink", fail)
-    with pytest.raises(Unavailable, match="Read-only file system"):
+    with pytest.raises(QueueUnavailable, match="Read-only file system"):
         files.remove(INPUTS, "a")
 
 
@@ -131,7 +130,7 @@ def test_a_fault_of_an_object_stores_client_is_told(tmp_path, monkeypatch, caplo
 
     files = Files(f"memory://{tmp_path.name}/files", tmp_path / "scratch")
     monkeypatch.setattr(files._fs, "open", fail)
-    with caplog.at_level(logging.WARNING), pytest.raises(Unavailable, match="store doesn't answer"):
+    with caplog.at_level(logging.WARNING), pytest.raises(QueueUnavailable, match="store doesn't answer"):
         files.put(INPUTS, "a", io.BytesIO(DATA))
     assert "could not connect" in caplog.text
 

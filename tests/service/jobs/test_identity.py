@@ -2,9 +2,9 @@ import io
 
 import pytest
 
-from service.jobs import identity as module
-from service.jobs.identity import identity
-from service.jobs.job import Request
+from ciir.service.jobs import identity as module
+from ciir.service.jobs.identity import identity
+from ciir.service.jobs.job import Request
 
 LIMITS = {"max_pixels": 10}
 

@@ -1,6 +1,6 @@
 import pytest
 
-from service.jobs.job import Event, Job, Problem, Request, Result
+from ciir.service.jobs.job import Event, Job, Problem, Request, Result
 
 JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5, lane="large", input="i", claim="c")
 

@@ -8,11 +8,10 @@ import time
 
 import pytest
 
-from renderer.errors import InvalidOption
-from service.jobs import jobs as module
-from service.jobs.faults import Gone, QueueFull, Unavailable
-from service.jobs.job import Event, Problem, Result
-from service.settings import Settings
+from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
+from ciir.service.jobs import jobs as module
+from ciir.service.jobs.job import Event, Problem, Result
+from ciir.service.settings import Settings
 
 
 def done(jobs, job, data=b"result", claim="c-1"):
@@ -85,7 +84,7 @@ def test_many_at_once_are_one_job(jobs, helpers):
 
 def test_a_result_is_there_until_it_is_gone(jobs, helpers):
     job = helpers.submit(jobs)
-    with pytest.raises(Gone, match=f"{job.id}.*post the input again"):
+    with pytest.raises(ResultExpired, match=f"{job.id}.*post the input again"):
         jobs.open_result(job.id)
     assert done(jobs, job).state == "done"
     assert result(jobs, job.id) == b"result"
@@ -93,7 +92,7 @@ def test_a_result_is_there_until_it_is_gone(jobs, helpers):
     assert helpers.all_files(jobs.folder) == [f"files/results/{jobs.get(job.id).output}"]
     assert not jobs.queue.open.items()
     jobs.files.remove("results", jobs.get(job.id).output)
-    with pytest.raises(Gone):
+    with pytest.raises(ResultExpired):
         jobs.open_result(job.id)
     again = helpers.submit(jobs)
     assert (again.state, again.events) == ("queued", (Event("queued"),))
@@ -143,7 +142,7 @@ def test_a_full_disk(jobs, helpers, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "copyfileobj", full)
-        with pytest.raises(Unavailable, match=r"No space left.*make room"):
+        with pytest.raises(QueueUnavailable, match=r"No space left.*make room"):
             helpers.submit(jobs)
     assert helpers.all_files(jobs.folder) == []
     assert (jobs.waiting(), jobs.queue.open.items(), jobs.queue.jobs.items()) == (0, {}, {})

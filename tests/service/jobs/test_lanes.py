@@ -1,7 +1,7 @@
 import pytest
 
-from service.jobs.job import Request
-from service.jobs.lanes import SMALL_BYTES, lane, order
+from ciir.service.jobs.job import Request
+from ciir.service.jobs.lanes import SMALL_BYTES, lane, order
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from service.jobs import jobs as module
-from service.jobs.faults import Cancelled, Unavailable
+from ciir.errors import Cancelled, QueueUnavailable
+from ciir.service.jobs import jobs as module
 
 
 def test_a_job_that_was_just_taken_off_the_queue_is_put_back_too(service, jobs, pool, helpers, monkeypatch):
@@ -63,7 +63,7 @@ def test_a_sweep_that_takes_long_stops_and_goes_on_later(service, helpers, monke
 
 def test_it_says_that_it_lives_before_anything_else(service, jobs, pool, helpers, monkeypatch):
     def fail(ids):
-        raise Unavailable("no answer")
+        raise QueueUnavailable("no answer")
 
     monkeypatch.setattr(jobs.records, "many", fail)
     service.consumer(jobs, pool)

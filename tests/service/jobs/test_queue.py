@@ -3,10 +3,9 @@ import threading
 
 import pytest
 
-from renderer.errors import InvalidOption
-from service.jobs import queue as module
-from service.jobs.faults import Unavailable
-from service.jobs.queue import FILE, Queue
+from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs import queue as module
+from ciir.service.jobs.queue import FILE, Queue
 
 
 def test_first_in_first_out_and_the_first_lane_first(queue):
@@ -137,7 +136,7 @@ def test_redis_is_gone_and_comes_back(redis_server, tmp_path):
     queue.jobs.put("a", b"1")
     redis_server.kill()
     for ask in (lambda: queue.waiting("small"), lambda: queue.pop(("small",), 0.01), lambda: queue.jobs.get("a")):
-        with pytest.raises(Unavailable, match=r"queue.*server.*try again") as raised:
+        with pytest.raises(QueueUnavailable, match=r"queue.*server.*try again") as raised:
             ask()
         assert "\n" not in str(raised.value)
     redis_server.start()
@@ -159,7 +158,7 @@ def test_a_full_disk_is_told(tmp_path):
     connection = queue._first.conn
     (pages,) = connection.execute("pragma page_count").fetchone()
     connection.execute(f"pragma max_page_count={pages}")  # SQLite then answers as it does where the disk is full
-    with pytest.raises(Unavailable, match=r"disk is full.*try again"):
+    with pytest.raises(QueueUnavailable, match=r"disk is full.*try again"):
         queue.jobs.put("b", bytes(100_000))
     assert queue.jobs.items() == {"a": b"1"}
     connection.execute("pragma max_page_count=1000000")

@@ -2,8 +2,8 @@ import asyncio
 import logging
 import threading
 
-from service.jobs.job import Event, Job, Request
-from service.jobs.records import Records
+from ciir.service.jobs.job import Event, Job, Request
+from ciir.service.jobs.records import Records
 
 NEW = Job("a", Request("upload.png", {}, None), events=(Event("queued"),))
 

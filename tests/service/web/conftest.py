@@ -11,13 +11,13 @@ from types import SimpleNamespace
 import pytest
 from fastapi.testclient import TestClient
 
-from service.engine import Engine
-from service.errors import FAULTS, meaning, one_line
-from service.jobs import work as works
-from service.jobs.job import Problem
-from service.metrics import Metrics
-from service.settings import Settings
-from service.web.app import create_app
+from ciir.service.errors import FAULTS, meaning, one_line
+from ciir.service.jobs.engine import Engine
+from ciir.service.jobs.job import Problem
+from ciir.service.jobs.workers import work as works
+from ciir.service.metrics import Metrics
+from ciir.service.settings import Settings
+from ciir.service.web.app import create_app
 
 
 class ThreadPool:

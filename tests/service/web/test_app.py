@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.outputs import FORMATS
-from service.request import NAMES
+from ciir.service.pipeline.options import NAMES
+from ciir.service.pipeline.outputs import FORMATS
 
 POST = "/v1/reconstructions"
 ROUTES = {

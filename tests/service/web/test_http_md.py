@@ -5,15 +5,14 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import httpx2
 import numpy as np
 import pytest
 
-from renderer.pictures import decode
+from ciir.renderer.readers.pictures import decode
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
 DEFAULT = "http://127.0.0.1:8000"
 

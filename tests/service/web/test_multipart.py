@@ -6,8 +6,8 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
-from service.jobs.faults import Unavailable
-from service.web import multipart
+from ciir.errors import QueueUnavailable
+from ciir.service.web import multipart
 
 FILE = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\nabc\r\n'
 FIELD = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n%s\r\n'
@@ -67,7 +67,7 @@ def test_a_full_disk(monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(UploadFile, "write", write)
-    with pytest.raises(Unavailable, match=r"no room.*make room"):
+    with pytest.raises(QueueUnavailable, match=r"no room.*make room"):
         read(FILE + END)
 
 

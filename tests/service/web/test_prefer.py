@@ -1,6 +1,6 @@
 import pytest
 
-from service.web.prefer import Preference
+from ciir.service.web.prefer import Preference
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 
 import httpx2
 
-from service.engine import Engine
-from service.jobs.pool import Cancelled
-from service.metrics import Metrics
-from service.settings import Settings
-from service.web import server as server_module
-from service.web.app import create_app
-from service.web.server import DrainingServer
+from ciir.service.jobs.engine import Engine
+from ciir.service.jobs.workers.pool import Cancelled
+from ciir.service.metrics import Metrics
+from ciir.service.settings import Settings
+from ciir.service.web import server as server_module
+from ciir.service.web.app import create_app
+from ciir.service.web.server import DrainingServer
 
 POST = "/v1/reconstructions"
 FIELDS = {"lenses": "6x9", "model": "none"}

@@ -5,9 +5,9 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from models.baselines import Bicubic
-from training.networks.collapsible import CollapsibleConv, collapse
-from training.networks.compact import CompactGenerator
+from ciir.models.single.interpolation import Bicubic
+from ciir.training.networks.collapsible import CollapsibleConv, collapse
+from ciir.training.networks.compact import CompactGenerator
 
 
 def trained(module: nn.Module, seed: int) -> nn.Module:

@@ -4,7 +4,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 from torch import nn
 
-from training.networks.discriminator import Discriminator
+from ciir.training.networks.discriminator import Discriminator
 
 
 def rand(*shape):

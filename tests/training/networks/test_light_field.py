@@ -6,11 +6,11 @@ pytest.importorskip("torch", reason="needs the training extra")
 import numpy as np
 import torch
 
-from models.windows import axis
-from training.networks.collapsible import collapse
-from training.networks.compact import CompactGenerator
-from training.networks.light_field import LightFieldGenerator, merge
-from training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
+from ciir.models.light_field.windows import axis
+from ciir.training.networks.collapsible import collapse
+from ciir.training.networks.compact import CompactGenerator
+from ciir.training.networks.light_field import LightFieldGenerator, merge
+from ciir.training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
 
 THERE = [axis(*at).there for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
 OFFSETS = range(-(SIDE // 2), SIDE // 2 + 1)

@@ -11,12 +11,12 @@ pytest.importorskip("onnxscript", reason=NEEDS)
 import torch
 from torch import nn
 
-from models.baselines import Bicubic
-from models.session import open_session
-from training import to_onnx
-from training.networks import NETWORKS, make
-from training.networks.batch_norm import fold
-from training.networks.collapsible import collapse
+from ciir.models.session import open_session
+from ciir.models.single.interpolation import Bicubic
+from ciir.training.export import to_onnx
+from ciir.training.networks import NETWORKS, make
+from ciir.training.networks.batch_norm import fold
+from ciir.training.networks.collapsible import collapse
 
 SMALL = {
     "compact": {"widths": [8, 8]},

@@ -3,9 +3,9 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from training.networks import make
-from training.networks.interpolation import Bicubic
-from training.networks.separable import SeparableBicubic, separate
+from ciir.training.networks import make
+from ciir.training.networks.interpolation import Bicubic
+from ciir.training.networks.separable import SeparableBicubic, separate
 
 
 @pytest.mark.parametrize(("scale", "colours"), [(2, 3), (4, 3), (3, 1)])

@@ -1,0 +1,82 @@
+"""What a ray sees, in float64 and without a tree: the reference that both rendering backends are held against."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.renderer.backends.textures import sample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.scene import Scene
+
+    Values = NDArray[np.float64]
+    Sight = Callable[[Values, Values], Values]
+    """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA in levels of 8 bits, `(n, 4)`; 0 for nothing."""
+
+_ON_AN_EDGE = 1e-12
+"""How far outside a triangle a ray still meets it, as a share of it: or float64 would leak at shared edges."""
+
+
+def slowly(scene: Scene) -> Sight:
+    """Tries every triangle whose box across the ray holds it (Moeller and Trumbore, J. Graphics Tools 2(1), 1997)."""
+    corners = np.concatenate([part.vertices[part.faces] for part in scene.parts])  # (m, 3 corners, 3)
+    part_of = np.repeat(np.arange(len(scene.parts)), [len(part.faces) for part in scene.parts])  # (m,)
+    first = np.cumsum([0] + [len(part.faces) for part in scene.parts])
+    slack = 1e-9 * float(np.abs(corners).max())
+
+    def colour(triangle: int, weights: Values) -> tuple[Values, bool]:
+        """RGBA in levels at these barycentric weights `(3,)`, and whether the surface is there at all."""
+        part = scene.parts[part_of[triangle]]
+        face = part.faces[triangle - first[part_of[triangle]]]
+        rgba = weights @ part.colors[face].astype(np.float64)
+        if part.texture is not None and part.uv is not None:
+            rgba = rgba * sample(part.texture, (weights @ part.uv[face].astype(np.float64))[None])[0]
+        return np.append(np.clip(rgba[:3], 0.0, 1.0), 1.0) * 255.0, bool(rgba[3] >= (part.alpha_cutoff or 0.0))
+
+    def look(origin: Values, direction: Values, tried: NDArray[np.intp]) -> Values:
+        one, two = corners[tried, 1] - corners[tried, 0], corners[tried, 2] - corners[tried, 0]  # (k, 3)
+        across = np.cross(direction, two)
+        start = origin - corners[tried, 0]
+        turned = np.cross(start, one)
+        determinant = np.einsum("ki,ki->k", one, across)
+        with np.errstate(divide="ignore", invalid="ignore"):  # edge-on triangles, which no ray meets
+            u = np.einsum("ki,ki->k", start, across) / determinant
+            v = turned @ direction / determinant
+            distance = np.einsum("ki,ki->k", two, turned) / determinant
+            met = (u >= -_ON_AN_EDGE) & (v >= -_ON_AN_EDGE) & (u + v <= 1 + _ON_AN_EDGE) & (distance > 0)
+        hits = np.flatnonzero(met)
+        for hit in hits[np.argsort(distance[hits], kind="stable")]:
+            rgba, is_there = colour(int(tried[hit]), np.array([1 - u[hit] - v[hit], u[hit], v[hit]]))
+            if is_there:
+                return rgba
+        return np.zeros(4)
+
+    def sight(origins: Values, direction: Values) -> Values:
+        plane = np.linalg.svd(direction[None])[2][1:]  # (2, 3): two axes across the rays
+        flat = corners @ plane.T  # (m, 3 corners, 2)
+        low, high = flat.min(axis=1) - slack, flat.max(axis=1) + slack
+        seen = [
+            look(origin, direction, np.flatnonzero(((low <= place) & (place <= high)).all(axis=1)))
+            for origin, place in zip(origins, origins @ plane.T, strict=True)
+        ]
+        return np.array(seen).reshape(-1, 4)
+
+    return sight
+
+
+def by_embree(scene: Scene) -> Sight:
+    """As `renderer.backends.embree` sees it, before rounding to 8 bits."""
+    from ciir.renderer.backends.embree import PreparedScene
+
+    prepared = PreparedScene(scene)
+
+    def sight(origins: Values, direction: Values) -> Values:
+        return prepared.cast(origins, direction).astype(np.float64) * 255.0
+
+    return sight

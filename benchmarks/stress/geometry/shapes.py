@@ -1,0 +1,77 @@
+"""Scenes that are hard on float32: needles, sheets close behind one another, millions of triangles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.renderer.scene import Part, Scene
+from ciir.renderer.scenes.modelling import grid_faces, noise
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Values = NDArray[np.float64]
+
+RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+_SQUARE = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+
+
+def ramp(x: Values, y: Values, side: float) -> Values:
+    """A colour that is linear in the place, so that any triangulation must show it exactly: `(..., 3)` in [0, 1]."""
+    return np.stack(np.broadcast_arrays(x / side + 0.5, y / side + 0.5, 0.5), axis=-1)
+
+
+def opaque(colors: NDArray[np.floating], alpha: float = 1.0) -> NDArray[np.float32]:
+    """RGB `(n, 3)` with this alpha: `(n, 4)`."""
+    return np.concatenate([colors, np.full((len(colors), 1), alpha)], axis=1).astype(np.float32)
+
+
+def sheet(
+    distance: float, side: float, color: Sequence[float], *, slope: float = 0.0, cutoff: float | None = None
+) -> Part:
+    """A square of one colour; it recedes by `slope` along x. With `cutoff` its alpha is half that: it is not there."""
+    half = side / 2
+    corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+    vertices = np.column_stack([corners, -distance - slope * corners[:, 0]])
+    return Part(
+        vertices, _SQUARE, opaque(np.tile(color, (4, 1)), 1.0 if cutoff is None else cutoff / 2), None, None, cutoff
+    )
+
+
+def speck(distance: float, at: float) -> Part:
+    """A triangle out of sight, `at` units aside: it makes the scene reach to `distance`."""
+    vertices = np.array([[at, at, -distance], [at + 1, at, -distance], [at, at + 1, -distance]])
+    return Part(vertices, np.array([[0, 1, 2]], np.int32), opaque(np.ones((3, 3))))
+
+
+def needles(count: int, *, radius: float, distance: float) -> Scene:
+    """A disc of `count` triangles that meet in its middle, coloured by `ramp` over its diameter."""
+    turn = np.arange(count) * (2 * np.pi / count)
+    rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(count, -distance)], axis=1)
+    vertices = np.concatenate([[[0.0, 0.0, -distance]], rim])
+    after = np.roll(np.arange(count), -1)
+    faces = np.stack([np.zeros(count, np.int64), 1 + np.arange(count), 1 + after], axis=1).astype(np.int32)
+    return Scene((Part(vertices, faces, opaque(ramp(vertices[:, 0], vertices[:, 1], 2 * radius))),))
+
+
+def mosaic(count: int, *, side: float, distance: float) -> Scene:
+    """A flat square of `count x count` squares of two triangles each, coloured by `ramp`."""
+    y, x = np.meshgrid(*2 * [np.linspace(-side / 2, side / 2, count + 1)], indexing="ij")
+    vertices = np.stack([x, y, np.full_like(x, -distance)], axis=-1).reshape(-1, 3)
+    faces = grid_faces(count + 1, count + 1).astype(np.int32)
+    return Scene((Part(vertices, faces, opaque(ramp(x, y, side).reshape(-1, 3))),))
+
+
+def hills(triangles: int) -> Scene:
+    """A rolling surface of about so many triangles, with colours that change slowly; 2 x 2 units, facing +z."""
+    count = int(np.sqrt(triangles / 2)) + 1
+    y, x = np.meshgrid(*2 * [np.linspace(-1, 1, count)], indexing="ij")
+    flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    height = noise(flat, frequency=3.0, octaves=3, seed=1)
+    vertices = flat + np.stack([0 * height, 0 * height, 0.3 * height], axis=1)
+    colors = np.stack([noise(flat, frequency=2.0, seed=seed) for seed in (2, 3, 4)], axis=1)
+    return Scene((Part(vertices, grid_faces(count, count).astype(np.int32), opaque(0.5 + 0.4 * colors)),))

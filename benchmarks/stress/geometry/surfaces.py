@@ -1,0 +1,164 @@
+"""Surfaces that lie close behind one another, in one plane, or are none at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.benchmarks.stress.geometry import shapes
+from ciir.benchmarks.stress.geometry.agreement import backends
+from ciir.errors import InvalidGeometry
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scene import Scene
+from ciir.renderer.surface import Surface, assemble
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.renderer.backends import Backend
+
+SIDE = 20
+ARRAY = LensArray(SIDE, SIDE, 3, 3)
+STRAIGHT = LensArray(SIDE, SIDE, 3, 3, delta=1e-6)
+"""Whose rays stay in front of it over a million pitches."""
+VIEWS = ((0, 0), (1, 1))
+ORDERED = 2.0**-22
+"""The gap between two surfaces that both backends order, as a share of the scene's depth: a depth buffer of 24 bits
+over 1.02 times that depth tells 2^-24, and each of the two may be rounded towards the other, as a vertex and in clip
+space."""
+PASSED = 8e-6
+"""The gap between cut-out surfaces that rays tell, as a share of the scene's longest side: four times
+`renderer.backends.embree.STEP`, which is 2e-6 of it."""
+
+
+def _wrong(backend: Backend, scene: Scene, array: LensArray, color: Sequence[float]) -> float:
+    """Pixels of the scene's views that are of another colour than `color`, RGB in [0, 1]."""
+    rgba = np.append(255.0 * np.asarray(color), 255.0)
+    return float(sum((picture != rgba).any(axis=2).sum() for picture in backend.views(scene, array, VIEWS)))
+
+
+def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
+    """A sheet just behind another, at the near plane, half way and at the far plane, from 1e-3 to 1e6 away."""
+    ranges = [(1.0, 50.0), (1e-3, 1e6)] if effort.quick else [(1.0, 50.0), (1e-3, 50.0), (1.0, 1e6), (1e-3, 1e6)]
+    for backend in backends("depth order"):
+        if isinstance(backend, Skipped):
+            yield backend
+            continue
+        for near, far in ranges:
+            wrong, gap = 0.0, ORDERED * (far - near)
+            for front in (near, (near + far) / 2, far - gap):
+                pair = [shapes.sheet(front, 60.0, shapes.RED), shapes.sheet(front + gap, 60.0, shapes.GREEN)]
+                ends = [shapes.speck(near, 1000.0), shapes.speck(far, 1000.0)]
+                for order in (pair, pair[::-1]):
+                    wrong += _wrong(backend, Scene((*order, *ends)), STRAIGHT, shapes.RED)
+            yield Found(
+                f"{backend.name}: depth {near:g} to {far:g}, gap {gap:.3g}, pixels of the hidden sheet", 0.0, wrong
+            )
+
+
+def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
+    """The same for perspective renders of one lens each, whose depth buffer tells less the farther a surface is."""
+    array = LensArray(2, 2, SIDE, SIDE)
+    for backend in backends("depth order by lens"):
+        if isinstance(backend, Skipped):
+            yield backend
+        if isinstance(backend, Skipped) or backend.name != "raster":
+            continue
+        for near, far in [(1.0, 21.0)] if effort.quick else [(1.0, 21.0), (1.0, 100.0), (1e-2, 100.0)]:
+            wrong = 0.0
+            for front in (near, (near * far) ** 0.5, 0.9 * far):
+                # Depth is a + b / d in clip space. 24 bits of it tell d^2 / near plane * 2^-24 at distance d, float32
+                # tells d * depth / near plane * 2^-24; the near plane is at half of `near` or more.
+                gap = 4 * front * (front + far - near) / (near / 2) * 2.0**-24
+                side = 2.0 * far
+                pair = [shapes.sheet(front, side, shapes.RED), shapes.sheet(front + gap, side, shapes.GREEN)]
+                ends = [shapes.speck(near, 10 * far), shapes.speck(far, 10 * far)]
+                for order in (pair, pair[::-1]):
+                    eia = backend.elemental(Scene((*order, *ends)), array)
+                    wrong += float((eia[..., :2] != (255, 0)).any(axis=2).sum())
+            yield Found(f"raster by lens: depth {near:g} to {far:g}, pixels of the hidden sheet", 0.0, wrong)
+
+
+def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
+    """Two sheets in one plane, which show one or the other and the same each time; seams where samples lie."""
+    red, green = shapes.sheet(30.0, 60.0, shapes.RED, slope=0.3), shapes.sheet(30.0, 50.0, shapes.GREEN, slope=0.3)
+    mosaic = shapes.mosaic(SIDE * 2, side=2.0 * SIDE, distance=30.0)  # half a pitch each: corners on every other ray
+    for backend in backends("coplanar sheets"):
+        if isinstance(backend, Skipped):
+            yield backend
+            continue
+        both, again = (np.stack(list(backend.views(Scene((red, green)), ARRAY, VIEWS))) for _ in range(2))
+        neither = ~((both == (255, 0, 0, 255)).all(axis=3) | (both == (0, 255, 0, 255)).all(axis=3))
+        yield Found(f"{backend.name}: two sheets in one plane, pixels of neither's colour", 0.0, float(neither.sum()))
+        yield Found(f"{backend.name}: the same drawn again, values that differ", 0.0, float((both != again).sum()))
+        (picture,) = backend.views(mosaic, ARRAY, VIEWS[1:])
+        yield Found(
+            f"{backend.name}: seams through the samples' places, holes", 0.0, float((picture[..., 3] == 0).sum())
+        )
+
+
+def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
+    """Up to 31 sheets that are cut away altogether, close behind one another, in front of one that is there."""
+    for backend in backends("cut-outs"):
+        if isinstance(backend, Skipped):
+            yield backend
+            continue
+        for count in (31,) if effort.quick else (1, 8, 31):
+            for slope in (0.0, 0.5):
+                gap = PASSED * 60.0
+                clear = [shapes.sheet(30 + gap * i, 60.0, shapes.RED, slope=slope, cutoff=0.5) for i in range(count)]
+                solid = shapes.sheet(30 + gap * count, 60.0, shapes.GREEN, slope=slope)
+                wrong = _wrong(backend, Scene((*clear, solid)), ARRAY, shapes.GREEN)
+                what = f"{backend.name}: {count} cut-outs {gap:.2g} apart, slope {slope:g}"
+                yield Found(f"{what}, pixels that don't show what is behind", 0.0, wrong)
+
+
+def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
+    """Triangles without area change no bit of a picture; vertices that are no numbers are refused by name."""
+    ball = _ball(12 if effort.quick else 60)
+    corners = len(ball.vertices)
+    flat = np.array([[0, 0, 1], [2, 2, 2], [corners, corners + 1, corners + 2]])  # the last: three on a line
+    line = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]])
+    spoilt = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
+    clean, dirty = (assemble([surface], name="ball") for surface in (ball, spoilt))
+    for backend in backends("triangles without area"):
+        if isinstance(backend, Skipped):
+            yield backend
+            continue
+        one, other = (next(iter(backend.views(s.transformed(frame(s, ARRAY)), ARRAY, VIEWS))) for s in (clean, dirty))
+        yield Found(f"{backend.name}: triangles without area, values that differ", 0.0, float((one != other).sum()))
+    told = sum("6 of" in note and "zero area" in note for note in dirty.notes)
+    yield Found("triangles without area, not told of", 0.0, float(1 - told))
+    for value, word in ((np.nan, "NaN or infinite"), (np.inf, "NaN or infinite"), (-1e12, "a coordinate is 1e+12")):
+        vertices = ball.vertices.copy()
+        vertices[ball.faces[3, 1], 2] = value
+        yield Found(f"a vertex at {value:g}, let through", 0.0, _let_through(vertices, ball.faces, word))
+    none = _let_through(ball.vertices, np.repeat(ball.faces[:, :1], 3, axis=1), "zero area")
+    yield Found("no triangle with an area, let through", 0.0, none)
+
+
+def _ball(rings: int) -> Surface:
+    """A unit sphere with its poles left open."""
+    from ciir.renderer.scenes.modelling import revolve
+
+    turn = np.linspace(-1.5, 1.5, rings)
+    vertices, faces, _ = revolve(np.column_stack([np.cos(turn), np.sin(turn)]), 2 * rings)
+    return Surface(vertices, faces)
+
+
+def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], word: str) -> float:
+    """0 where the mesh is refused in one line that says `word`; 1 otherwise."""
+    try:
+        assemble([Surface(vertices, faces)], name="broken")
+    except InvalidGeometry as error:
+        return float(word not in str(error) or "\n" in str(error))
+    return 1.0
+
+
+CASES: tuple[Case, ...] = (depth_order, depth_order_by_lens, coplanar, cut_outs, degenerate)

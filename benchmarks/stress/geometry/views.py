@@ -1,0 +1,109 @@
+"""Geometry: pixel mapping bit for bit, and both rendering backends where float32 is at its limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.benchmarks.stress.geometry import pixel_mapping, shapes, surfaces
+from ciir.benchmarks.stress.geometry.agreement import backends, held
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import scene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.renderer.scene import Scene
+
+ARRAY = LensArray(50, 50, 15, 15)
+VIEWS = ((0, 14), (7, 7))
+SCALES = (1e-6, 1e-3, 1.0, 1e3, 1e6)
+AWAY = 1e6
+"""Units by which a scene is moved."""
+SLOW = 150
+"""Rays of each view that are cast in float64, too."""
+
+
+def _scenes(effort: Effort) -> Iterator[tuple[str, Scene]]:
+    """A plain one, and a textured one."""
+    yield from ((name, scene(name)) for name in (("vase",) if effort.quick else ("vase", "hamburger")))
+
+
+def _scales(effort: Effort) -> tuple[float, ...]:
+    return (SCALES[0], SCALES[-1]) if effort.quick else SCALES
+
+
+def _changed(of: Scene, scale: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Scene:
+    """The scene scaled about the origin, then moved. Its light stays as it was."""
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[:3, 3] = offset
+    return of.transformed(matrix)
+
+
+def framed(effort: Effort) -> Iterator[Found | Skipped]:
+    """Meshes scaled by 1e-6 to 1e6 and moved 1e6 units along each axis, framed as the service frames them."""
+    views = VIEWS[1:] if effort.quick else VIEWS
+    for name, whole in _scenes(effort):
+        for scale in _scales(effort):
+            for offset in (0.0, AWAY):
+                mesh = _changed(whole, scale, (offset, -offset, offset))
+                placed = mesh.transformed(frame(mesh, ARRAY))
+                yield from held(f"{name} x{scale:g} moved {offset:g}", placed, ARRAY, views, slow=SLOW)
+
+
+def in_its_units(effort: Effort) -> Iterator[Found | Skipped]:
+    """A lens array and a scene in units of 1e-6 to 1e6, and an object 1e6 pitches away."""
+    views = VIEWS[1:] if effort.quick else VIEWS
+    for name, whole in _scenes(effort):
+        placed = whole.transformed(frame(whole, ARRAY))
+        for scale in _scales(effort):
+            array = replace(ARRAY, pitch=scale)
+            yield from held(f"{name}, pitch {scale:g}", _changed(placed, scale), array, views, slow=SLOW)
+        # As far as that a lens array sees an object in all its views where its tangents are as small.
+        array = replace(ARRAY, delta=ARRAY.delta * 20 / AWAY)
+        far = _changed(placed, 1.0, (0.0, 0.0, -AWAY))
+        yield from held(f"{name}, {AWAY:g} pitches away", far, array, views, slow=SLOW)
+
+
+def many_triangles(effort: Effort) -> Iterator[Found | Skipped]:
+    """Rolling hills of up to two million triangles, up to 90 in each pixel."""
+    for count in (20_000,) if effort.quick else (1_000_000, 2_000_000):
+        whole = shapes.hills(count)
+        array = replace(ARRAY, rows=150, cols=150)
+        placed = whole.transformed(frame(whole, array))
+        yield from held(f"hills of {whole.triangles:,} triangles", placed, array, VIEWS[:1], slow=SLOW // 4)
+
+
+def slivers(effort: Effort) -> Iterator[Found | Skipped]:
+    """A disc of needles whose colour is linear in the place: up to a million, 160,000 times longer than wide."""
+    array = replace(ARRAY, rows=40, cols=40)
+    x, y = np.meshgrid(array.lens_x(), array.lens_y())
+    truth = 255.0 * shapes.ramp(x, y, 60.0)
+    for count in (1000,) if effort.quick else (1000, 100_000, 1_000_000):
+        disc = shapes.needles(count, radius=30.0, distance=20.0)
+        aspect = count / (2 * np.pi)
+        # Rounding to 8 bits, and weights that are quotients by an area: as much worse in float32 as it is longer.
+        bound = 0.5 + 127.5 * 2.0**-24 * max(aspect, 1000.0)
+        for backend in backends("needles"):
+            if isinstance(backend, Skipped):
+                yield backend
+                continue
+            (picture,) = backend.views(disc, array, VIEWS[1:])
+            what = f"{count:,} needles, {backend.name}"
+            yield Found(f"{what}: holes, pixels", 0.0, float((picture[..., 3] == 0).sum()))
+            yield Found(f"{what}: worst colour, levels", bound, float(np.abs(picture[..., :3] - truth).max()))
+
+
+CASES: tuple[Case, ...] = (
+    *pixel_mapping.CASES,
+    framed,
+    in_its_units,
+    slivers,
+    *surfaces.CASES,
+    many_triangles,
+)

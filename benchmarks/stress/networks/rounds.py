@@ -1,0 +1,61 @@
+"""x2, the mean of each 2x2, and again: 50 rounds must neither drift nor ring."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.benchmarks.stress.case import Found
+from ciir.benchmarks.stress.networks import patterns as made
+from ciir.benchmarks.stress.networks.shipped import LEVEL, box, worst
+from ciir.models import catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.benchmarks.stress.networks.shipped import Values
+
+SIDE = 48
+ROUNDS = 50
+DRIFT = 10.0
+"""Levels that the mean may have moved after all rounds: a fifth of a level a round."""
+RINGING = 1.05**50
+"""How many times as large the total variation may become, 11.5: 5 % a round, 50 times over. A round sharpens a little,
+since networks learn to undo a coarser sampling than the mean of 2x2; what is sharpened is sharpened again."""
+DRIFT_KNOWN = {"paper": 40.0}
+"""The paper's network does drift. It ships for comparison."""
+
+
+def rounds(effort: Effort) -> Iterator[Found]:
+    """Pictures upscaled and averaged down again and again: their mean level and total variation."""
+    names = list(made.pictures(SIDE))
+    first = np.stack(list(made.pictures(SIDE).values()))
+    for name in effort.models:
+        model, images = catalogue.load(name), first
+        drift, ringing = [], []
+        for _ in range(10 if effort.quick else ROUNDS):
+            images = box(model(images))
+            drift.append(np.abs(images.mean(axis=(1, 2, 3)) - first.mean(axis=(1, 2, 3))) / LEVEL)
+            ringing.append(variation(images) / variation(first))
+        measured, where = worst(np.max(drift, axis=0), names)
+        yield Found(
+            f"{name}: drift of the mean over {len(drift)} rounds, levels", DRIFT_KNOWN.get(name, DRIFT), measured, where
+        )
+        measured, where = worst(np.max(ringing, axis=0), names)
+        yield Found(
+            f"{name}: growth of total variation over {len(drift)} rounds",
+            RINGING,
+            measured,
+            where,
+        )
+
+
+def variation(images: Values) -> Values:
+    """Mean absolute difference of neighbours, down and across, of each picture: `(N, C, H, W)` -> `(N,)`."""
+    sums = [np.abs(np.diff(images, axis=axis)).mean(axis=(1, 2, 3)) for axis in (2, 3)]
+    return np.asarray(sums[0] + sums[1])
+
+
+CASES: tuple[Case, ...] = (rounds,)

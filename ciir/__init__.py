@@ -1,0 +1,1 @@
+"""Computational integral imaging reconstruction: the public Python interface."""

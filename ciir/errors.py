@@ -1,0 +1,127 @@
+"""Every error that callers of `ciir` can meet, drawn once.
+
+::
+
+    Error                        the root: `except ciir.Error` catches all of them; the message is one line
+    ├── InputError               the input or an option is wrong: what was given, the limit, the remedy
+    │   ├── UnsupportedType      not a kind of file that is read, or not the kind that its name says
+    │   ├── Unreadable           truncated, corrupt, or not decodable
+    │   ├── TooLarge             over a limit on bytes, pixels, files or triangles
+    │   ├── InvalidGeometry      no surface, not finite, or out of range
+    │   └── InvalidOption        an option that is wrong by itself or does not fit the input
+    ├── BackendUnavailable       the rendering backend that was asked for can't run on this machine
+    ├── ModelError               the model that was asked for, or its input, is wrong
+    │   ├── UnknownModel         no model of that name
+    │   ├── UnsupportedScale     the model doesn't upscale by that factor
+    │   ├── UnsuitedModel        for single pictures where views of a light field are given, or the other way round
+    │   ├── UnsuitedProcessor    the network is an int8 one, which this machine's processor gets wrong
+    │   ├── InvalidImage         not an array of pictures of the shape, type and range that models take
+    │   └── BadCard              a card, or the network beside it, is missing, incomplete or doesn't fit
+    ├── BrokenNetwork            a network turned good input into something that is not a number
+    ├── JobError                 a job of the service could not be taken or finished
+    │   ├── QueueFull            as many jobs wait as may
+    │   ├── QueueUnavailable     the queue can't be reached, or its disk is full
+    │   ├── ResultExpired        the result was kept for as long as it may be, and removed
+    │   ├── WorkerDied           the worker process ended in the middle of its work
+    │   └── Cancelled            the work was stopped because it is not wanted any more
+    └── NotReady                 the server is still loading its models, or it is stopping
+"""
+
+from __future__ import annotations
+
+
+class Error(Exception):
+    """The root of all errors of `ciir`; `str()` is one line with what was given, the limit and the remedy."""
+
+
+class InputError(Error, ValueError):
+    """The input or an option is wrong."""
+
+
+class UnsupportedType(InputError):  # noqa: N818 - the cause is the name, here and below
+    """Not a kind of file that is read, or not the kind that its name says."""
+
+
+class Unreadable(InputError):  # noqa: N818
+    """Truncated, corrupt, or not decodable."""
+
+
+class TooLarge(InputError):  # noqa: N818
+    """Over a limit on bytes, pixels, files or triangles."""
+
+
+class InvalidGeometry(InputError):  # noqa: N818
+    """No surface, not finite, or out of range."""
+
+
+class InvalidOption(InputError):  # noqa: N818
+    """An option that is wrong by itself or does not fit the input."""
+
+
+class BackendUnavailable(Error, RuntimeError):  # noqa: N818
+    """The rendering backend that was asked for can't run on this machine."""
+
+
+class ModelError(Error, ValueError):
+    """The model that was asked for, or its input, is wrong."""
+
+
+class UnknownModel(ModelError):  # noqa: N818
+    """No model of that name."""
+
+
+class UnsupportedScale(ModelError):  # noqa: N818
+    """The model doesn't upscale by that factor."""
+
+
+class UnsuitedModel(ModelError):  # noqa: N818
+    """The model takes single pictures where a light field's views are given, or the other way round."""
+
+
+class UnsuitedProcessor(ModelError):  # noqa: N818
+    """The network is an int8 one, which this machine's processor gets wrong, or can't be known to get right."""
+
+
+class InvalidImage(ModelError):  # noqa: N818
+    """Not an array of pictures of the shape, type and range that models take."""
+
+
+class BadCard(ModelError):  # noqa: N818
+    """A card, or the network beside it, is missing, incomplete or doesn't fit."""
+
+
+class BrokenNetwork(Error, RuntimeError):  # noqa: N818
+    """A network turned good input into something that is not a number: its weights are wrong, not the picture."""
+
+
+class JobError(Error):
+    """A job of the service could not be taken or finished."""
+
+
+class QueueFull(JobError):  # noqa: N818
+    """As many jobs wait as may: HTTP's 429."""
+
+    def __init__(self, retry_after: int) -> None:
+        super().__init__(f"the queue is full; try again in {retry_after} s")
+        self.retry_after = retry_after
+        """Whole seconds, an estimate."""
+
+
+class QueueUnavailable(JobError):  # noqa: N818
+    """The queue can't be reached, or its disk is full: HTTP's 503."""
+
+
+class ResultExpired(JobError, LookupError):  # noqa: N818
+    """The result was kept for as long as it may be, and removed: HTTP's 410. A new request makes it again."""
+
+
+class WorkerDied(JobError):  # noqa: N818
+    """The worker process was killed, or crashed, in the middle of its work."""
+
+
+class Cancelled(JobError):  # noqa: N818
+    """The work was stopped because it is not wanted any more."""
+
+
+class NotReady(Error, RuntimeError):  # noqa: N818
+    """The server is still loading its models, or it is stopping."""

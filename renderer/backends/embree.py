@@ -1,0 +1,157 @@
+"""Views by casting each ray with Embree: the exact reference, and what runs where there is no OpenGL."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from ciir.renderer.backends.textures import sample
+from ciir.renderer.light_field import interleaved
+from ciir.renderer.sampling import average_cells, check_samples
+from ciir.renderer.views import parse_views
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.scene import Scene
+    from ciir.renderer.views import View
+
+RAYS_AT_ONCE = 1 << 16
+MAX_LAYERS = 32
+"""Most cut-out surfaces that one ray may pass."""
+EXTENT = 100.0
+"""Half the scene's longest side as Embree has it: its float32 tests lose digits on tiny triangles."""
+STEP = 4e-6 * EXTENT
+"""How far past a surface that was cut away a ray goes on: some 50 spacings of float32 at `EXTENT`."""
+
+
+class PreparedScene:
+    """All parts of a scene in one Embree scene, with what colours a hit."""
+
+    def __init__(self, scene: Scene) -> None:
+        parts = scene.parts
+        first = np.cumsum([0] + [len(part.vertices) for part in parts])
+        self.textures = [part.texture for part in parts]
+        vertices = np.concatenate([part.vertices for part in parts])  # (n, 3)
+        # Embree gets the scene about its middle: how large it is, or how far away, then costs float32 no digits.
+        low, high = scene.bounds()
+        self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
+        self._radius = float(np.linalg.norm(high - low)) / 2
+        self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
+        self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
+        self.uv = np.concatenate(
+            [np.zeros((len(part.vertices), 2), np.float32) if part.uv is None else part.uv for part in parts]
+        )  # (n, 2)
+        self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
+        self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
+        self._embree = EmbreeScene()
+        self._mesh = TriangleMesh(self._embree, self._placed(vertices), self.faces)
+        # The first run commits the scene, which must not happen in several threads at once.
+        self._first_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+
+    def _placed(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Points of the scene `(n, 3)` where Embree has them."""
+        placed: NDArray[np.float32] = ((points - self._middle) * self._scale).astype(np.float32)
+        return placed
+
+    def _first_hits(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """Triangle of each ray's first hit or -1 `(n,)`, its barycentric weights `(n, 3)`, and its distance `(n,)`."""
+        hit = self._embree.run(origins, directions, output=1)
+        u, v = hit["u"], hit["v"]
+        return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
+
+    def cast(self, origins: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Colour that each of parallel rays meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, else alpha 1.
+
+        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. Surfaces closer than `STEP` behind one
+        that was cut away are passed with it.
+        """
+        # From far away float32 would not aim so well: rays start where they enter the sphere about the scene.
+        squared = float(direction @ direction)
+        entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
+        starts = self._placed(origins + np.maximum(entry, 0.0)[:, None] * direction)
+        along = np.broadcast_to(direction.astype(np.float32), starts.shape)
+        onset, passed = starts, np.zeros((len(origins), 1), np.float32)
+        rgba = np.zeros((len(origins), 4), np.float32)
+        alive = np.arange(len(origins))
+        for _ in range(MAX_LAYERS):
+            triangle, weights, distance = self._first_hits(onset, along)
+            hit = triangle >= 0
+            color, there = self._shade(triangle[hit], weights[hit])
+            rgba[alive[hit][there], :3] = color[there]
+            rgba[alive[hit][there], 3] = 1.0
+            if there.all():
+                return rgba
+            onward = np.flatnonzero(hit)[~there]
+            passed = passed[onward] + distance[onward, None] + np.float32(STEP)
+            alive, starts, along = alive[onward], starts[onward], along[onward]
+            onset = starts + along * passed
+        return rgba
+
+    def _shade(
+        self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """RGB `(n, 3)` of hits, and whether the surface is there at all `(n,)`."""
+        corners = self.faces[triangle]  # (n, 3)
+        product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
+        part = self.part[triangle]
+        for index in np.unique(part):
+            texture = self.textures[index]
+            if texture is None:
+                continue
+            of_part = part == index
+            uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
+            texel = sample(texture, uv)
+            product[of_part] *= texel
+        return np.clip(product[:, :3], 0.0, 1.0), product[:, 3] >= self.cutoff[part]
+
+
+class RaytraceBackend:
+    """One ray for each sample, from the lens array's plane. See `renderer.backends.Backend`."""
+
+    name = "raytrace"
+
+    def views(
+        self,
+        scene: Scene,
+        array: LensArray,
+        views: Sequence[View],
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> Iterator[NDArray[np.uint8]]:
+        """See `renderer.backends.Backend.views`."""
+        check_samples(samples)
+        prepared = PreparedScene(scene)
+        fine = array.refined(samples)
+        x, y = fine.lens_x(), fine.lens_y()
+        for v, u in views:
+            direction = np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
+            rgba = np.empty((fine.rows * fine.cols, 4), np.uint8)
+            for start in range(0, len(rgba), RAYS_AT_ONCE):
+                row, col = np.divmod(np.arange(start, min(start + RAYS_AT_ONCE, len(rgba))), fine.cols)
+                origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
+                colors = prepared.cast(origins, direction)
+                rgba[start : start + RAYS_AT_ONCE] = colors * 255.0 + 0.5
+            rgba[rgba[:, 3] == 0, :3] = background
+            yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)
+
+    def elemental(
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = (0, 0, 0),
+    ) -> NDArray[np.uint8]:
+        """See `renderer.backends.Backend.elemental`: by lens or by view, the rays are the same."""
+        every = parse_views("all", array.pixels_v, array.pixels_u)
+        return interleaved(self.views(scene, array, every, samples=samples, background=background), array)

@@ -1,0 +1,209 @@
+"""One picture of a scene by OpenGL: pyrender on EGL, with a projection matrix of our own.
+
+Flat rendering with one sample a pixel and textures without mipmaps, so that a pixel is the point sample that
+`renderer.sampling` defines. The only module that imports pyrender or OpenGL; `renderer.backends.raster` calls it on
+the one
+thread that owns the context.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import types
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import BackendUnavailable
+
+os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+# pyrender's package imports its window, and with it X libraries that a server has not; nothing here opens a window.
+if "pyrender.viewer" not in sys.modules:
+    sys.modules["pyrender.viewer"] = types.ModuleType("pyrender.viewer")
+    sys.modules["pyrender.viewer"].Viewer = None  # type: ignore[attr-defined]
+
+try:
+    import OpenGL
+    import pyrender
+    from OpenGL import GL
+    from pyrender.platforms.egl import EGLPlatform, get_device_by_index
+    from pyrender.shader_program import ShaderProgramCache
+except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError where libEGL is not there
+    raise BackendUnavailable(
+        f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take backend raytrace"
+    ) from error
+
+if sys.version_info >= (3, 12) and OpenGL.__version__ == "3.1.0":
+    raise BackendUnavailable(
+        "raster: PyOpenGL 3.1.0, which pyrender asks for, fails on Python 3.12 and newer; run pip install --no-deps "
+        "PyOpenGL==3.1.10, or take backend raytrace"
+    )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.scene import Part, Scene
+
+MAX_SIDE = 8192
+"""Longest side of a framebuffer, pixels."""
+WRAP = {"repeat": GL.GL_REPEAT, "mirror": GL.GL_MIRRORED_REPEAT, "clamp": GL.GL_CLAMP_TO_EDGE}
+
+
+class PointSampler(pyrender.Renderer):  # type: ignore[misc]
+    """pyrender's renderer with one sample a pixel, our flat shader, and no reading of what isn't asked for."""
+
+    _main_fb: int | None
+    _main_fb_dims: tuple[int, int]
+
+    def __init__(self) -> None:
+        super().__init__(1, 1)
+        self._program_cache = ShaderProgramCache(shader_dir=str(Path(__file__).parent / "shaders"))
+
+    def __del__(self) -> None:
+        """Nothing: it lives as long as the process, at whose end pyrender would call OpenGL from any thread."""
+
+    def _configure_main_framebuffer(self) -> None:
+        """A framebuffer of the viewport's size: pyrender's own averages four samples a pixel, which is no point."""
+        size = (self.viewport_width, self.viewport_height)
+        if self._main_fb is not None and self._main_fb_dims == size:
+            return
+        self._delete_main_framebuffer()
+        self._main_cb, self._main_db = GL.glGenRenderbuffers(2)
+        self._main_fb = self._main_fb_ms = GL.glGenFramebuffers(1)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+        for buffer, kind, attachment in (
+            (self._main_cb, GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
+            (self._main_db, GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
+        ):
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
+        self._main_fb_dims = size
+
+    def _delete_main_framebuffer(self) -> None:
+        if self._main_fb is not None:
+            GL.glDeleteFramebuffers(1, [self._main_fb])
+            GL.glDeleteRenderbuffers(2, [self._main_cb, self._main_db])
+        self._main_fb = self._main_fb_ms = self._main_cb = self._main_db = None
+
+    def _read_main_framebuffer(self, scene: object, flags: int) -> NDArray[np.uint8]:  # noqa: ARG002 - pyrender's signature
+        """`(height, width, 4)` RGBA, first row at the top."""
+        width, height = self._main_fb_dims
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+        pixels = GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE)
+        return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1]
+
+    def _sorted_mesh_nodes(self, scene: pyrender.Scene) -> list[pyrender.Node]:
+        """In any order: nothing is blended, so the depth test alone decides."""
+        return list(scene.mesh_nodes)
+
+
+class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
+    """A camera in the plane z = 0 that looks along -z, with a projection matrix of our own.
+
+    It is neither of pyrender's classes on purpose: those overwrite the matrix from the viewport.
+    """
+
+    def __init__(self, matrix: NDArray[np.float64]) -> None:
+        super().__init__(znear=1.0, zfar=2.0)
+        self.matrix = matrix
+
+    def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:  # noqa: ARG002
+        """The 4x4 matrix from camera to clip coordinates."""
+        return self.matrix
+
+
+def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
+    """`part` on pyrender's terms, about `middle` `(3,)`: how far away it is then costs float32 no digits.
+
+    The vertex alpha is scaled so that the shader's cutoff of one half is the part's.
+    """
+    colors = part.colors.astype(np.float32).copy()
+    texture = None
+    if part.alpha_cutoff:
+        colors[:, 3] *= 0.5 / part.alpha_cutoff
+    else:
+        colors[:, 3] = 1.0
+    if part.texture is not None and part.uv is not None:
+        pixels = part.texture.pixels
+        if not part.alpha_cutoff:
+            pixels = np.concatenate([pixels[..., :3], np.full_like(pixels[..., 3:], 255)], axis=-1)
+        texture = pyrender.Texture(
+            source=pixels,
+            source_channels="RGBA",
+            sampler=pyrender.Sampler(
+                magFilter=GL.GL_LINEAR,
+                minFilter=GL.GL_LINEAR,
+                wrapS=WRAP[part.texture.wrap_u],
+                wrapT=WRAP[part.texture.wrap_v],
+            ),
+        )
+    return pyrender.Primitive(
+        positions=(part.vertices - middle).astype(np.float32),
+        indices=part.faces.astype(np.uint32),
+        color_0=colors,
+        texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
+        material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True),
+    )
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """One picture to draw."""
+
+    projection: Callable[[float, float], NDArray[np.float64]]
+    """From the distances of the near and the far plane to the 4x4 matrix."""
+    height: int
+    width: int
+    place: tuple[float, float] = (0.0, 0.0)
+    """x and y of the camera in the array's plane."""
+
+
+class Context:
+    """The EGL context and what is loaded into it. Every method must run on the thread that made it."""
+
+    def __init__(self) -> None:
+        try:
+            platform = EGLPlatform(1, 1, device=get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
+            platform.init_context()
+            self._sampler = PointSampler()
+        except (AssertionError, IndexError, ValueError, GL.error.Error) as error:
+            raise BackendUnavailable(
+                f"raster: no OpenGL context can be made ({type(error).__name__}: {str(error)[:80]}); install libegl1 "
+                "and libgl1-mesa-dri, or take backend raytrace"
+            ) from error
+        self._platform = platform  # the context lives as long as this
+        self.largest = min(MAX_SIDE, int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE)))
+        self._scene: Scene | None = None
+
+    def load(self, scene: Scene) -> None:
+        """Makes `scene` the one that `draw` shows; the last one, which pyrender frees, stays where that fails."""
+        if scene is self._scene:
+            return
+        gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        bounds = scene.bounds()
+        middle = bounds.mean(axis=0)
+        gl_scene.add(pyrender.Mesh([to_primitive(part, middle) for part in scene.parts]))
+        camera = MatrixCamera(np.eye(4))
+        gl_scene.add(camera)
+        distance = -bounds[:, 2]
+        margin = 0.01 * float(distance[0] - distance[1]) + 1e-6 * abs(float(distance[0]))
+        self._gl_scene, self._camera, self._middle, self._scene = gl_scene, camera, middle, scene
+        # A perspective camera can't see what is nearer than its near plane, which must lie in front of it.
+        self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
+        self.far = float(distance[0]) + margin
+
+    def draw(self, drawing: Drawing) -> NDArray[np.uint8]:
+        """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
+        from_camera = np.eye(4)
+        from_camera[:3, 3] = self._middle - (*drawing.place, 0.0)
+        self._camera.matrix = drawing.projection(self.near, self.far) @ from_camera  # in float64, as OpenGL can't
+        self._sampler.viewport_width, self._sampler.viewport_height = drawing.width, drawing.height
+        flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA
+        pixels: NDArray[np.uint8] = self._sampler.render(self._gl_scene, flags)
+        return pixels

@@ -1,0 +1,44 @@
+"""Projection matrices, from camera coordinates (the array's, or one lens's) to OpenGL's clip coordinates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.views import View
+
+
+def oblique(array: LensArray, view: View, near: float, far: float) -> NDArray[np.float64]:
+    """Projection of view (v, u): all its rays are parallel, so a point is sheared along them onto the array's plane.
+
+    A point (px, py, pz) appears where the ray through it along (tx, ty, -1) leaves the plane z = 0: at
+    `X = px + tx * pz`, `Y = py + ty * pz`. Clip x is X over half the array's width; depth runs from `near` to `far`.
+    """
+    tx, ty = array.tangent_x()[view[1]], array.tangent_y()[view[0]]
+    half_width, half_height = array.width / 2, array.height / 2
+    return np.array(
+        [
+            [1 / half_width, 0, tx / half_width, 0],
+            [0, 1 / half_height, ty / half_height, 0],
+            [0, 0, -2 / (far - near), -(far + near) / (far - near)],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def perspective(array: LensArray, near: float, far: float) -> NDArray[np.float64]:
+    """Projection of one elemental image, for a camera at its lens: clip x is tx over half the range of tangents."""
+    half_tx, half_ty = array.pixels_u * array.delta / 2, array.pixels_v * array.delta / 2
+    return np.array(
+        [
+            [1 / half_tx, 0, 0, 0],
+            [0, 1 / half_ty, 0, 0],
+            [0, 0, -(far + near) / (far - near), -2 * far * near / (far - near)],
+            [0, 0, -1, 0],
+        ]
+    )

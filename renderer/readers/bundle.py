@@ -1,0 +1,204 @@
+"""What was given to read: one file, a folder, or a zip, as names and bytes, with nothing outside it in reach."""
+
+from __future__ import annotations
+
+import io
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.readers.file_types import Kind, claimed, identify
+from ciir.renderer.readers.names import inside, is_hidden, shown
+
+_ZIP_FAULTS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    IndexError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+)
+"""What `zipfile` raises on hostile bytes (UnicodeDecodeError is a ValueError)."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Names and bytes. Keys of `files` are relative, normalised, with `/`."""
+
+    name: str
+    """For messages and reports; never opened."""
+    main: str | None
+    """The key of the file that was given; None where a set of files was."""
+    files: Mapping[str, bytes]
+    limits: Limits = DEFAULTS
+    """What is read of the files is held against these."""
+
+    @classmethod
+    def from_path(cls, path: Path, limits: Limits = DEFAULTS) -> Bundle:
+        """The file at `path` with the files beside and below it in reach by name; or a folder; or a zip's contents.
+
+        Files are read when they are asked for. Raises `Unreadable` where there is nothing to read, `TooLarge` over a
+        limit, `UnsupportedType` where a file's name and content disagree.
+        """
+        if path.is_dir():
+            return cls(path.resolve().name, None, Folder(path, limits), limits)
+        data = read_file(path, limits)
+        if identify(path.name, data) is Kind.ZIP:
+            return cls(path.name, None, unpack(path.name, data, limits), limits)
+        return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
+
+    @classmethod
+    def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULTS) -> Bundle:
+        """A client's file: its own bytes and nothing else, or a zip's contents, unpacked in memory.
+
+        `name` says the kind and is shown in messages; it is never a path. Raises as `from_path` does.
+        """
+        own = PurePosixPath(name.replace("\\", "/")).name
+        if len(data) > limits.bytes:
+            raise TooLarge(_too_large(own, len(data), limits))
+        kind = identify(own, data)
+        if kind is Kind.ZIP:
+            return cls(own, None, unpack(own, data, limits), limits)
+        key = inside(own) or f"input.{kind.value}"
+        return cls(own, key, {key: data}, limits)
+
+
+class Folder(Mapping[str, bytes]):
+    """The files below a folder, read when asked for. Hidden files are not listed; links that lead out are not read.
+
+    Raises `TooLarge` from iteration with more than `limits.files` files, and on a file of more than `limits.bytes`.
+    """
+
+    def __init__(self, path: Path, limits: Limits, known: Mapping[str, bytes] | None = None) -> None:
+        self._path = path
+        self._root = path.resolve()
+        self._limits = limits
+        self._known = known or {}  # the file that was named itself: it may be a link, and is read once
+
+    def __getitem__(self, key: str) -> bytes:
+        if key in self._known:
+            return self._known[key]
+        path = self._find(key)
+        if path is None:
+            raise KeyError(key)
+        return read_file(path, self._limits)
+
+    def __contains__(self, key: object) -> bool:
+        return isinstance(key, str) and (key in self._known or self._find(key) is not None)
+
+    def __iter__(self) -> Iterator[str]:
+        keys = set(self._known)
+        for path in self._path.rglob("*"):
+            key = path.relative_to(self._path).as_posix()
+            if is_hidden(key) or not self._is_ours(path):
+                continue
+            keys.add(key)
+            if len(keys) > self._limits.files:
+                raise TooLarge(
+                    f"{shown(self._path.name)}: more than {self._limits.files:,} files; give a folder that holds fewer"
+                )
+        yield from sorted(keys)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _find(self, key: str) -> Path | None:
+        if inside(key) != key:
+            return None
+        path = self._path / key
+        try:
+            return path if self._is_ours(path) else None
+        except OSError:  # a name that the file system doesn't take is in no folder
+            return None
+
+    def _is_ours(self, path: Path) -> bool:
+        return path.is_file() and path.resolve().is_relative_to(self._root)
+
+
+def read_file(path: Path, limits: Limits) -> bytes:
+    """The bytes of `path`; `Unreadable` or `TooLarge` in place of what the system says."""
+    try:
+        size = path.stat().st_size
+        if size > limits.bytes:
+            raise TooLarge(_too_large(path.name, size, limits))
+        if not path.is_file():
+            raise Unreadable(f"{shown(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        if isinstance(error, (TooLarge, Unreadable)):
+            raise
+        why = getattr(error, "strerror", None) or str(error)
+        raise Unreadable(f"{shown(str(path))}: {why}; give a file that can be read") from error
+
+
+def _too_large(name: str, size: int, limits: Limits) -> str:
+    return f"{shown(name)}: {size:,} bytes; at most {limits.bytes:,} are read; decimate the mesh or scale pictures down"
+
+
+def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
+    """A zip's files, unpacked in memory. Hidden files and what macOS adds are left out.
+
+    Raises `Unreadable` for a corrupt or an encrypted zip and for names that escape, `UnsupportedType` for links,
+    zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before anything is unpacked.
+    """
+    name = shown(name)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = _checked(name, archive.infolist(), limits)
+            files = {key: archive.read(member) for key, member in members.items()}
+    except _ZIP_FAULTS as error:
+        if isinstance(error, (Unreadable, UnsupportedType, TooLarge)):
+            raise
+        raise Unreadable(f"{name}: corrupt or truncated zip ({shown(str(error))}); pack it again") from error
+    for key, content in files.items():
+        if content.startswith(b"PK\x03\x04"):
+            raise UnsupportedType(f"{name}: holds another zip, {shown(key)}; pack the files themselves")
+    return files
+
+
+def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
+    members = [member for member in members if not member.is_dir()]
+    if len(members) > limits.files:
+        raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer")
+    unpacked = sum(member.file_size for member in members)
+    packed = sum(member.compress_size for member in members)
+    if unpacked > limits.bytes:
+        raise TooLarge(
+            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files"
+        )
+    if unpacked > max(2**20, packed * limits.ratio):
+        raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked")
+    found: dict[str, zipfile.ZipInfo] = {}
+    for member in members:
+        key = inside(member.orig_filename)
+        what = shown(member.orig_filename)
+        if key is None:
+            raise Unreadable(f"{name}: the name {what} leads out of the zip; pack relative names with / only")
+        if stat.S_ISLNK(member.external_attr >> 16):
+            raise UnsupportedType(f"{name}: {what} is a link; pack the file itself")
+        if member.flag_bits & 0x1:
+            raise Unreadable(f"{name}: {what} is encrypted; pack it without a password")
+        if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+            raise UnsupportedType(f"{name}: {what} is packed in a rare way; pack it with plain deflate")
+        if key in found:
+            raise Unreadable(f"{name}: holds {what} twice; pack it once")
+        if not is_hidden(key):
+            found[key] = member
+    return found
+
+
+def is_kind(name: str, kinds: frozenset[Kind]) -> bool:
+    """Whether the suffix of `name` claims one of `kinds`; False for suffixes that are not known."""
+    try:
+        return claimed(name) in kinds
+    except UnsupportedType:
+        return False

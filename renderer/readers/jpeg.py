@@ -1,0 +1,104 @@
+"""JPEG to pixels and back, by Pillow: imagecodecs lets a truncated JPEG pass."""
+
+from __future__ import annotations
+
+import io
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+# The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
+from PIL.JpegImagePlugin import JpegImageFile
+
+from ciir.errors import InvalidOption, TooLarge, UnsupportedType
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciir.renderer.readers.pictures import Pixels
+
+MAX_SIDE = 65_500
+"""Most pixels along one side: libjpeg's own limit."""
+MAX_SCANS = 100
+"""Most scans in a progressive JPEG: encoders write about ten."""
+START_OF_SCAN = 0xDA
+APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
+ORIENTATION = 0x0112
+
+
+def encode(pixels: Pixels) -> bytes:
+    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, quality 95, full chroma resolution.
+
+    Raises `InvalidOption` where JPEG can't hold the pixels.
+    """
+    if pixels.dtype != np.uint8 or (pixels.ndim == 3 and pixels.shape[2] != 3):
+        channels = pixels.shape[2] if pixels.ndim == 3 else 1
+        raise InvalidOption(
+            f"picture: JPEG holds 8-bit grey or RGB, not {channels} channels of {8 * pixels.itemsize} bit; "
+            "name the file .png or .tif"
+        )
+    if max(pixels.shape[:2]) > MAX_SIDE:
+        raise InvalidOption(
+            f"picture: JPEG holds at most {MAX_SIDE} pixels along a side, not {pixels.shape[0]}x{pixels.shape[1]}; "
+            "name the file .png or .tif"
+        )
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "JPEG", quality=95, subsampling=0)
+    return file.getvalue()
+
+
+def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
+    """Pixels as stored, and the orientation (Exif 2.32, 4.6.4), 1 to 8.
+
+    `check_size(height, width)` is called before anything of that size is allocated. Raises `UnsupportedType` where the
+    colours are neither grey nor RGB: a printer's CMYK needs its profile to become RGB; `TooLarge` over `MAX_SCANS`.
+    """
+    data, exif = _without_metadata(data)
+    # No other 0xFF in the coded pixels has this byte after it. Each scan of a progressive JPEG goes over all pixels.
+    scans = data.count(bytes([0xFF, START_OF_SCAN]))
+    if scans > MAX_SCANS:
+        raise TooLarge(f"{name}: a JPEG of {scans:,} scans; at most {MAX_SCANS} are read; save it without progression")
+    with JpegImageFile(io.BytesIO(data)) as image:
+        check_size(image.height, image.width)
+        if image.mode not in ("L", "RGB"):
+            raise UnsupportedType(f"{name}: a JPEG of {image.mode} colours; convert it to RGB or grey")
+        return np.asarray(image), _orientation(exif)
+
+
+def _without_metadata(data: bytes) -> tuple[bytes, bytes]:
+    """The JPEG without APP1 and APP2, and its Exif block ("" where there is none), which starts at the TIFF header.
+
+    Pillow reads those segments on opening, and warns on standard error of anything in them that it finds odd.
+    """
+    kept, exif, offset = [data[:2]], b"", 2
+    while (start := struct.unpack_from(">BB", data, offset)) != (0xFF, START_OF_SCAN):
+        if start[0] != 0xFF:
+            raise ValueError("bytes between JPEG segments")
+        if start[1] == 0xFF:  # fill
+            offset += 1
+            continue
+        segment = data[offset : offset + 2 + struct.unpack_from(">H", data, offset + 2)[0]]
+        if start[1] == APP1 and segment[4:10] == b"Exif\0\0":
+            exif = exif or segment[10:]
+        if start[1] not in (APP1, APP2):
+            kept.append(segment)
+        offset += len(segment)
+    return b"".join([*kept, data[offset:]]), exif
+
+
+def _orientation(exif: bytes) -> int:
+    """Tag 0x0112 of an Exif block's first directory; 1, upright, where it is absent or the block is malformed."""
+    order = {b"II": "<", b"MM": ">"}.get(exif[:2])
+    if order is None:
+        return 1
+    try:
+        directory = struct.unpack_from(order + "I", exif, 4)[0]
+        for entry in range(struct.unpack_from(order + "H", exif, directory)[0]):
+            tag, _, _, value = struct.unpack_from(order + "HHIH", exif, directory + 2 + 12 * entry)
+            if tag == ORIENTATION:
+                return int(value)
+    except struct.error:
+        return 1
+    return 1

@@ -1,0 +1,169 @@
+"""glTF 2.0 files: the container, the JSON in it, the buffers, and which extensions can be decoded here.
+
+Read by this project's own code and not by trimesh 5.2, which never reads a sampler's wraps or a texture's transform,
+sets the vertex colours of textured meshes aside, reads on past required extensions that it doesn't know, and makes
+zeros of accessors without data, each without a word (format: Khronos glTF 2.0, sections 3 and 4).
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+from ciir.errors import Unreadable, UnsupportedType
+from ciir.renderer.readers.names import shown
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.meshes.texture_files import Resolver
+
+DECODED = frozenset(
+    {
+        "KHR_draco_mesh_compression",
+        "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_unlit",
+        "KHR_mesh_quantization",
+        "KHR_texture_transform",
+    }
+)
+"""Extensions that are decoded here."""
+_JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
+
+
+ELEMENTS = 15
+"""Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
+texture coordinates and indices of the largest. One that stands for zeros costs a file nothing."""
+
+
+@dataclass(eq=False)
+class Document:
+    """A glTF file's JSON and what it points at."""
+
+    name: str
+    json: dict[str, Any]
+    """As it stands in the file: nothing in it has been checked but that it is an object."""
+    binary: bytes | None
+    """The GLB's second chunk."""
+    resolver: Resolver
+    max_elements: int
+    """In all accessors that are read."""
+    buffers: dict[int, bytes] = field(default_factory=dict)
+    """Buffers that were read already."""
+    elements: int = 0
+    """In all accessors that were read."""
+
+    def item(self, kind: str, index: object) -> dict[str, Any]:
+        """`json[kind][index]`, an object; `Unreadable` where the file has no such thing."""
+        items = self.json.get(kind, [])
+        if not isinstance(index, int) or not isinstance(items, list) or not 0 <= index < len(items):
+            raise Unreadable(f"{self.name}: names {kind} {shown(repr(index))}, which it doesn't have; export it again")
+        item = items[index]
+        if not isinstance(item, dict):
+            raise Unreadable(f"{self.name}: {kind} {index} is not an object; export it again")
+        return item
+
+    def buffer(self, index: int) -> bytes:
+        """The bytes of a buffer, at least as many as it says."""
+        if index not in self.buffers:
+            self.buffers[index] = self._buffer(index)
+        return self.buffers[index]
+
+    def _buffer(self, index: int) -> bytes:
+        entry = self.item("buffers", index)
+        uri = entry.get("uri")
+        if uri is None:
+            data = self.binary if index == 0 else None
+            if data is None:
+                raise Unreadable(f"{self.name}: buffer {index} has no data; export it again")
+        else:
+            data = _embedded(uri, self.name)
+            if data is None:
+                data = self.resolver.get(unquote(uri))
+            if data is None:
+                why, remedy = self.resolver.why_not(unquote(uri))
+                raise Unreadable(f"{self.name}: buffer {shown(unquote(uri))} {why}; {remedy}, or export one .glb file")
+        if len(data) < int(entry["byteLength"]):
+            raise Unreadable(f"{self.name}: buffer {index} is cut short; export it again")
+        return data
+
+    def view(self, index: object) -> memoryview:
+        """The bytes of a buffer view."""
+        entry = self.item("bufferViews", index)
+        data = self.buffer(entry["buffer"])
+        start, length = int(entry.get("byteOffset", 0)), int(entry["byteLength"])
+        if start < 0 or length < 0 or start + length > len(data):
+            raise Unreadable(f"{self.name}: buffer view {index} ends beyond its buffer; export it again")
+        return memoryview(data)[start : start + length]
+
+    def image(self, entry: dict[str, Any]) -> bytes | None:
+        """The bytes of an entry of `images`; None with a note where its file is not there."""
+        if "bufferView" in entry:
+            return bytes(self.view(entry["bufferView"]))
+        data = _embedded(entry["uri"], self.name)
+        return self.resolver.find(unquote(entry["uri"]), "texture") if data is None else data
+
+
+def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> Document:
+    """A `.glb` or `.gltf` file's bytes as a document; the extensions that it requires can all be decoded.
+
+    Raises `Unreadable` where the container or its JSON is malformed, `UnsupportedType` for other versions of glTF and
+    for required extensions that are not decoded here.
+    """
+    text, binary = _chunks(data, name) if data.startswith(b"glTF") else (data, None)
+    try:
+        document = json.loads(text.decode("utf-8-sig"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise Unreadable(f"{name}: its JSON can't be read ({shown(str(error))}); export it again") from error
+    if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
+        raise Unreadable(f"{name}: JSON without an asset: not a glTF file; export it again")
+    version = str(document["asset"].get("version"))
+    if version.partition(".")[0] != "2":
+        raise UnsupportedType(f"{name}: glTF version {shown(version)}; version 2.0 is read; export it as glTF 2.0")
+    for extension in document.get("extensionsRequired", []):
+        _check_extension(str(extension), name, resolver)
+    return Document(name, document, binary, resolver, ELEMENTS * max_triangles)
+
+
+def _embedded(uri: str, name: str) -> bytes | None:
+    """The data that a URI holds in itself; None where it names a file."""
+    if not uri.startswith("data:"):
+        return None
+    header, _, payload = uri.partition(",")
+    if not header.endswith(";base64"):
+        raise Unreadable(f"{name}: a data URI is not base64; export it again")
+    return base64.b64decode(payload)
+
+
+def _check_extension(extension: str, name: str, resolver: Resolver) -> None:
+    if extension in DECODED:
+        return
+    if extension.startswith("KHR_materials_") or extension in {"KHR_lights_punctual", "KHR_animation_pointer"}:
+        resolver.note(f"{shown(extension)} has no part in a view-independent picture and is ignored")
+        return
+    raise UnsupportedType(
+        f"{name}: requires the extension {shown(extension)}, which is not decoded here; export it again without it"
+    )
+
+
+def _chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
+    if len(data) < 20:
+        raise Unreadable(f"{name}: a GLB of {len(data)} bytes is cut short; export it again")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise UnsupportedType(f"{name}: GLB version {version}; version 2 is read; export it as glTF 2.0")
+    if length > len(data):
+        raise Unreadable(f"{name}: {len(data):,} of {length:,} bytes are there: cut short; give it again")
+    chunks: dict[int, bytes] = {}
+    start = 12
+    while start + 8 <= length:
+        size, kind = struct.unpack_from("<II", data, start)
+        if start + 8 + size > length:
+            raise Unreadable(f"{name}: a GLB chunk ends beyond the file; export it again")
+        chunks.setdefault(kind, data[start + 8 : start + 8 + size])
+        start += 8 + size
+    if _JSON_CHUNK not in chunks:
+        raise Unreadable(f"{name}: a GLB without a JSON chunk; export it again")
+    return chunks[_JSON_CHUNK], chunks.get(_BIN_CHUNK)

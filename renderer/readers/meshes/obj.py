@@ -1,0 +1,249 @@
+"""Wavefront OBJ to surfaces, one for each texture; its materials are read by `renderer.readers.meshes.mtl`.
+
+Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file and not
+back from where they stand, so that real files come out as other shapes without a word; says nothing of a missing MTL,
+material or texture; and opens textures of any kind and size that Pillow knows.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.readers.meshes import mtl
+from ciir.renderer.readers.meshes.polygons import fans, numbers
+from ciir.renderer.readers.names import shown
+from ciir.renderer.surface import Surface, check_size
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.meshes.texture_files import Resolver
+
+_LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
+MAX_LIBRARIES = 100
+"""Most MTL files that an OBJ may name."""
+MAX_MATERIALS = 65_536
+"""Most materials that an OBJ may use."""
+
+
+@dataclass
+class _Lines:
+    """The file's lines by their first word, and the number of the line that each stands in."""
+
+    words: dict[bytes, list[bytes]] = field(default_factory=dict)
+    numbers: dict[bytes, list[int]] = field(default_factory=dict)
+
+    def count(self, word: bytes) -> int:
+        return len(self.words.get(word, []))
+
+    def before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
+        """How many lines of `word` stand before each of `lines`."""
+        return np.searchsorted(np.array(self.numbers.get(word, []), np.int64), lines)
+
+    def array(self, word: bytes, least: int, most: int) -> NDArray[np.float64]:
+        """The numbers after `word` as `(lines, least to most)`: as many columns as all of the lines have."""
+        lines = self.words.get(word, [])
+        if not lines:
+            return np.empty((0, least))
+        widths = [len(line.split(None, most)) for line in lines]
+        width = min(widths)
+        if width < least:
+            number = self.numbers[word][widths.index(width)]
+            raise Unreadable(f"line {number + 1}: {shown(word.decode())} needs {least} numbers and has {width}")
+        width = min(width, most)
+        return numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
+
+
+def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
+    """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
+
+    Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
+    Raises `TooLarge` over `max_triangles`; `Unreadable` or one of `meshes.FAULTS` where the text isn't what OBJ says.
+    """
+    lines = _sorted(data, name, max_triangles)
+    try:
+        positions = lines.array(b"v", 3, 7)
+        texture_coordinates = lines.array(b"vt", 1, 2)
+        normals = lines.array(b"vn", 3, 3)
+        corners, face_lines = _triangles(lines, name, max_triangles)
+    except Unreadable as error:
+        raise Unreadable(f"{name}: {error}; export it again") from error
+    for word, what in _LEFT_OUT.items():
+        if word in lines.words:
+            resolver.note(f"{what} are left out: only polygons are drawn")
+    if texture_coordinates.shape[1] == 1:
+        texture_coordinates = np.pad(texture_coordinates, ((0, 0), (0, 1)))
+    materials, material_of = _materials(lines, face_lines, name, resolver)
+    return [
+        _surface(
+            corners[chosen],
+            positions,
+            texture_coordinates,
+            normals,
+            materials=materials,
+            material_of=material_of[chosen],
+        )
+        for chosen in _alike(corners, materials, material_of, resolver)
+    ]
+
+
+def _sorted(data: bytes, name: str, max_triangles: int) -> _Lines:
+    lines = _Lines()
+    most = dict.fromkeys((b"v", b"vt", b"vn", b"usemtl", b"mtllib"), 3 * max_triangles) | {b"f": max_triangles}
+    text = mtl.CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
+    for number, line in enumerate(io.BytesIO(text)):
+        word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+        if word in _LEFT_OUT:
+            lines.words[word] = []
+        elif word in most:
+            found = lines.words.setdefault(word, [])
+            found.append(rest.partition(b"#")[0] if word[:1] in b"vf" else rest)
+            if len(found) > most[word]:
+                raise TooLarge(
+                    f"{name}: over {most[word]:,} lines of {word.decode()}, more than the {max_triangles:,} triangles "
+                    "that are read at most can use; decimate the mesh"
+                )
+            lines.numbers.setdefault(word, []).append(number)
+    return lines
+
+
+def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
+    line `(m,)` that each triangle stands in, in the order of the file.
+    """
+    faces, line_of = lines.words.get(b"f", []), np.array(lines.numbers.get(b"f", []), np.int64)
+    lengths = np.array([len(face.split()) for face in faces], np.int64)
+    slashes = np.array([face.count(b"/") for face in faces], np.int64)
+    gaps = np.array([b"//" in face for face in faces], bool)
+    lengths[lengths < 3] = 0  # no surface: counted with the triangles of zero area would be a guess at what was meant
+    odd = (lengths > 0) & (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths)
+    if odd.any():
+        raise Unreadable(f"line {line_of[odd.argmax()] + 1}: a face whose corners are written in different ways")
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), lines.count(b"v"), max_triangles)
+    raw = np.zeros((int(lengths.sum()), 3), np.int64)  # as written: from 1, negative from the end, 0 for none
+    each = np.where(slashes == 0, 1, np.where((slashes == lengths) | gaps, 2, 3))  # numbers in a corner
+    for per_corner, gap in sorted(set(zip(each.tolist(), gaps.tolist(), strict=True))):
+        alike = (lengths > 0) & (each == per_corner) & (gaps == gap)
+        members = np.flatnonzero(alike)
+        words = (word for i in members for word in faces[i].replace(b"/", b" ").split())
+        values = np.fromiter(map(int, words), np.int64).reshape(-1, per_corner)
+        rows = np.flatnonzero(np.repeat(alike, lengths))
+        for column, value in zip((0, 2) if gap else (0, 1, 2), values.T, strict=False):
+            raw[rows, column] = value
+    for column, word in enumerate((b"v", b"vt", b"vn")):
+        written = raw[:, column]
+        index = np.where(written < 0, written + np.repeat(lines.before(word, line_of), lengths), written - 1)
+        wrong = ((written != 0) | (column == 0)) & ((index < 0) | (index >= lines.count(word)))
+        if wrong.any():
+            corner = int(wrong.argmax())
+            raise Unreadable(
+                f"line {np.repeat(line_of, lengths)[corner] + 1}: a face names {word.decode()} {written[corner]} "
+                f"but there are {lines.count(word):,}"
+            )
+        raw[:, column] = np.where(written == 0, -1, index)
+    triangles, face_of = fans(lengths)
+    return raw[triangles], line_of[face_of]
+
+
+def _materials(
+    lines: _Lines, face_lines: NDArray[np.int64], name: str, resolver: Resolver
+) -> tuple[list[mtl.Material], NDArray[np.intp]]:
+    """The distinct materials that triangles are made of, and the number of its material for each triangle."""
+    entries: dict[bytes, dict[bytes, bytes]] = {}
+    libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
+    if len(libraries) > MAX_LIBRARIES:
+        raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
+    files: dict[bytes, None] = {}  # each where it is named last: many names may lead to one file
+    for library in libraries:
+        data = resolver.find(mtl.text(library), "material file")
+        if data is not None:
+            files.pop(data, None)
+            files[data] = None
+    for data in files:
+        entries |= mtl.entries(data)
+    names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
+    if (count := len(set(names))) > MAX_MATERIALS:
+        raise TooLarge(f"{name}: {count:,} materials; at most {MAX_MATERIALS:,} are read; join them")
+    current = lines.before(b"usemtl", face_lines)
+    numbers_of: dict[mtl.Material, int] = {}
+    by_name: dict[bytes, int] = {}
+    missing = []
+    for used in dict.fromkeys(names[i] for i in np.unique(current)):
+        material = mtl.material(entries[used], resolver) if used in entries else mtl.Material()
+        if used and used not in entries:
+            missing.append(shown(mtl.text(used)))
+        by_name[used] = numbers_of.setdefault(material, len(numbers_of))
+    if missing:
+        listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")
+        many = f"material {listed} is" if len(missing) == 1 else f"{len(missing):,} materials ({listed}) are"
+        resolver.note(f"{many} missing: drawn light grey")
+    return list(numbers_of), np.array([by_name.get(used, 0) for used in names])[current]
+
+
+def _alike(
+    corners: NDArray[np.int64], materials: list[mtl.Material], material_of: NDArray[np.intp], resolver: Resolver
+) -> list[NDArray[np.intp]]:
+    """The triangles that one surface can hold: of one texture, whose materials all have what others of it have."""
+    incomplete = np.zeros((len(materials), 3), bool)  # whether a corner lacks (position,) texture coordinate, normal
+    for column in (1, 2):
+        incomplete[material_of[(corners[:, :, column] < 0).any(axis=1)], column] = True
+    groups: dict[tuple[object, ...], int] = {}
+    group_of = []
+    for material, lacks in zip(materials, incomplete, strict=True):
+        if material.texture is not None and lacks[1]:
+            resolver.note("a texture is left out of a material that has corners without texture coordinates")
+        key = (material.texture, material.alpha_cutoff, material.texture is not None and lacks[1], lacks[2])
+        group_of.append(groups.setdefault(key, len(groups)))
+    group = np.array(group_of, np.intp)[material_of]
+    order = np.argsort(group, kind="stable")
+    ends = np.cumsum(np.bincount(group, minlength=len(groups)))
+    return [chosen for chosen in np.split(order, ends[:-1]) if len(chosen)]
+
+
+def _surface(
+    corners: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    texture_coordinates: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    *,
+    materials: list[mtl.Material],
+    material_of: NDArray[np.intp],
+) -> Surface:
+    """One vertex for each distinct triple of indices and each material: its colour is the vertex's."""
+    triples = corners.reshape(-1, 3)
+    material = materials[material_of[0]]
+    with_uv = material.texture is not None and bool((triples[:, 1] >= 0).all())
+    with_normals = bool((triples[:, 2] >= 0).all())
+    made_of = np.repeat(material_of, 3)
+    columns = [(made_of, len(materials))]
+    if with_uv:
+        columns.append((triples[:, 1], len(texture_coordinates)))
+    if with_normals:
+        columns.append((triples[:, 2], len(normals)))
+    key, most = triples[:, 0], len(positions)
+    for column, count in columns:
+        if most * count > np.iinfo(np.int64).max:
+            key, most = np.unique(key, return_inverse=True)[1], len(key)
+        key, most = key * count + column, most * count
+    _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
+    used, made_of = triples[first], made_of[first]
+    measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of what has no material
+    white = (1.0, 1.0, 1.0, 1.0)
+    tints = [white if measured and material == mtl.Material() else material.color for material in materials]
+    colors = np.array(tints, np.float32)[made_of]
+    if measured:
+        colors[:, :3] *= positions[used[:, 0], 3:6]
+    return Surface(
+        vertices=positions[used[:, 0], :3],
+        faces=vertex.reshape(-1, 3),
+        normals=normals[used[:, 2]] if with_normals else None,
+        colors=colors,
+        uv=texture_coordinates[used[:, 1]] if with_uv else None,
+        texture=material.texture if with_uv else None,
+        alpha_cutoff=material.alpha_cutoff if with_uv else None,
+    )

@@ -1,0 +1,135 @@
+"""The files that a mesh refers to, looked up in its bundle alone, and pictures among them made textures."""
+
+from __future__ import annotations
+
+import posixpath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InputError, TooLarge
+from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.names import inside, shown
+from ciir.renderer.scene import Texture, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+MAX_SIDE = 16_384
+"""Most pixels along one side of a texture: what OpenGL takes on every machine that this was tried on."""
+MAX_NOTES = 50
+_FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
+
+
+class Resolver:
+    """Files by the names that a mesh uses for them, relative to the folder of the mesh's own file `main`.
+
+    Never raises for a name: what isn't there, or would be outside, is None with a line in `notes`.
+    """
+
+    def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULTS.pixels) -> None:
+        self._notes: dict[str, None] = {}
+        self._files = files
+        self._folder = posixpath.dirname(main)
+        self._max_pixels = self._pixels_left = max_pixels  # those of corrupt ones count, too
+        self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
+        self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What was left out or replaced, each once, in the order in which it was found."""
+        return list(self._notes)
+
+    def note(self, line: str) -> None:
+        """Add a line to `notes` unless it is there already, or `MAX_NOTES` are."""
+        self._notes.setdefault(line if len(self._notes) < MAX_NOTES else _FULL)
+
+    def get(self, name: str) -> bytes | None:
+        """The bytes of the file called `name`; None where it is not in reach."""
+        name = _portable(name)
+        # Exporters keep the path of the machine that they ran on; the file itself travels beside the mesh.
+        for candidate in (inside(name, self._folder), inside(posixpath.basename(name), self._folder)):
+            if candidate is not None and candidate in self._files:
+                return self._files[candidate]
+        return None
+
+    def why_not(self, name: str) -> tuple[str, str]:
+        """Why there is no file called `name`, and what helps."""
+        if inside(_portable(name), self._folder) is None:
+            return "is outside what was given", "put it beside the mesh"
+        return "is missing", "give a zip or a folder that holds it"
+
+    def find(self, name: str, what: str) -> bytes | None:
+        """As `get`; `what` it is stands in the note where there is none."""
+        data = self.get(name)
+        if data is None:
+            why, remedy = self.why_not(name)
+            self.note(f"{what} {shown(name)} {why} and is left out; {remedy}")
+        return data
+
+    def texture(self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat") -> Texture | None:
+        """The picture file called `name` as a texture; `opaque` sets its alpha to 255 throughout."""
+        return self.decoded(
+            lambda: self.find(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
+        )
+
+    def decoded(
+        self, load: Callable[[], bytes | None], *, key: str, name: str, opaque: bool, wrap_u: Wrap, wrap_v: Wrap
+    ) -> Texture | None:
+        """The picture whose bytes `load` gives as a texture; None with a note where it can't be read.
+
+        `key` says where the bytes come from: they are loaded and decoded once for each. `name` stands in the notes.
+        """
+        if (key, opaque) not in self._decoded:
+            self._decoded[key, opaque] = self._pixels(load, name, opaque=opaque)
+        pixels = self._decoded[key, opaque]
+        if pixels is None:
+            return None
+        return self._textures.setdefault((key, opaque, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
+
+    def _pixels(self, load: Callable[[], bytes | None], name: str, *, opaque: bool) -> NDArray[np.uint8] | None:
+        def charge(height: int, width: int) -> None:
+            if max(height, width) > MAX_SIDE:
+                raise TooLarge(f"{height}x{width} pixels; at most {MAX_SIDE:,} along a side are drawn; scale it down")
+            if height * width > self._pixels_left:
+                raise TooLarge(
+                    f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {self._max_pixels:,} "
+                    "for all textures; scale them down"
+                )
+            # Before it is decoded: failing is as much work. And what is long was copied and searched, however small.
+            self._pixels_left -= max(height * width, len(data or b"") // 64)
+
+        if self._pixels_left <= 0:
+            self.note(f"textures over {self._max_pixels:,} pixels in all are left out; scale them down")
+            return None
+        data = load()
+        if data is None:
+            return None
+        try:
+            return rgba8(
+                pictures.decode(data, name=shown(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
+            )
+        except InputError as error:
+            self._pixels_left -= len(data) // 64
+            self.note(f"texture {shown(name)} is left out: {error}")
+            return None
+
+
+def _portable(name: str) -> str:
+    """The name with `/`, where a Windows exporter wrote it."""
+    return name.replace("\\", "/").removeprefix("./")
+
+
+def rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:
+    """Pixels `(h, w, 1 to 4)` of 8 or 16 bit as `(h, w, 4)` RGBA of 8 bit; 65535 goes to 255, rounded."""
+    if pixels.dtype == np.uint16:
+        pixels = ((pixels.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
+    channels = pixels.shape[2]
+    rgba = np.full((*pixels.shape[:2], 4), 255, np.uint8)
+    rgba[:, :, :3] = pixels[:, :, :1] if channels <= 2 else pixels[:, :, :3]
+    if channels in {2, 4} and not opaque:
+        rgba[:, :, 3] = pixels[:, :, -1]
+    return rgba

@@ -1,0 +1,160 @@
+"""Pictures to pixels and back: PNG, JPEG and TIFF, 8 and 16 bit, each by its own named decoder.
+
+A picture's size is read from its header and checked before anything of that size is allocated. Colour profiles and
+gamma are ignored: pixels are taken as they are stored.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.readers import file_types
+from ciir.renderer.readers.names import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+"""`(height, width, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha (not premultiplied)."""
+
+SUFFIXES = frozenset(suffix for suffix, kind in file_types.SUFFIXES.items() if kind in file_types.PICTURES)
+"""What the name of a picture that is read or written here ends with, in lower case."""
+MAX_SIDE = 131_072
+"""Most pixels along one side of a picture."""
+
+# What Pillow, tifffile and its codecs raise on hostile bytes, found by mutating files a million times.
+DECODER_ERRORS = (
+    ArithmeticError,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+
+# What tifffile would print on standard error comes as one line from here; whoever sets up logging still gets it.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+
+def decode(
+    data: bytes, *, name: str, max_pixels: int = DEFAULTS.pixels, check: Callable[[int, int], None] | None = None
+) -> Pixels:
+    """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
+
+    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. The kind goes by the
+    content alone; `name` stands in the messages. `check(height, width)` is called before decoding: it may raise too.
+
+    Raises `UnsupportedType` where it isn't a PNG, JPEG or TIFF of such pixels, `TooLarge` over `max_pixels` (height x
+    width) or `MAX_SIDE` or where memory runs out, `Unreadable` where it is truncated or corrupt.
+    """
+
+    def check_size(height: int, width: int) -> None:
+        _check_size(height, width, name=name, max_pixels=max_pixels)
+        if check is not None:
+            check(height, width)
+
+    decoder = _decoder(data, name)
+    with _unreadable(name):
+        pixels, orientation = decoder(data, name, check_size)
+        pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
+        return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
+
+
+def encode(pixels: Pixels, suffix: str) -> bytes:
+    """The file that a name ending with `suffix` asks for: `.png`, `.tif` or `.tiff` (deflate), `.jpg` or `.jpeg`.
+
+    PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
+
+    Raises `InvalidOption` for another suffix, or where JPEG can't hold the pixels (16 bit, alpha, a side over 65500).
+    """
+    match suffix.lower():
+        case ".png":
+            return encode_png(pixels)
+        case ".tif" | ".tiff":
+            from ciir.renderer.readers import tiff
+
+            return tiff.encode(_layout(pixels))
+        case ".jpg" | ".jpeg":
+            from ciir.renderer.readers import jpeg
+
+            return jpeg.encode(_layout(pixels))
+    raise InvalidOption(f"picture: {suffix!r} can't be written; name the file .png, .tif or .jpg")
+
+
+def encode_png(pixels: Pixels) -> bytes:
+    """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
+    from ciir.renderer.readers import png
+
+    return png.encode(_layout(pixels))
+
+
+def _layout(pixels: Pixels) -> Pixels:
+    """Contiguous, and grey without its channel axis: how the encoders want it."""
+    return cast("Pixels", np.ascontiguousarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels))
+
+
+def _decoder(data: bytes, name: str) -> Callable[[bytes, str, Callable[[int, int], None]], tuple[Pixels, int]]:
+    """Who reads what starts with these bytes; the modules are loaded when first needed."""
+    kind = file_types.by_magic(data)
+    if kind is file_types.Kind.PNG:
+        from ciir.renderer.readers import png
+
+        return png.decode
+    if kind is file_types.Kind.JPEG:
+        from ciir.renderer.readers import jpeg
+
+        return jpeg.decode
+    if kind is file_types.Kind.TIFF:
+        from ciir.renderer.readers import tiff
+
+        return tiff.decode
+    raise UnsupportedType(
+        f"{name}: not a picture that is read (PNG, JPEG or TIFF, by its first bytes); convert it to PNG"
+    )
+
+
+def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
+    if height < 1 or width < 1:
+        raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
+    if height * width > max_pixels or max(height, width) > MAX_SIDE:
+        raise TooLarge(
+            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
+            f"and {MAX_SIDE:,} along a side; crop it or scale it down"
+        )
+
+
+def _upright(pixels: Pixels, orientation: int) -> Pixels:
+    """Undo orientation 1 to 8 of Exif and TIFF 6.0: where the stored first row and column lie in the scene."""
+    if orientation in (5, 6, 7, 8):
+        pixels = pixels.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return pixels
+
+
+@contextmanager
+def _unreadable(name: str) -> Iterator[None]:
+    """Whatever a decoder says of bytes that it can't decode becomes `Unreadable`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except DECODER_ERRORS as error:
+        said = shown(str(error))
+        cause = f" ({said})" if " " in said else ""  # a KeyError says no more than its key
+        raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
+    except MemoryError as error:
+        raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error

@@ -1,0 +1,121 @@
+"""TIFF to pixels and back: one page of 8 or 16 bit grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF)."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tifffile
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.readers.names import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciir.renderer.readers.pictures import Pixels
+
+ORIENTATION = 274
+COLOURS: dict[int, int] = {
+    tifffile.PHOTOMETRIC.MINISBLACK: 1,
+    tifffile.PHOTOMETRIC.MINISWHITE: 1,
+    tifffile.PHOTOMETRIC.RGB: 3,
+}
+"""The kinds that are read, and their channels without alpha."""
+COMPRESSIONS: tuple[int, ...] = (
+    tifffile.COMPRESSION.NONE,
+    tifffile.COMPRESSION.LZW,
+    tifffile.COMPRESSION.ADOBE_DEFLATE,
+    tifffile.COMPRESSION.DEFLATE,
+    tifffile.COMPRESSION.PACKBITS,
+)
+
+
+def encode(pixels: Pixels) -> bytes:
+    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels."""
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    colours = 3 if channels >= 3 else 1
+    file = io.BytesIO()
+    tifffile.imwrite(
+        file,
+        pixels,
+        photometric="rgb" if colours == 3 else "minisblack",
+        planarconfig="contig" if channels > 1 else None,
+        extrasamples=["unassalpha"] if channels > colours else None,
+        compression="deflate",
+        predictor=True,
+        metadata=None,
+        software=False,
+    )
+    return file.getvalue()
+
+
+def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
+    """Pixels as stored (black is 0), and the orientation, 1 to 8.
+
+    `check_size(height, width)` is called before anything of that size is allocated. Raises `UnsupportedType` for other
+    kinds of TIFF, `Unreadable` where strips or tiles are missing, `TooLarge` where tiles dwarf the picture.
+    """
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        page = file.pages.first
+        sides = (page.imagelength, page.imagewidth, page.tilelength, page.tilewidth, page.rowsperstrip)
+        if not all(isinstance(side, int) for side in sides):
+            raise Unreadable(f"{name}: the TIFF's tags of its size are no single numbers; save the picture anew")
+        check_size(page.imagelength, page.imagewidth)
+        if len(file.pages) > 1:
+            raise UnsupportedType(f"{name}: a TIFF of {len(file.pages)} pages; save each as a file of its own")
+        _check_kind(page, name)
+        _check_segments(page, len(data), name)
+        pixels: Pixels = page.asarray(maxworkers=1)
+        if page.axes == "SYX":
+            pixels = np.moveaxis(pixels, 0, -1)
+        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+            pixels = _inverted(pixels, page.samplesperpixel)
+        return pixels, int(page.tags.valueof(ORIENTATION, 1))
+
+
+def _inverted(pixels: Pixels, samples: int) -> Pixels:
+    """Grey of which 0 is white, with black as 0; alpha stays."""
+    return np.invert(pixels) if samples == 1 else np.stack([np.invert(pixels[..., 0]), pixels[..., 1]], axis=-1)
+
+
+def _check_kind(page: tifffile.TiffPage, name: str) -> None:
+    colours = COLOURS.get(page.photometric) if isinstance(page.photometric, int) else None
+    if colours is None:
+        what = f"colours of kind {_label(page.photometric)}"
+    elif page.bitspersample not in (8, 16) or page.sampleformat != tifffile.SAMPLEFORMAT.UINT:
+        what = f"{_label(page.bitspersample)}-bit {tifffile.SAMPLEFORMAT(page.sampleformat).name} samples"
+    elif page.samplesperpixel not in (colours, colours + 1):
+        what = f"{_label(page.samplesperpixel)} samples a pixel"
+    elif page.samplesperpixel > colours and page.extrasamples[:1] == (tifffile.EXTRASAMPLE.ASSOCALPHA,):
+        what = "premultiplied alpha"
+    elif page.compression not in COMPRESSIONS:
+        what = f"compression {_label(page.compression)}"
+    elif page.axes not in ("YX", "YXS", "SYX"):
+        what = f"axes {_label(page.axes)}"
+    else:
+        return
+    raise UnsupportedType(
+        f"{name}: a TIFF of {what}; save it as 8 or 16 bit grey or RGB, with or without plain alpha, "
+        "uncompressed or by LZW, deflate or PackBits"
+    )
+
+
+def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None:
+    """Every strip or tile lies in the file, or tifffile would fill it with zeros; tiles are no way to a huge array."""
+    whole = len(page.dataoffsets) == len(page.databytecounts) == int(np.prod(page.chunked)) and all(
+        size > 0 and offset + size <= file_bytes
+        for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)
+    )
+    if not whole:
+        raise Unreadable(f"{name}: the TIFF's pixels are cut off or missing; send the whole file")
+    if page.is_tiled and page.tilelength * page.tilewidth > 4 * page.imagelength * page.imagewidth + (1 << 20):
+        raise TooLarge(
+            f"{name}: TIFF tiles of {page.tilelength}x{page.tilewidth} pixels for a picture of "
+            f"{page.imagelength}x{page.imagewidth}; save it in strips"
+        )
+
+
+def _label(value: object) -> str:
+    return shown(str(getattr(value, "name", value)))  # a corrupt tag may hold thousands of numbers, or any characters

@@ -1,0 +1,168 @@
+"""Shapes and noise that the sample scenes are made of: numpy alone, the same on every machine to rounding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ciir.renderer.surface import Surface
+
+_LATTICE = 64  # a power of two
+
+
+def grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
+    """Triangles `(2*(rows-1)*(cols-1), 3)` of a grid of `rows x cols` vertices, numbered row by row.
+
+    Seen with rows going up and columns to the right they wind counter-clockwise.
+    """
+    number = np.arange(rows * cols).reshape(rows, cols)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
+def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """A profile turned about the y axis: vertices `(k*(segments+1), 3)`, faces and uv, outside where it goes up.
+
+    `profile`: `(k, 2)` of radius and y. u runs round from 0 to 1, v along the profile by its length.
+    """
+    points = np.asarray(profile, np.float64)
+    turn = np.arange(segments + 1) % segments * (2 * np.pi / segments)  # % segments: the seam's two sides coincide
+    radius, height = points[:, :1], points[:, 1:]
+    vertices = np.stack(
+        np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)),
+        axis=-1,
+    )
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    u, v = np.meshgrid(np.linspace(0, 1, segments + 1), along / along[-1])
+    vertices = vertices.reshape(-1, 3)
+    faces = without_slivers(vertices, grid_faces(len(points), segments + 1))
+    return vertices, faces, np.stack([u, v], -1).reshape(-1, 2)
+
+
+def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Faces two of whose corners are not at one place, as they are where a profile meets the axis."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    distinct = [np.abs(p - q).max(axis=1) > 1e-12 for p, q in ((a, b), (b, c), (c, a))]
+    return faces[np.logical_and.reduce(distinct)]
+
+
+def curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
+    """`(count, 2)` points on a Catmull-Rom curve through `the points `(k, 2)`; a doubled point is a corner."""
+    p = np.asarray(points, np.float64)
+    p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
+    at = np.linspace(0, len(p) - 3 - 1e-9, count)
+    i, t = at.astype(int), (at % 1)[:, None]
+    before, start, end, after = (p[i + k] for k in range(4))
+    points_between: NDArray[np.float64] = 0.5 * (
+        2 * start
+        + (end - before) * t
+        + (2 * before - 5 * start + 4 * end - after) * t**2
+        + (3 * start - before - 3 * end + after) * t**3
+    )
+    return points_between
+
+
+def ring(radius: float, thickness: float, segments: int, sides: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """A torus about the z axis: vertices `(n, 3)` and faces."""
+    around, across = np.meshgrid(
+        np.arange(segments + 1) % segments * (2 * np.pi / segments),
+        np.arange(sides + 1) % sides * (2 * np.pi / sides),
+        indexing="ij",
+    )
+    distance = radius + thickness * np.cos(across)
+    vertices = np.stack(
+        [distance * np.cos(around), distance * np.sin(around), -thickness * np.sin(across)], axis=-1
+    ).reshape(-1, 3)
+    return vertices, grid_faces(segments + 1, sides + 1)
+
+
+def turned(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
+    """Vertices turned about a coordinate axis, counter-clockwise as seen from its positive end."""
+    angle = np.radians(degrees)
+    matrix = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix[i, i] = matrix[j, j] = np.cos(angle)
+    matrix[i, j], matrix[j, i] = -np.sin(angle), np.sin(angle)
+    return vertices @ matrix.T
+
+
+def blend(
+    low: tuple[float, float, float], high: tuple[float, float, float], amount: NDArray[np.floating]
+) -> NDArray[Any]:
+    """Colours `(..., 3)` from `low` to `high` as `amount` goes from 0 to 1; clipped to them."""
+    share = np.clip(amount, 0.0, 1.0)[..., None]
+    colors: NDArray[Any] = np.array(low, share.dtype) + share * np.subtract(high, low, dtype=share.dtype)
+    return colors
+
+
+def step(edge: float, width: float, values: NDArray[np.floating]) -> NDArray[Any]:
+    """0 below `edge`, 1 above it, smooth over `width`."""
+    t = np.clip((values - edge) / width + 0.5, 0.0, 1.0)
+    eased: NDArray[Any] = t * t * (3 - 2 * t)
+    return eased
+
+
+def noise(points: NDArray[np.floating], *, frequency: float, octaves: int = 1, seed: int = 0) -> NDArray[np.float32]:
+    """Value noise at points `(..., 3)`, smooth, in about [-1, 1]; each octave is twice as fine and half as strong."""
+    total = np.zeros(points.shape[:-1], np.float32)
+    weight = 0.0
+    for octave in range(octaves):
+        strength = 0.5**octave
+        total += strength * _value_noise(points, frequency * 2**octave, seed + octave)
+        weight += strength
+    return total / np.float32(weight)
+
+
+def _value_noise(points: NDArray[np.floating], frequency: float, seed: int) -> NDArray[np.float32]:
+    lattice = _lattice(seed)
+    at = np.asarray(points, np.float32) * np.float32(frequency) + np.float32(0.37)
+    low = np.floor(at)
+    t = at - low
+    t = t * t * (3 - 2 * t)
+    i = low.astype(np.int32) & _LATTICE - 1
+    j = i + 1 & _LATTICE - 1
+    x0, y0, z0 = i[..., 0] * _LATTICE**2, i[..., 1] * _LATTICE, i[..., 2]
+    x1, y1, z1 = j[..., 0] * _LATTICE**2, j[..., 1] * _LATTICE, j[..., 2]
+    tx, ty, tz = t[..., 0], t[..., 1], t[..., 2]
+
+    def between(a: NDArray[np.float32], b: NDArray[np.float32], t: NDArray[np.float32]) -> NDArray[np.float32]:
+        b -= a
+        b *= t
+        b += a
+        return b
+
+    def along_z(base: NDArray[np.int32]) -> NDArray[np.float32]:
+        return between(lattice[base + z0], lattice[base + z1], tz)
+
+    def along_y(base: NDArray[np.int32]) -> NDArray[np.float32]:
+        return between(along_z(base + y0), along_z(base + y1), ty)
+
+    return between(along_y(x0), along_y(x1), tx)
+
+
+@cache
+def _lattice(seed: int) -> NDArray[np.float32]:
+    return np.random.default_rng(seed).uniform(-1, 1, _LATTICE**3).astype(np.float32)
+
+
+def rgba(colors: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Colours `(h, w, 3)` in [0, 1] as opaque 8-bit RGBA `(h, w, 4)`."""
+    pixels = np.full((*colors.shape[:2], 4), 255, np.uint8)
+    pixels[:, :, :3] = np.clip(np.rint(colors * 255), 0, 255)
+    return pixels
+
+
+def vertex_colors(colors: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Colours `(n, 3)` in [0, 1] as opaque RGBA `(n, 4)`."""
+    return np.concatenate([np.clip(colors, 0, 1), np.ones((len(colors), 1))], axis=1).astype(np.float32)
+
+
+def tilted(surfaces: list[Surface], axis: int, degrees: float) -> list[Surface]:
+    """Surfaces turned about a coordinate axis, before they are lit."""
+    return [replace(surface, vertices=turned(surface.vertices, axis, degrees)) for surface in surfaces]

@@ -1,0 +1,94 @@
+"""Files and folders that appear whole or not at all: written beside their place under another name, then moved."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import uuid
+from contextlib import contextmanager, suppress
+from typing import IO, TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+
+def place_for_file(path: Path) -> Path:
+    """`path`, absolute and without links. Raises `InvalidOption` where a file can't be put there; makes nothing."""
+    with suppress(FileNotFoundError, NotADirectoryError):  # others may take the file away at any moment: one look
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InvalidOption(f"{path}: a folder is there; name a file for the output")
+        if not stat.S_ISREG(mode):  # a device or a pipe, which a finished file would replace
+            raise InvalidOption(f"{path}: no plain file; name another place for the output")
+    path = path.resolve()
+    _check_folder(path)
+    return path
+
+
+def _check_folder(path: Path) -> None:
+    """Whether something new can be made at `path`, in the folders that are there or that will be made for it."""
+    folder = next(parent for parent in path.parents if parent.exists())
+    if not folder.is_dir():
+        raise InvalidOption(f"{folder}: not a folder; name another place for the output")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidOption(f"{folder}: nothing may be written there; name another place for the output")
+
+
+def _partial(folder: Path, name: str) -> Path:
+    """What `name` is called while it isn't finished: hidden, unique, in `folder`, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f".{name}.{uuid.uuid4().hex[:12]}.partial"
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A binary file that takes `path`'s place when the block ends, and is gone when the block raises."""
+    path = place_for_file(path)
+    temporary = _partial(path.parent, path.name)
+    try:
+        with temporary.open("xb") as file:
+            yield file
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Staged:
+    """A folder in the making. `commit` moves it to `path`: files of the same name there are replaced, others stay."""
+
+    def __init__(self, path: Path) -> None:
+        if path.exists() and not path.is_dir():
+            raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
+        self.path = path.resolve()
+        if self.path.is_dir():  # it may be the root of a file system: what is beside it can't be moved into it
+            self.temporary = _partial(self.path, self.path.name)
+        else:
+            _check_folder(self.path)
+            self.temporary = _partial(self.path.parent, self.path.name)
+        self.temporary.mkdir()
+
+    def write(self, name: str, data: bytes) -> None:
+        """Writes a file of the folder."""
+        (self.temporary / name).write_bytes(data)
+
+    def commit(self, remove: Collection[str] = ()) -> None:
+        """Moves everything into place, and takes away the files called `remove` that were not written anew."""
+        if not self.path.exists():
+            self.temporary.rename(self.path)
+            return
+        names = sorted(file.name for file in self.temporary.iterdir())
+        for name in names:  # all of these are looked at first, so that a fault is found before anything is replaced
+            if (self.path / name).is_dir():
+                raise InvalidOption(f"{self.path / name}: a folder is there; remove it, or name another output")
+        for name in names:
+            (self.temporary / name).replace(self.path / name)
+        for name in set(remove) - set(names):
+            (self.path / name).unlink(missing_ok=True)
+
+    def discard(self) -> None:
+        """Removes what was not committed; does nothing after `commit`."""
+        shutil.rmtree(self.temporary, ignore_errors=True)

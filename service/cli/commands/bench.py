@@ -1,0 +1,72 @@
+"""`ciir bench`: the door to `benchmarks.bench`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.scenes import SCENES
+from ciir.service.cli import common, output_path
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ciir.benchmarks.bench.run import Asked
+    from ciir.service.pipeline.source import Source
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measures and writes; says where."""
+    to = output_path.folder(args.out, what="the results")
+    if to.is_file():
+        raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
+    asked = _asked(args)
+    from ciir.benchmarks.bench.run import bench
+
+    found = bench(asked, to)
+    common.say(
+        f"{to}: results.md, results.csv, results.json, pareto.png, crops.png"
+        + (", growth.png" if asked.extras else "")
+        + f" written after {found['seconds']:.0f} s"
+    )
+    for where, names in found["frontier"].items():
+        common.say(f"{where}: best for its time: {', '.join(names)}")
+
+
+def _asked(args: argparse.Namespace) -> Asked:
+    from ciir.benchmarks.bench.run import Asked, quick
+
+    asked = quick() if args.quick else Asked()
+    if args.inputs:
+        places = {_name(text): text for text in args.inputs}
+        if len(places) < len(args.inputs):
+            raise InvalidOption("bench: two inputs have the same name; rename one, or give one of them")
+        sources: dict[str, Source] = {name: common.source(text) for name, text in places.items()}
+        asked = replace(asked, sources=sources, places=places)
+    if args.lenses:
+        asked = replace(asked, lenses=_counts("--lenses", args.lenses, 2, 1000))
+    if args.rounds is not None:
+        asked = replace(asked, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
+    if args.only_views:
+        asked = replace(asked, extras=False)
+    return replace(asked, array=common.options(args))
+
+
+def _name(text: str) -> str:
+    if not text.startswith(common.SCENE):
+        return Path(text).resolve().stem
+    name = text.removeprefix(common.SCENE)
+    if name not in SCENES:
+        raise InvalidOption(f"{text[:40]}: no such scene; the scenes are {', '.join(SCENES)}")
+    return name
+
+
+def _counts(option: str, texts: list[str], least: int, most: int) -> tuple[int, ...]:
+    for text in texts:
+        if not text.isdecimal() or not least <= int(text) <= most:
+            raise InvalidOption(
+                f"{option}: {text[:40]!r} is no whole number from {least} to {most}; give one such as 50"
+            )
+    return tuple(int(text) for text in texts)

@@ -1,0 +1,39 @@
+"""`ciir elemental`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.readers import pictures
+from ciir.renderer.writers.atomic_write import replacing
+from ciir.service.cli import common, output_path
+from ciir.service.pipeline import run as pipeline
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ciir.renderer.readers.pictures import Pixels
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the elemental image array, and the report where one is asked for."""
+    path = Path(args.out)
+    suffix = path.suffix.lower()
+    if suffix not in pictures.SUFFIXES or args.out.endswith("/"):
+        listed = ", ".join(sorted(pictures.SUFFIXES))
+        raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
+    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
+    common.check_report(args.report, path)
+    options, source = common.options(args), common.source(args.input)
+    with replacing(path) as file:
+
+        def keep(pixels: Pixels) -> None:
+            file.write(pictures.encode(pixels, suffix))
+
+        report = pipeline.elemental(source, options, keep)
+    common.finish(report, args.report)
+    array = report["lens_array"]
+    width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]
+    common.say(f"{args.out}: {width}x{height} pixels ({common.timings(report)})")

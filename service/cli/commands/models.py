@@ -1,0 +1,51 @@
+"""`ciir models`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from ciir.models import catalogue
+from ciir.service import listing
+from ciir.service.cli import common
+from ciir.service.pipeline.options import AUTO_TAKES
+
+if TYPE_CHECKING:
+    import argparse
+
+HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y", "what it is")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Lists the models, a line each, or all that is known of them as JSON.
+
+    Beside what the service lists: `unsuited`, why this machine's processor can't run a model, empty where it can.
+    """
+    unsuited = {entry.name: entry.unsuited for entry in catalogue.entries()}
+    models = [model | {"unsuited": unsuited[model["name"]]} for model in listing.models()]
+    if args.json:
+        common.say(json.dumps(models, indent=2, ensure_ascii=False))
+        return
+    rows = [HEAD, *map(_row, models)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
+    for row in rows:
+        common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
+    common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_TAKES}")
+    for model in models:
+        if model["unsuited"]:
+            common.say(f"{model['name']} is not for this machine: {model['unsuited']}; {_remedy(model['card'])}")
+
+
+def _row(model: dict[str, Any]) -> tuple[str, ...]:
+    card = model["card"]
+    scales = model["scales"]
+    listed = str(scales[0]) if len(scales) == 1 else f"{scales[0]} to {scales[-1]}"
+    name = model["name"] + (" (default)" if model["default"] else "")
+    if card is None:
+        return name, listed, model["takes"], "float32", "-", "-", model["kind"]
+    scores = ", ".join(f"{score['data']} {score['psnr']:.2f}" for score in card["accuracy"])
+    return name, listed, model["takes"], card["precision"], f"{card['parameters']:,}", scores or "-", model["kind"]
+
+
+def _remedy(card: dict[str, Any]) -> str:
+    return f"use {card['float_twin']}" if card["float_twin"] else "use a float network"

@@ -1,0 +1,43 @@
+"""`ciir reconstruct`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.renderer.writers.atomic_write import replacing
+from ciir.service.cli import common, output_path
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.outputs import FORMATS, FileSink, FolderSink
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the views and the report, and prints what was written."""
+    is_file = output_path.is_file(args.out, [f".{name}" for name in FORMATS], what="views")
+    path = Path(args.out)
+    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
+    common.check_report(args.report, path)
+    options, source = common.options(args), common.source(args.input)
+    report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
+    common.finish(report, args.report)
+    views = report["views"]
+    size = f"{views[0]['width']}x{views[0]['height']}"
+    common.say(f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.timings(report)})")
+
+
+def _to_file(source: Source, options: Options, path: Path) -> Report:
+    suffix = path.suffix.lower().removeprefix(".")
+    with replacing(path) as file, FileSink(file, suffix) as sink, common.bar("view") as count:
+        return pipeline.reconstruct(source, options, sink, progress=count)
+
+
+def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
+    with FolderSink(path, given) as sink, common.bar("view") as count:
+        return pipeline.reconstruct(source, options, sink, progress=count)

@@ -1,0 +1,56 @@
+"""`ciir serve`."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import socket
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.service.cli import common
+
+if TYPE_CHECKING:
+    import argparse
+
+_log = logging.getLogger("ciir")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Serves HTTP until it is told to stop, and does the jobs unless CIIR_WORKERS is 0."""
+    if args.show_settings:
+        from ciir.service.settings_table import table
+
+        common.say(table())
+        return
+    if not (args.port.isdecimal() and int(args.port) <= 65535):
+        raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
+    from ciir.service import logs, settings
+    from ciir.service.web.app import create_app
+    from ciir.service.web.server import DrainingServer
+
+    found = settings.read()
+    settings.forget_secrets()
+    with _listening(args.host, int(args.port)) as listener:
+        # Connections inherit it. asyncio sets it on its own sockets alone; else a body waits 40 ms for its head.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        host, port = listener.getsockname()[:2]
+        logs.configure(found.log_format)
+        if is_open(host, len(found.api_keys)):
+            _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: whoever reaches it may ask", host)
+        app = create_app(found)
+        common.say(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
+        DrainingServer(app).run([listener])
+
+
+def is_open(host: str, keys: int) -> bool:
+    """Whether other machines may ask at an IP address without one of so many keys."""
+    return not keys and not ipaddress.ip_address(host.partition("%")[0]).is_loopback
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        return socket.create_server(address, family=family, backlog=2048)
+    except OSError as error:
+        raise InvalidOption(f"{host}:{port}: {error.strerror}; name another --host or --port") from error

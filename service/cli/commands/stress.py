@@ -1,0 +1,36 @@
+"""`ciir stress`: the door to `benchmarks.stress`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.service.cli import common
+
+if TYPE_CHECKING:
+    import argparse
+
+BROKEN = 1
+"""Exit status where a bound does not hold."""
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measures and tells; writes the JSON where it is asked for. Ends with `BROKEN` where a bound breaks."""
+    if args.json is not None:
+        if not args.json:
+            raise InvalidOption("--json: '' is no name; name a file for the results")
+        place_for_file(Path(args.json))  # before minutes of work
+    from ciir.benchmarks.stress import run as stress
+    from ciir.benchmarks.stress.case import Effort
+
+    groups = stress.chosen_groups(args.only)
+    models, unsuited = stress.chosen_models(args.model)
+    found = stress.stress(groups, Effort(models, quick=args.quick), say=common.say, skipped=unsuited)
+    if args.json is not None:
+        with replacing(Path(args.json)) as file:
+            file.write((json.dumps(found, indent=2, allow_nan=False) + "\n").encode())
+    if found["broken"]:
+        raise SystemExit(BROKEN)

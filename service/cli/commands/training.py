@@ -1,0 +1,150 @@
+"""`ciir evaluate`, `ciir train` and `ciir export`: the doors to `training`, whose packages need not be installed."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.models.catalogue import FIELD
+from ciir.service.cli import common, output_path
+from ciir.service.errors import one_line
+from ciir.service.pipeline.options import pair
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ciir.models.card import Accuracy
+
+EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "spandrel", "safetensors", "einops")
+"""What the extra `training` brings."""
+VIEWS, DEGRADATION = "5x5", "bicubic"
+"""BasicLFSR's protocol: what a light field is evaluated on where nothing else is said."""
+OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
+"""Fields of a recipe that may be given as options too."""
+
+
+def run(args: argparse.Namespace) -> None:
+    """Does the command; a missing package and a fault in a recipe or a folder are one line."""
+    work = {"evaluate": _evaluate, "train": _train, "export": _export}[args.command]
+    try:
+        work(args)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in EXTRA:
+            raise
+        raise InvalidOption(
+            f"{args.command}: the package {error.name} is not installed; run `make setup-training`"
+        ) from error
+
+
+def _evaluate(args: argparse.Namespace) -> None:
+    options, names = common.options(args), list(args.words)
+    if args.light_field is not None:
+        _evaluate_views(args, options.scale)
+        return
+    if args.grid is not None:
+        raise InvalidOption("--grid: this is for --light-field with a folder of views; leave it out")
+    if len(names) < 2:
+        raise InvalidOption(
+            "evaluate: give a MODEL and FOLDERs of pictures, or --light-field FOLDER; see ciir evaluate --help"
+        )
+    from ciir.training.evaluation.pictures import evaluate_folder
+
+    for folder in _folders(names[1:]):
+        try:
+            score = evaluate_folder(names[0], folder, scale=options.scale, degradation=args.degradation)
+        except ValueError as error:
+            raise InvalidOption(str(error)) from error
+        _tell(names[0], score, "pictures")
+
+
+def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
+    if len(args.words) > 1:
+        raise InvalidOption(
+            f"evaluate: {args.words[1]!r} is given beside --light-field {args.light_field}; give one of them"
+        )
+    (folder,) = _folders([args.light_field], what="views")
+    grid = pair("grid", args.grid or VIEWS)
+    from ciir.training.evaluation.light_fields import evaluate
+
+    model = args.words[0] if args.words else FIELD
+    try:
+        score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
+    except ValueError as error:
+        raise InvalidOption(str(error)) from error
+    _tell(model, score, "views")
+
+
+def _tell(model: str, score: Accuracy, counted: str) -> None:
+    common.say(
+        f"{model} on {score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}"
+    )
+
+
+def _train(args: argparse.Namespace) -> None:
+    from ciir.training import recipe
+
+    given = {name: value for name in OVERRIDES if (value := getattr(args, name)) is not None}
+    try:
+        read = replace(recipe.read(Path(args.recipe)), **given)
+    except ValueError as error:
+        raise InvalidOption(str(error)) from error
+    to = output_path.folder(args.out, what="a run")
+    from ciir.training.loop.interrupt import Stopped
+    from ciir.training.loop.train import train
+
+    try:
+        checkpoint = train(read, to)
+    except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
+        raise InvalidOption(str(error)) from error
+    except Stopped as stop:
+        print(f"ciir: {one_line(str(stop))}", file=sys.stderr)
+        raise SystemExit(128 + stop.number) from None  # as a shell has it for a signal
+    common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
+
+
+def _export(args: argparse.Namespace) -> None:
+    _check_export(args)
+    source = Path(args.weights or args.checkpoint)
+    if not source.is_file():
+        what = "the weights" if args.weights else "the checkpoint.pt that `ciir train` wrote"
+        raise InvalidOption(f"{source}: no such file; give {what}")
+    to = output_path.folder(args.out, what="a network and its card")
+    name = args.name or ""
+    folders, calibrate = _folders(args.on), _folders(args.calibrate, what="pictures")
+    from ciir.training.export import export
+
+    common.say(f"exporting {source}: half a minute, and longer with --int8 or --on")
+    try:
+        if args.weights:
+            from ciir.training.export.external_weights import export_weights
+
+            card = export_weights(source, to, name=name, accuracy_on=folders)
+        elif args.int8:
+            card = export.export_int8(source, to, calibrate=calibrate, name=name, accuracy_on=folders)
+        else:
+            card = export.export(source, to, name=name, accuracy_on=folders)
+    except ValueError as error:
+        raise InvalidOption(str(error)) from error
+    common.say(f"{card.with_suffix('.onnx')} and {card}: written")
+
+
+def _check_export(args: argparse.Namespace) -> None:
+    if (args.weights is None) == (args.checkpoint is None):
+        raise InvalidOption(
+            "export: give a CHECKPOINT of `ciir train`, or --weights with a file of others; one of them"
+        )
+    if args.weights is not None and args.int8:
+        raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out with --weights")
+    if args.int8 != bool(args.calibrate):
+        raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
+
+
+def _folders(names: list[str], *, what: str = "*_LR.png and *_HR.png pairs") -> list[Path]:
+    folders = [Path(name) for name in names]
+    for folder in folders:
+        if not folder.is_dir():
+            raise InvalidOption(f"{folder}: no such folder; give one of {what}")
+    return folders

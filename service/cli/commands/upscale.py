@@ -1,0 +1,92 @@
+"""`ciir upscale`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption, UnsupportedType
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.bundle import is_kind
+from ciir.renderer.readers.file_types import PICTURES, SUFFIXES
+from ciir.renderer.writers.atomic_write import Staged, replacing
+from ciir.service.cli import common, output_path
+from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping
+
+    from ciir.renderer.readers.bundle import Bundle
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.upscale_pictures import Write
+
+_TAKEN = ", ".join([*sorted(pictures.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the upscaled pictures, and the report where one is asked for."""
+    path = Path(args.out)
+    common.check_report(args.report, path)
+    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
+    options, bundle = common.options(args), _bundle(args.input)
+    if bundle.main is None:
+        output_path.folder(args.out, what="several pictures")
+        names = [name for name in bundle.files if is_kind(name, PICTURES) and "/" not in name]
+        left_out = [name for name in bundle.files if name not in names]
+        if not names:
+            raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
+        report = _folder(bundle, output_names(names), path, options)
+        report["notes"] = [f"left out, not a picture of this folder: {name}" for name in left_out]
+    elif output_path.is_file(args.out, sorted(pictures.SUFFIXES), what="a picture"):
+        report = _single(bundle, bundle.main, path, options)
+    else:
+        outputs = output_names([bundle.main])
+        output_path.check_not_input([path / name for name in outputs.values()], args.input)
+        report = _folder(bundle, outputs, path, options)
+    common.finish(report, args.report)
+    done = report["pictures"]
+    common.say(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.timings(report)})")
+
+
+def _bundle(text: str) -> Bundle:
+    try:
+        return common.bundle(text)
+    except UnsupportedType as error:  # whose advice lists meshes too
+        raise UnsupportedType(str(error).replace(", ".join(SUFFIXES), _TAKEN)) from error
+
+
+def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:
+    with replacing(path) as file:
+
+        def write(_: str, data: bytes) -> None:
+            file.write(data)
+
+        return _upscaled(bundle, {name: path.name}, write, options)
+
+
+def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Options) -> Report:
+    staged = Staged(path)
+    try:
+        with common.bar("picture", total=len(outputs)) as count:
+            report = _upscaled(bundle, outputs, staged.write, options, count)
+        staged.commit()
+    finally:
+        staged.discard()
+    return report
+
+
+def _upscaled(
+    bundle: Bundle, outputs: Mapping[str, str], write: Write, options: Options, progress: Progress | None = None
+) -> Report:
+    return upscale_pictures(
+        bundle.files,
+        outputs,
+        write,
+        model=options.model,
+        scale=options.scale,
+        skipping=options.skip == "exact",
+        progress=progress,
+    )

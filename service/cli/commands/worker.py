@@ -1,0 +1,74 @@
+"""`ciir worker`."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+    from types import FrameType
+
+    from ciir.service.metrics import Metrics
+
+LOOK_SECONDS = 0.5
+"""Python's signal handlers run in the main thread, when it next does something: one that came just before it began to
+wait would not be heard of while it waits."""
+_log = logging.getLogger("ciir")
+
+
+def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
+    """Does the jobs of a queue that a web process fills, until SIGTERM or Ctrl-C; then finishes what runs, or puts it
+    back.
+    """
+    from ciir.service import logs, settings
+    from ciir.service.jobs.engine import Engine
+    from ciir.service.metrics import Metrics
+
+    found = settings.read()
+    settings.forget_secrets()
+    if not found.workers:
+        raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
+    logs.configure(found.log_format)
+    stop = threading.Event()
+
+    def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
+        stop.set()
+
+    metrics = Metrics()
+    engine = Engine(found, metrics)
+    with ExitStack() as rest:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            rest.callback(signal.signal, number, signal.signal(number, end))
+        rest.callback(engine.close)
+        if found.metrics_port:
+            rest.enter_context(_showing(metrics, found.metrics_port))
+        engine.start()
+        place = settings.hidden(found.queue) or engine.jobs.folder
+        _log.info("%d worker processes take jobs from %s", found.workers, place)
+        while not stop.wait(LOOK_SECONDS):
+            pass
+        _log.info("stopping: what runs has %g s to finish", found.drain_seconds)
+
+
+@contextmanager
+def _showing(metrics: Metrics, port: int) -> Iterator[None]:
+    """Metrics at /metrics of that port, on all addresses. Raises `InvalidOption` where it is taken."""
+    from prometheus_client import start_http_server
+
+    try:
+        server, thread = start_http_server(port, registry=metrics.registry)
+    except OSError as error:
+        raise InvalidOption(f"CIIR_METRICS_PORT: {port}: {error.strerror}; set another") from error
+    try:
+        yield
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()

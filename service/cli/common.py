@@ -1,0 +1,84 @@
+"""What several commands do alike: find the input, collect the options, write the report."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.service.errors import one_line
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.report import Report, to_json
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterator
+
+    from ciir.service.pipeline.source import Source
+
+SCENE = "scene:"
+_PREFIX = "option_"
+
+
+def options(args: argparse.Namespace) -> Options:
+    """The options that were given on the command line."""
+    given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
+    return Options.parse(given)
+
+
+def source(text: str) -> Source:
+    """`scene:NAME`, or what lies at a path."""
+    return text.removeprefix(SCENE) if text.startswith(SCENE) else bundle(text)
+
+
+def bundle(text: str) -> Bundle:
+    """The file, the folder or the zip at a path."""
+    if not text:
+        raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
+    return Bundle.from_path(Path(text))
+
+
+def check_report(path: str | None, out: Path) -> None:
+    """Before any work: raises `InvalidOption` where the report can't be written to `path`, beside the output `out`."""
+    if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
+        raise InvalidOption(f"--report: {path!r} is no place of its own; name a file for the report")
+
+
+def report_path(path: str | None) -> list[Path]:
+    """Where the report goes, if one is asked for."""
+    return [] if path is None else [Path(path)]
+
+
+def finish(report: Report, path: str | None) -> None:
+    """Writes the report to `path`, if one was given, and tells its notes."""
+    if path is not None:
+        with replacing(Path(path)) as file:
+            file.write(to_json(report))
+    for note in report["notes"]:
+        print(f"ciir: note: {one_line(note)}", file=sys.stderr)
+
+
+@contextmanager
+def bar(unit: str, total: int | None = None) -> Iterator[Callable[[int], object]]:
+    """A progress bar, on a terminal only, and what counts it up. `total` is None where nobody knows yet.
+
+    It appears after half a second: short work shows nothing.
+    """
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr) as shown:
+        yield shown.update
+
+
+def say(text: str) -> None:
+    """A line for whoever asked."""
+    print(text, flush=True)
+
+
+def timings(report: Report) -> str:
+    """`decode 3, render 20, total 31 ms`."""
+    return ", ".join(f"{stage} {ms:.0f}" for stage, ms in report["timings_ms"].items()) + " ms"

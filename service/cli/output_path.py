@@ -1,0 +1,50 @@
+"""What `-o` names: a file by its suffix, or a folder. What looks like a file of another kind is refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+_FILES = re.compile(
+    r"\.(7z|avif|bmp|bz2|exr|gif|glb|gltf|gz|heic|heif|ico|jp2|jpe|jpeg|jpg|json|jxl|mat|npy|npz|obj|off|pdf|pgm|ply|"
+    r"png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|txt|webp|xz|zip)"
+)
+"""Suffixes that nobody gives to a folder by intent."""
+
+
+def is_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
+    """Whether `text` names a file with one of `suffixes` (lower case), not a folder; `what` is to be written there.
+
+    A folder is what is there as one, what ends with a slash, and what has no suffix of a file. Raises `InvalidOption`
+    where `text` is empty or its suffix is another file's.
+    """
+    if not text:
+        raise InvalidOption(f"-o: '' is no name; give one for {what}")
+    path = Path(text)
+    suffix = path.suffix.lower()
+    if text.endswith("/") or path.is_dir():
+        return False
+    if suffix not in suffixes and _FILES.fullmatch(suffix):
+        ends = ", ".join([*suffixes, "or / for a folder"])
+        raise InvalidOption(f"{text}: {what} can't be written as {suffix}; end the name with {ends}")
+    return suffix in suffixes
+
+
+def folder(text: str, *, what: str) -> Path:
+    """The folder that `text` names; raises as `is_file`."""
+    is_file(text, (), what=what)
+    return Path(text)
+
+
+def check_not_input(outputs: Iterable[Path], given: str) -> None:
+    """Raises `InvalidOption` where one of `outputs` is the input `given`, through a link too, or lies in it."""
+    source = Path(given).resolve()
+    for path in outputs:
+        if path.resolve() == source or (source.is_dir() and path.resolve().is_relative_to(source)):
+            raise InvalidOption(f"{path}: the input is there; give another place for the output, so that it isn't lost")

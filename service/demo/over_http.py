@@ -1,0 +1,60 @@
+"""The demo of the compose file: `python -m ciir.service.demo.over_http URL FOLDER`.
+
+A shipped scene's elemental image array is made here and posted to the service at URL; its views go into FOLDER.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import httpx2
+
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.client import Client, ServiceError
+from ciir.service.pipeline import run
+from ciir.service.pipeline.options import Options
+
+SCENE = "hamburger"
+LENSES, PIXELS = "100x100", "5x5"
+PATIENCE_SECONDS = 120
+"""How long the service may take to start."""
+
+
+def main(url: str, folder: Path) -> None:
+    """Writes `eia.png`, `view_VV_UU.png` of five views and `report.json`. Raises `ServiceError` or `TransportError`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    eia = folder / "eia.png"
+    options = Options.parse({"lenses": LENSES, "pixels": PIXELS, "sampling": "lenslet"})
+    run.elemental(SCENE, options, lambda pixels: eia.write_bytes(encode_png(pixels)))
+    with Client(url, retries=PATIENCE_SECONDS) as client:
+        _reach(client)
+        made = client.reconstruct(eia, lenses=LENSES, views="cross", format="zip")
+    with zipfile.ZipFile(io.BytesIO(made.content)) as archive:
+        archive.extractall(folder)
+        print(f"{folder}: eia.png, {', '.join(archive.namelist())} of the {SCENE}, by {url}", flush=True)
+
+
+def _reach(client: Client) -> None:
+    until = time.monotonic() + PATIENCE_SECONDS
+    while True:
+        try:
+            client.request("GET", "/readyz")
+        except httpx2.TransportError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.25)
+        else:
+            return
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: python -m ciir.service.demo.over_http URL FOLDER")
+    try:
+        main(sys.argv[1], Path(sys.argv[2]))
+    except (ServiceError, httpx2.TransportError) as error:
+        sys.exit(f"{sys.argv[1]}: {error}")

@@ -1,0 +1,112 @@
+"""The report that goes with every result: what was read, what was done, and how long each stage took."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+STAGES = ("decode", "plan", "render", "map", "upscale", "encode")
+"""In the order of the work; `total` follows. `plan`: the strategy is decided, and costs that it needs are
+measured."""
+
+Report = dict[str, Any]
+"""Ready for JSON; `service.pipeline.run` puts its keys together."""
+
+
+class Clock:
+    """Wall-clock milliseconds for each stage, summed over its turns. `total` runs from the clock's making.
+
+    Stages of a pipeline overlap, so that they may add up to more than `total`; each stage is in one thread at a time.
+    """
+
+    def __init__(self) -> None:
+        self._begun = time.perf_counter()
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Counts the time of the block to `name`, one of `STAGES`, also where the block raises."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - begun
+
+    def timings_ms(self) -> dict[str, float]:
+        """Milliseconds of the stages that ran, and `total` up to now."""
+        seconds = {stage: self._seconds[stage] for stage in STAGES if stage in self._seconds}
+        seconds["total"] = time.perf_counter() - self._begun
+        return {stage: round(1000.0 * s, 3) for stage, s in seconds.items()}
+
+
+class CountedFiles(Mapping[str, bytes]):
+    """A bundle's files, with a count of the bytes that were read of them."""
+
+    def __init__(self, files: Mapping[str, bytes]) -> None:
+        self._files = files
+        self._sizes: dict[str, int] = {}
+
+    def __getitem__(self, key: str) -> bytes:
+        data = self._files[key]
+        self._sizes[key] = len(data)
+        return data
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._files
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @property
+    def bytes_read(self) -> int:
+        """Bytes of the files that were asked for, each once."""
+        return sum(self._sizes.values())
+
+    @property
+    def files_read(self) -> int:
+        """How many files were asked for and found."""
+        return len(self._sizes)
+
+
+def in_words(skipped: Mapping[str, Any] | None) -> list[str]:
+    """The report's reason that says in a line what of `plan.skipped` was left out; none where nothing was."""
+    shares = {
+        name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share > 0
+    }
+    culled = shares.pop("culled", 0.0)
+    said = [f"{_percent(culled)} of the triangles, which no ray that is needed meets"] if culled else []
+    if shares:
+        each = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
+        said.append(f"the model for {_percent(sum(shares.values()))} of its pixels ({each})")
+    return [f"skipped: {' and '.join(said)}"] if said else []
+
+
+def _percent(share: float) -> str:
+    if share < 0.005:
+        return "under 1 %"
+    return f"{100 * share:.0f} %" if share < 0.995 or share == 1 else "over 99 %"
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of this package, Python, and the `packages` that took part."""
+    return {name: _version(name) for name in ("ciir", "python", *packages)}
+
+
+@cache
+def _version(name: str) -> str:
+    """Looked up once: each takes a third of a millisecond."""
+    return platform.python_version() if name == "python" else version(name)
+
+
+def to_json(report: Report) -> bytes:
+    """The report as it is written everywhere: UTF-8, indented, with a line end."""
+    return (json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()

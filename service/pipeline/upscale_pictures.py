@@ -1,0 +1,110 @@
+"""Any picture, or a folder of them, upscaled: what `ciir upscale` does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.models import catalogue
+from ciir.models.single.skip import Tally
+from ciir.renderer.readers import pictures
+from ciir.service.pipeline.options import AUTO, NO_MODEL
+from ciir.service.pipeline.plan import check_size
+from ciir.service.pipeline.report import Clock, Report, versions
+from ciir.service.pipeline.upscaling import describe_model, enlarge, skipped
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.service.pipeline.run import Progress
+
+Write = Callable[[str, bytes], None]
+"""Takes an output file's name and its bytes."""
+_LOSSLESS = {".png": ".png", ".tif": ".tif", ".tiff": ".tiff"}
+
+
+def output_names(inputs: list[str]) -> dict[str, str]:
+    """Input name -> output name. PNG and TIFF keep their kind; a JPEG becomes a PNG, for which no pixel is changed.
+
+    Raises `InvalidOption` where two inputs would make one output.
+    """
+    names: dict[str, str] = {}
+    taken: dict[str, str] = {}
+    for name in inputs:
+        stem, dot, suffix = name.rpartition(".")
+        output = stem + _LOSSLESS.get(f"{dot}{suffix}".lower(), ".png")
+        if output in taken:
+            raise InvalidOption(f"{name} and {taken[output]} would both be written as {output}; rename one of them")
+        names[name] = output
+        taken[output] = name
+    return names
+
+
+def upscale_pictures(
+    files: Mapping[str, bytes],
+    outputs: Mapping[str, str],
+    write: Write,
+    *,
+    model: str,
+    scale: int,
+    skipping: bool = True,
+    progress: Progress | None = None,
+) -> Report:
+    """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
+
+    `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
+    `model`: one that takes single pictures; `auto` is the catalogue's default. `skipping`: whether to leave out
+    what needn't be computed.
+
+    Raises the input faults of `ciir.errors`, with the picture's name, and those of `ciir.errors`.
+    """
+    clock = Clock()
+    if model == NO_MODEL:
+        raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
+    name_of_model = catalogue.default() if model == AUTO else model
+    with clock.stage("upscale"):
+        upscaler = catalogue.load(name_of_model, scale=scale)
+    done: list[dict[str, Any]] = []
+    tally = Tally()
+    for name, output in outputs.items():
+        with clock.stage("decode"):
+            pixels = pictures.decode(files[name], name=name)
+        _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
+        check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
+        with clock.stage("upscale"):
+            begun = time.perf_counter()
+            large = enlarge(upscaler, pixels[np.newaxis], skipping=skipping, tally=tally)[0]
+            tally.seconds += time.perf_counter() - begun
+        with clock.stage("encode"):
+            write(output, _encode(large, output))
+        height, width, channels = large.shape
+        done.append(
+            {
+                "input": name,
+                "file": output,
+                "height": height,
+                "width": width,
+                "channels": channels,
+                "bits": large.dtype.itemsize * 8,
+            }
+        )
+        if progress is not None:
+            progress(1)
+    return {
+        "pictures": done,
+        "notes": [],
+        "model": describe_model(name_of_model, scale),
+        "skipped": skipped(tally),
+        "timings_ms": clock.timings_ms(),
+        "versions": versions("onnxruntime"),
+    }
+
+
+def _encode(pixels: Pixels, output: str) -> bytes:
+    try:
+        return pictures.encode(pixels, output[output.rindex(".") :])
+    except InvalidOption as error:
+        raise InvalidOption(f"{output}: {str(error).removeprefix('picture: ')}") from error

@@ -1,0 +1,91 @@
+"""What every request gets, whatever answers it: an id, security headers, a log line, and to be counted."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from typing import TYPE_CHECKING
+from uuid import uuid4
+
+from starlette.datastructures import Headers, MutableHeaders
+
+from ciir.service.logs import FIELDS, REQUEST_ID
+from ciir.service.web import problems
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from ciir.service.metrics import Metrics
+
+SECURITY = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+}
+"""Headers of each answer that doesn't bring its own of that name."""
+QUIET = frozenset({"/healthz", "/readyz", "/metrics"})
+"""Asked for again and again by machines: counted, and not logged."""
+_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_log = logging.getLogger("ciir.access")
+
+
+class Observe:
+    """The outermost ASGI middleware. What nobody foresaw is answered here with 500, and raised on to the log."""
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app, self._metrics = app, metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Passes the request on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        begun = time.perf_counter()
+        given = Headers(scope=scope).get("x-request-id", "")
+        id_ = given if _ID.fullmatch(given) else uuid4().hex
+        REQUEST_ID.set(id_)  # for this request's task, which ends with it
+        status = sent = received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            return message
+
+        async def answer(message: Message) -> None:
+            nonlocal status, sent
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                headers = MutableHeaders(scope=message)
+                headers["X-Request-Id"] = id_
+                for name, value in SECURITY.items():
+                    headers.setdefault(name, value)
+            sent += len(message.get("body", b""))
+            await send(message)
+
+        try:
+            await self._app(scope, counted, answer)
+        except Exception:
+            if not status:
+                await problems.of_server(scope["path"])(scope, receive, answer)
+            raise
+        finally:
+            self._tell(scope, status, time.perf_counter() - begun, received, sent)
+
+    def _tell(self, scope: Scope, status: int, seconds: float, received: int, sent: int) -> None:
+        method = scope["method"] if scope["method"] in problems.METHODS else "other"
+        route = getattr(scope.get("route"), "path", None) or "other"
+        self._metrics.requests.labels(method, route, str(status)).inc()
+        self._metrics.latency.labels(method, route).observe(seconds)
+        self._metrics.received.inc(received)
+        self._metrics.sent.inc(sent)
+        path = scope.get("raw_path", b"").decode("ascii", "backslashreplace")[:200]
+        if path in QUIET:
+            return
+        milliseconds = round(1000 * seconds, 1)
+        told = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"
+        fields = {"method": method, "path": path, "status": status, "ms": milliseconds}
+        _log.info("%s", told, extra={FIELDS: fields | {"bytes_in": received, "bytes_out": sent}})

@@ -1,0 +1,91 @@
+"""A reconstruction's multipart form: one file, the options by name, and the format of the answer."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from starlette.datastructures import UploadFile
+
+from ciir.errors import InvalidOption, UnsupportedType
+from ciir.renderer.readers.names import shown
+from ciir.service.pipeline.options import HELP, NAMES, Options
+from ciir.service.pipeline.outputs import FORMATS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+FILE, FORMAT = "file", "format"
+
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "required": [FILE],
+    "additionalProperties": False,
+    "properties": {
+        FILE: {"type": "string", "format": "binary", "description": "a mesh, an EIA picture, or a zip of views"},
+        FORMAT: {"type": "string", "enum": list(FORMATS), "description": "default: png for one view, else zip"},
+    }
+    | {name: {"type": "string", "description": f"{HELP[name][0]}: {HELP[name][1]}"} for name in NAMES},
+}
+"""The form, for OpenAPI."""
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What a client sent."""
+
+    name: str
+    """`upload`, and the suffix that the client's file name ends with: no more of it is used."""
+    file: BinaryIO
+    size: int
+    """Bytes."""
+    options: Options
+    texts: dict[str, str]
+    """The options as they were given."""
+    format: str | None
+
+
+def check_content_type(content_type: str | None) -> None:
+    """Raises `UnsupportedType` unless the body says that it is multipart/form-data."""
+    kind = (content_type or "").partition(";")[0].strip().lower()
+    if kind != "multipart/form-data":
+        given = repr(kind[:60]) if kind else "nothing"
+        raise UnsupportedType(f"the body's type is {given}; send multipart/form-data with the part {FILE!r}")
+
+
+def parse(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
+    """The form's parts in order. Raises `InvalidOption` where one is unknown, double, missing or out of range."""
+    upload: UploadFile | None = None
+    texts: dict[str, str] = {}
+    seen: set[str] = set()
+    for name, value in parts:
+        if name in seen:
+            raise InvalidOption(f"{shown(name)}: given twice; give it once")
+        seen.add(name)
+        if name == FILE:
+            if not isinstance(value, UploadFile):
+                raise InvalidOption(f"{FILE}: a plain field; send it as a file, with a file name")
+            upload = value
+        elif isinstance(value, UploadFile):
+            raise InvalidOption(f"{shown(name)}: a file; only {FILE!r} may be one, send this as a plain field")
+        elif value.strip() or name not in (*NAMES, FORMAT):  # a web form sends what was left empty too
+            texts[name] = value
+    wanted = texts.pop(FORMAT, None)
+    unknown = sorted(set(texts) - set(NAMES))
+    if unknown:
+        listed = ", ".join(repr(shown(name)[:40]) for name in unknown[:5])
+        raise InvalidOption(f"{listed}: no such field; known are {', '.join((FILE, FORMAT, *NAMES))}")
+    if wanted is not None and wanted not in FORMATS:
+        raise InvalidOption(f"{FORMAT}: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
+    options = Options.parse(texts)
+    if upload is None:
+        raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")
+    name = "upload" + _suffix(upload.filename or "")
+    return Upload(name, upload.file, upload.size or 0, options, texts, wanted)
+
+
+def _suffix(name: str) -> str:
+    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    return suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""

@@ -1,0 +1,204 @@
+"""What is skipped changes nothing: results equal those of the network on everything."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ciir.models import catalogue
+from ciir.models.card import Sizes
+from ciir.models.single import skip
+from ciir.models.single.interpolation import Bicubic
+from ciir.models.single.pixels import upscale_pixels
+from ciir.models.single.skip import Tally
+from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import scene
+from tests.models.mixing import Mixing
+
+FLOAT = 1e-6
+"""Most by which floats may differ, of [0, 1], for sums in another order; onnxruntime's do not differ at all here."""
+NETWORKS = [
+    entry.name for entry in catalogue.entries() if entry.name in ("fast", "fast-int8", "paper") and not entry.unsuited
+]
+
+
+@st.composite
+def pictures(draw):
+    """Of 0 to 4 pictures each before one of two colours, with up to 3 rectangles of noise or of one colour, which may
+    touch the edges, or be cut off by them; some pictures are there twice."""
+    dtype = draw(st.sampled_from([np.uint8, np.uint16]))
+    height, width, channels = draw(st.integers(1, 48)), draw(st.integers(1, 48)), draw(st.integers(1, 4))
+    random = np.random.default_rng(draw(st.integers(0, 99)))
+
+    def colour(shape=()):
+        made = random.integers(0, np.iinfo(dtype).max, (*shape, channels), dtype, endpoint=True)
+        if channels in (2, 4):
+            made[..., -1] = random.choice([0, 1, np.iinfo(dtype).max], shape)  # clear, hardly there, opaque
+        return made
+
+    grounds = [colour(), colour()]
+    made = []
+    for _ in range(draw(st.integers(0, 4))):
+        picture = np.tile(draw(st.sampled_from(grounds)), (height, width, 1))
+        for _ in range(draw(st.integers(0, 3))):
+            top, left = draw(st.integers(-4, height - 1)), draw(st.integers(-4, width - 1))
+            part = picture[max(0, top) : top + draw(st.integers(1, 12)), max(0, left) : left + draw(st.integers(1, 12))]
+            part[...] = colour(part.shape[:2]) if draw(st.booleans()) else colour()
+        made.append(picture)
+    order = draw(st.lists(st.sampled_from(range(len(made))), max_size=5)) if made else []
+    return np.stack([made[number] for number in order]) if order else np.empty((0, height, width, channels), dtype)
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(pictures(), st.sampled_from([3, 4]))
+def test_it_equals_the_whole(some, layers):
+    tally = Tally()
+    got = upscale_pixels(Mixing(layers), some, tally=tally)
+    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skipping=False))
+    assert tally.pixels == some.shape[0] * some.shape[1] * some.shape[2]
+    assert min(tally.plain, tally.repeated) >= 0
+    assert tally.plain + tally.repeated <= tally.pixels
+
+
+def before_grey(height, width, *parts):
+    """A grey picture with noise in `parts`."""
+    picture = np.full((1, height, width, 3), 90, np.uint8)
+    for part in parts:
+        shape = picture[0][part].shape
+        picture[0][part] = np.random.default_rng(0).integers(0, 256, shape)
+    return picture
+
+
+def test_a_radius_that_is_said_too_small_shows():
+    picture = before_grey(40, 40, np.s_[16:20, 15:22])
+    whole = upscale_pixels(Mixing(4), picture)
+    assert np.array_equal(upscale_pixels(Mixing(4), picture, skipping=False), whole)
+    assert not np.array_equal(upscale_pixels(Mixing(4, radius=3), picture), whole)
+
+
+@pytest.mark.parametrize(
+    ("part", "computed"),
+    [
+        (np.s_[30:31, 20:21], 13 * 13),
+        (np.s_[:4, 20:30], 10 * 22),
+        (np.s_[56:, 69:], 10 * 17),
+        (np.s_[:0, :0], 0),
+    ],
+    ids=["a pixel", "at an edge", "in a corner", "nothing"],
+)
+def test_no_more_is_computed_than_what_sees_it(part, computed):
+    network, tally = Mixing(), Tally()
+    picture = before_grey(60, 80, part)
+    upscale_pixels(network, picture, tally=tally)  # the pattern is made once, and that much is seen too
+    seen = network.seen
+    upscale_pixels(network, picture)
+    assert network.seen - seen == computed
+    assert tally.plain == 60 * 80 - computed
+
+
+def test_things_far_apart_are_computed_apart():
+    network, parts = Mixing(), (np.s_[5:25, 5:25], np.s_[150:180, 160:195])
+    picture, tally = before_grey(200, 200, *parts), Tally()
+    got = upscale_pixels(network, picture, tally=tally)
+    assert 200 * 200 - tally.plain == (25 + 6) ** 2 + 42 * (35 + 11)
+    np.testing.assert_array_equal(got, upscale_pixels(network, picture, skipping=False))
+
+
+def test_pictures_that_repeat_are_made_once():
+    one, other = before_grey(30, 30, np.s_[:, :]), before_grey(30, 30, np.s_[5:, :])
+    network, tally = Mixing(), Tally()
+    got = upscale_pixels(network, np.concatenate([one, other, one, one]), tally=tally)
+    assert network.seen == 2 * 30 * 30
+    assert (tally.pixels, tally.repeated, tally.plain) == (4 * 900, 2 * 900, 0)
+    np.testing.assert_array_equal(got[[2, 3]], got[[0, 0]])
+
+
+def test_nothing_is_skipped_where_that_is_asked_for():
+    network, tally = Mixing(), Tally()
+    same = np.repeat(before_grey(30, 30), 3, axis=0)
+    upscale_pixels(network, same, skipping=False, tally=tally)
+    assert network.seen == tally.pixels == 3 * 900
+    assert tally.plain == tally.repeated == 0
+
+
+@pytest.mark.parametrize(
+    ("sizes", "suits"),
+    [
+        (Sizes(), False),
+        (Sizes(minimum=7), True),
+        (Sizes(minimum=1, multiple_of=2), False),
+        (Sizes(minimum=1, square=True), False),
+    ],
+)
+def test_networks_that_make_pictures_up_to_other_sizes_see_the_whole(sizes, suits):
+    """A small picture of one colour would not tell what becomes of a large one."""
+    network = Mixing(3)
+    network.card = type("Card", (), {"sizes": sizes})
+    assert skip.suits(network) is suits
+    assert not skip.suits(Bicubic(2))
+
+
+@cache
+def rendered(name):
+    """The middle view of 64x64 lenses, with as much again of its background around it, `(112, 112, 3)`."""
+    array = LensArray(64, 64, 15, 15)
+    placed = scene(name).transformed(frame(scene(name), array))
+    (view,) = RaytraceBackend().views(placed, array, [(7, 7)], samples=1)
+    return np.pad(view[..., :3], ((24, 24), (24, 24), (0, 0)), mode="edge")
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("of", ["vase", "globe", "hamburger"])
+def test_rendered_views_equal_the_whole(name, of):
+    network, tally = catalogue.load(name), Tally()
+    for dtype, factor in ((np.uint8, 1), (np.uint16, 257)):
+        some = rendered(of)[np.newaxis].astype(dtype) * dtype(factor)
+        got = upscale_pixels(network, some, tally=tally)
+        want = upscale_pixels(network, some, skipping=False)
+        np.testing.assert_allclose(got.astype(int), want.astype(int), rtol=0, atol=0 if "int8" in name else 1)
+    assert tally.plain > 0
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_floats_equal_the_whole(name):
+    network, view = catalogue.load(name), rendered("globe").copy()
+    view[(view == view[0, 0]).all(axis=2)] = [10, 200, 91]  # zeros would hide a border
+    colour, boxes = skip.found(view, network.radius)
+    whole = network(floats(view))
+    made = np.empty((*whole.shape[2:], 3), np.float32)
+    side = 2 * network.radius + 1
+    pattern = network(floats(np.tile(colour, (side, side, 1))))[0].transpose(1, 2, 0)
+    skip.fill(made, pattern, network.radius, network.scale)
+    for box in boxes:
+        part = network(floats(view[box.window]))[0].transpose(1, 2, 0)
+        made[box.target(2)] = part[box.source(2)]
+    np.testing.assert_allclose(made.transpose(2, 0, 1)[np.newaxis], whole, rtol=0, atol=FLOAT)
+
+
+def floats(picture):
+    return np.ascontiguousarray(picture.transpose(2, 0, 1)[np.newaxis]).astype(np.float32) / 255
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(st.integers(20, 90), st.integers(20, 90), st.integers(1, 5), st.integers(0, 99))
+def test_boxes_hold_all_that_sees_a_difference(height, width, radius, seed):
+    random = np.random.default_rng(seed)
+    differs = random.random((height, width)) < random.choice([0, 0.0005, 0.003, 0.5])
+    boxes = skip.boxes(differs, radius)
+    if boxes is None:
+        return
+    reached = np.zeros((height + 2 * radius, width + 2 * radius), bool)
+    for row, col in np.argwhere(differs):
+        reached[row : row + 2 * radius + 1, col : col + 2 * radius + 1] = True
+    kept = np.zeros((height, width), bool)
+    for box in boxes:
+        kept[box.kept] = True
+        for window, good, length in zip(box.window, box.kept, (height, width), strict=True):
+            assert window.start in (0, good.start - radius)
+            assert window.stop in (length, good.stop + radius)
+    assert kept[reached[radius:-radius, radius:-radius]].all()
+    assert sum(skip.area(box.window) for box in boxes) <= skip.WORTH * height * width

@@ -1,0 +1,144 @@
+"""Embree's answers against a slow, readable ray caster."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ciir.renderer.backends import embree
+from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scene import Part, Scene, Texture
+
+ARRAY = LensArray(9, 11, 3, 5, pitch=0.5, delta=0.1)
+
+
+def triangles(count=6, seed=0, cutoff=None):
+    """Large random triangles in front of the array, textured, with random vertex colours."""
+    random = np.random.default_rng(seed)
+    vertices = random.uniform(-3, 3, (3 * count, 3)) - [0, 0, 5]
+    colors = random.uniform(0, 1, (3 * count, 4)).astype(np.float32)
+    uv = random.uniform(-1, 2, (3 * count, 2)).astype(np.float32)
+    # A texture that varies slowly, so that the last bit of uv does not show.
+    y, x = np.mgrid[:64, :64] / 64
+    waves = [np.sin(2 * np.pi * (a * x + b * y)) for a, b in ((1, 0), (0, 1), (1, 1), (1, -1))]
+    texture = Texture(np.stack([127.5 + 127.5 * wave for wave in waves], -1).astype(np.uint8))
+    faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    half = count // 2
+    return Scene(
+        (
+            Part(vertices, faces[:half], colors, uv, texture, cutoff),
+            Part(vertices, faces[half:], colors),
+        )
+    )
+
+
+def reference(scene, origin, direction, background):
+    """RGBA of one ray: every triangle is tried, near ones first, until one is there."""
+    hits = []
+    for part in scene.parts:
+        for face in part.faces:
+            a, b, c = part.vertices[face]
+            solution = np.linalg.solve(np.stack([b - a, c - a, -direction], 1), origin - a)
+            s, t, distance = solution
+            if s >= 0 and t >= 0 and s + t <= 1 and distance > 0:
+                hits.append((distance, part, face, np.array([1 - s - t, s, t])))
+    for _, part, face, weights in sorted(hits, key=lambda hit: hit[0]):
+        rgba = weights @ part.colors[face].astype(float)
+        if part.texture is not None:
+            u, v = weights @ part.uv[face].astype(float)
+            rgba = rgba * bilinear(part.texture.pixels, u, v)
+        if part.alpha_cutoff is None or rgba[3] >= part.alpha_cutoff:
+            return np.append(np.clip(rgba[:3], 0, 1) * 255, 255)
+    return np.append(background, 0)
+
+
+def bilinear(pixels, u, v):
+    height, width = pixels.shape[:2]
+    x, y = u * width - 0.5, (1 - v) * height - 0.5
+    total = np.zeros(4)
+    for column in (int(np.floor(x)), int(np.floor(x)) + 1):
+        for row in (int(np.floor(y)), int(np.floor(y)) + 1):
+            total += (1 - abs(x - column)) * (1 - abs(y - row)) * pixels[row % height, column % width]
+    return total / 255
+
+
+@pytest.mark.parametrize("cutoff", [None, 0.25])
+@pytest.mark.parametrize("seed", range(3))
+def test_views_match_the_slow_caster(seed, cutoff):
+    scene = triangles(seed=seed, cutoff=cutoff)
+    background = (10, 200, 30)
+    for v, u in ((0, 0), (1, 2), (2, 4)):
+        (view,) = RaytraceBackend().views(scene, ARRAY, [(v, u)], background=background)
+        direction = np.array([(u - 2) * 0.1, (1 - v) * 0.1, -1.0])
+        expected = np.array(
+            [
+                [
+                    reference(scene, np.array([(x - 5) * 0.5, (4 - y) * 0.5, 0.0]), direction, background)
+                    for x in range(11)
+                ]
+                for y in range(9)
+            ]
+        )
+        # A ray that grazes an edge may fall on either side of it in float32.
+        differ = np.abs(view - expected).max(-1) > 1.0
+        assert differ.sum() <= 1
+
+
+def test_elemental_holds_the_views():
+    scene, backend = triangles(), RaytraceBackend()
+    eia = backend.elemental(scene, ARRAY, samples=2)
+    assert eia.shape == (9 * 3, 11 * 5, 4)
+    for v in range(3):
+        for u in range(5):
+            (view,) = backend.views(scene, ARRAY, [(v, u)], samples=2)
+            np.testing.assert_array_equal(eia[v::3, u::5], view)
+
+
+def test_lenslet_is_the_mean_of_the_finer_pinholes():
+    scene, backend = triangles(), RaytraceBackend()
+    (fine,) = backend.views(scene, ARRAY.refined(3), [(1, 2)])
+    (mean,) = backend.views(scene, ARRAY, [(1, 2)], samples=3)
+    expected = fine.reshape(9, 3, 11, 3, 4).mean((1, 3))
+    assert np.abs(mean - expected).max() <= 0.5
+
+
+@pytest.mark.parametrize("gap", [5.0, 1e-3])
+def test_a_ray_passes_cut_out_layers(gap):
+    square = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    clear = np.tile(np.float32([1, 0, 0, 0.2]), (4, 1))
+    solid = np.tile(np.float32([0, 1, 0, 1.0]), (4, 1))
+    layers = [Part(square - [0, 0, 20 + gap * i], faces, clear, alpha_cutoff=0.5) for i in range(8)]
+    scene = Scene((*layers, Part(square - [0, 0, 20 + gap * 8], faces, solid)))
+    (view,) = RaytraceBackend().views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
+    np.testing.assert_array_equal(view, np.broadcast_to(np.uint8([0, 255, 0, 255]), view.shape))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 4), st.integers(1, 4)),
+    st.integers(1, 4),
+    st.sampled_from([50, 1 << 16]),
+    st.data(),
+)
+def test_as_many_rays_are_cast_as_wanted_views_have_samples(counts, samples, at_once, data):
+    """One for each sample of each lens in each view that is asked for, and none beside, however they are batched."""
+    array = LensArray(*counts, pitch=0.5, delta=0.1)
+    wanted = data.draw(st.lists(st.tuples(st.integers(0, counts[2] - 1), st.integers(0, counts[3] - 1)), unique=True))
+    cast, batches = embree.PreparedScene.cast, []
+
+    def counted(prepared, origins, direction):
+        batches.append(len(origins))
+        return cast(prepared, origins, direction)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(embree.PreparedScene, "cast", counted)
+        patched.setattr(embree, "RAYS_AT_ONCE", at_once)
+        assert len(list(RaytraceBackend().views(triangles(), array, wanted, samples=samples))) == len(wanted)
+        a_view = array.rows * array.cols * samples**2
+        assert sum(batches) == len(wanted) * a_view
+        assert len(batches) == len(wanted) * -(-a_view // at_once)
+        batches.clear()
+        RaytraceBackend().elemental(triangles(), array, samples=samples)
+        assert sum(batches) == array.pixels_v * array.pixels_u * a_view

@@ -1,0 +1,57 @@
+"""Bilinear sampling against a reference that follows the OpenGL specification one sample at a time."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ciir.renderer.backends.textures import sample, wrapped
+from ciir.renderer.scene import Texture
+
+
+def reference(texture, u, v):
+    """OpenGL 3.3 core, section 3.8.11, with t counted from the bottom row as OpenGL does."""
+    height, width = texture.pixels.shape[:2]
+    x, t = u * width - 0.5, v * height - 0.5
+    total = np.zeros(4)
+    for i in (0, 1):
+        for j in (0, 1):
+            column, line = math.floor(x) + i, math.floor(t) + j
+            weight = (1 - abs(x - column)) * (1 - abs(t - line))
+            column = slow_wrap(column, width, texture.wrap_u)
+            line = slow_wrap(line, height, texture.wrap_v)
+            total += weight * texture.pixels[height - 1 - line, column]
+    return total / 255
+
+
+def slow_wrap(index, size, wrap):
+    if wrap == "clamp":
+        return min(max(index, 0), size - 1)
+    while index < 0:
+        index += 2 * size
+    if wrap == "repeat":
+        return index % size
+    index %= 2 * size
+    return index if index < size else 2 * size - 1 - index
+
+
+@pytest.mark.parametrize("wrap_u", ["repeat", "mirror", "clamp"])
+@pytest.mark.parametrize("wrap_v", ["repeat", "mirror", "clamp"])
+def test_sample_is_opengl_linear(wrap_u, wrap_v):
+    random = np.random.default_rng(1)
+    texture = Texture(random.integers(0, 256, (5, 7, 4), dtype=np.uint8), wrap_u, wrap_v)
+    uv = random.uniform(-2.5, 2.5, (200, 2)).astype(np.float32)
+    expected = [reference(texture, float(u), float(v)) for u, v in uv]
+    # float32 weights on 8-bit values: a few times 2^-24
+    np.testing.assert_allclose(sample(texture, uv), expected, atol=2e-6)
+
+
+def test_texel_centres_return_the_texels():
+    pixels = np.random.default_rng(2).integers(0, 256, (4, 8, 4), dtype=np.uint8)
+    row, column = np.mgrid[:4, :8]
+    uv = np.stack([(column + 0.5) / 8, 1 - (row + 0.5) / 4], axis=-1).reshape(-1, 2).astype(np.float32)
+    np.testing.assert_array_equal(sample(Texture(pixels), uv) * 255, pixels.reshape(-1, 4))
+
+
+def test_mirror_turns_every_second_copy():
+    np.testing.assert_array_equal(wrapped(np.arange(-3, 7), 3, "mirror"), [2, 1, 0, 0, 1, 2, 2, 1, 0, 0])

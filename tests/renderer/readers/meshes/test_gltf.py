@@ -1,0 +1,568 @@
+import base64
+import io
+import json
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ciir.errors import InputError, InvalidGeometry, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.readers.meshes import gltf, gltf_arrays, gltf_scene
+from ciir.renderer.readers.meshes.gltf_scene import local_matrix
+from ciir.renderer.readers.meshes.texture_files import Resolver
+from ciir.renderer.scene import Scene
+from ciir.renderer.shading import encode, shade
+from tests.support.paths import SHARED
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+INDICES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
+UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)  # glTF's v goes down: the first pixel row is at y = 1
+PIXELS = np.array([[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [255, 255, 255, 0]]], np.uint8)
+FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
+CODES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+class Model:
+    """One square of one material, as JSON that a test may change, and its bytes."""
+
+    def __init__(self, **attributes: np.ndarray) -> None:
+        self.binary = b""
+        self.json: dict[str, Any] = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {}}]}],
+            "materials": [{}],
+            "bufferViews": [],
+            "accessors": [],
+            "buffers": [{}],
+        }
+        self.primitive = self.json["meshes"][0]["primitives"][0]
+        self.primitive["indices"] = self.add(INDICES)
+        self.primitive["material"] = 0
+        self.material = self.json["materials"][0]
+        for name, values in ({"POSITION": SQUARE} | attributes).items():
+            self.primitive["attributes"][name] = self.add(values)
+
+    def view(self, data: bytes) -> int:
+        self.json["bufferViews"].append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
+        self.binary += data + bytes(-len(data) % 4)
+        return len(self.json["bufferViews"]) - 1
+
+    def add(self, values: np.ndarray, **more: object) -> int:
+        values = values.reshape(len(values), -1)
+        self.json["accessors"].append(
+            {
+                "bufferView": self.view(values.tobytes()),
+                "componentType": CODES[values.dtype.str[1:]],
+                "count": len(values),
+                "type": TYPES[values.shape[1]],
+                **more,
+            }
+        )
+        return len(self.json["accessors"]) - 1
+
+    def texture(self, pixels: np.ndarray = PIXELS, **sampler: int) -> "Model":
+        self.json["images"] = [{"bufferView": self.view(pictures.encode_png(pixels)), "mimeType": "image/png"}]
+        self.json["samplers"] = [sampler]
+        self.json["textures"] = [{"source": 0, "sampler": 0}]
+        self.material["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}
+        return self
+
+    def glb(self) -> bytes:
+        self.json["buffers"][0]["byteLength"] = len(self.binary)
+        text = json.dumps(self.json).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+        chunks += struct.pack("<II", len(self.binary), 0x004E4942) + self.binary
+        return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+    def gltf(self, uri: str) -> bytes:
+        self.json["buffers"][0] = {"byteLength": len(self.binary), "uri": uri}
+        return json.dumps(self.json).encode()
+
+    def read(self) -> Scene:
+        return read(self.glb())
+
+
+def read(data: bytes, **files: bytes) -> Scene:
+    kind = Kind.GLB if data[:4] == b"glTF" else Kind.GLTF
+    main = f"m/a.{kind.value}"
+    return meshes.read(Bundle("a", main, {main: data, **files}), kind)
+
+
+def read_with(data: bytes, files: dict[str, bytes]) -> Scene:
+    return meshes.read(Bundle("a", "m/a.gltf", {"m/a.gltf": data, **files}), Kind.GLTF)
+
+
+def test_a_square() -> None:
+    (part,) = Model().read().parts
+    assert np.array_equal(part.vertices, SQUARE)
+    assert part.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert part.colors == pytest.approx(np.tile([FRONT, FRONT, FRONT, 1], (4, 1)))
+    assert part.texture is None
+    assert part.uv is None
+
+
+def test_buffers_embedded_and_beside() -> None:
+    model = Model()
+    embedded = "data:application/octet-stream;base64," + base64.b64encode(model.binary).decode()
+    assert read(model.gltf(embedded)).triangles == 2
+    assert read_with(model.gltf("a%20b.bin"), {"m/a b.bin": model.binary}).triangles == 2
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["http://example.org/a.bin", "file:///etc/passwd", "../../a.bin", "/etc/passwd", "..%2F..%2Fa.bin", "C:/a.bin"],
+)
+def test_uris_that_lead_out_are_refused(uri: str) -> None:
+    with pytest.raises(Unreadable, match=r"is outside what was given.*\.glb"):
+        read(Model().gltf(uri))
+
+
+def test_a_buffer_that_is_not_there_is_named() -> None:
+    with pytest.raises(Unreadable, match=r"buffer mesh\.bin is missing"):
+        read(Model().gltf("mesh.bin"))
+
+
+@pytest.mark.parametrize("name", ["a.png", "../secret.png", "https://example.org/a.png"])
+def test_a_texture_that_is_not_there_is_left_out_with_a_note(name: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"uri": name}]
+    scene = model.read()
+    assert scene.parts[0].texture is None
+    assert len(scene.notes) == 1
+    assert name.rpartition("/")[2] in scene.notes[0]
+
+
+def test_a_texture_that_is_no_picture_is_left_out_with_a_note() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"bufferView": model.view(b"RIFF....WEBP"), "mimeType": "image/webp"}]
+    scene = model.read()
+    assert scene.parts[0].texture is None
+    assert "texture image 0 is left out" in scene.notes[0]
+
+
+def test_a_texture_keeps_its_pixels_its_wrap_and_its_place() -> None:
+    (part,) = Model(TEXCOORD_0=UV).texture(wrapS=33071, wrapT=33648).read().parts
+    assert part.texture is not None
+    assert (part.texture.wrap_u, part.texture.wrap_v) == ("clamp", "mirror")
+    assert np.array_equal(part.texture.pixels[:, :, :3], PIXELS[:, :, :3])
+    assert (part.texture.pixels[:, :, 3] == 255).all()  # alphaMode OPAQUE: its alpha plays no part
+    assert part.uv is not None
+    assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]  # from the lower left
+
+
+def test_texture_coordinates_as_normalised_integers_and_of_another_set() -> None:
+    model = Model(TEXCOORD_0=np.zeros_like(UV)).texture()
+    model.primitive["attributes"]["TEXCOORD_1"] = model.add((UV * 255).astype(np.uint8), normalized=True)
+    model.material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1
+    (part,) = model.read().parts
+    assert part.uv is not None
+    assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
+
+
+def test_texture_transform_scales_then_turns_then_shifts() -> None:
+    model = Model(TEXCOORD_0=np.array([[1, 0], [0, 1], [0, 0], [1, 1]], np.float32)).texture()
+    transform = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3]}
+    model.material["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {"KHR_texture_transform": transform}
+    model.json["extensionsRequired"] = ["KHR_texture_transform"]
+    (part,) = model.read().parts
+    # Counter-clockwise with v going down takes (1, 0), right, to (0, -1), up.
+    expected = np.array([[0.25, 0.5 - 2], [0.25 + 3, 0.5], [0.25, 0.5], [0.25 + 3, 0.5 - 2]])
+    assert part.uv == pytest.approx(np.stack([expected[:, 0], 1 - expected[:, 1]], 1), abs=1e-6)
+
+
+def test_factors_and_vertex_colours_are_linear_and_go_through_the_curve() -> None:
+    colors = np.tile(np.array([0.5, 1, 0, 1], np.float32), (4, 1))
+    model = Model(COLOR_0=colors)
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0.2, 0.2, 1, 1]}
+    (part,) = model.read().parts
+    curve = encode(np.array([0.2, 0.5]))
+    assert part.colors[0, :3] == pytest.approx(np.array([curve[0] * curve[1], curve[0], 0]) * FRONT)
+
+
+def test_vertex_colours_as_bytes_without_alpha() -> None:
+    model = Model()
+    colors = np.tile(np.array([255, 0, 128], np.uint8), (4, 1))
+    model.primitive["attributes"]["COLOR_0"] = model.add(colors, normalized=True)
+    (part,) = model.read().parts
+    assert part.colors[0] == pytest.approx([FRONT, 0, float(encode(np.array([128 / 255]))[0]) * FRONT, 1])
+
+
+def test_specular_glossiness_gives_its_diffuse_colour() -> None:
+    model = Model()
+    model.material["extensions"] = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}}
+    assert model.read().parts[0].colors[0] == pytest.approx([FRONT, 0, 0, 1])
+
+
+def test_unlit() -> None:
+    model = Model()
+    model.material["extensions"] = {"KHR_materials_unlit": {}}
+    assert model.read().parts[0].colors == pytest.approx(1.0)
+
+
+def test_mask_keeps_alpha_and_its_cutoff() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.material |= {"alphaMode": "MASK", "alphaCutoff": 0.25}
+    (part,) = model.read().parts
+    assert part.alpha_cutoff == 0.25
+    assert part.texture is not None
+    assert np.array_equal(part.texture.pixels, PIXELS)
+
+
+def test_blend_is_drawn_as_a_mask_with_a_note() -> None:
+    model = Model()
+    model.material |= {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75]}}
+    scene = model.read()
+    assert scene.parts[0].alpha_cutoff == 0.5
+    assert scene.parts[0].colors[:, 3] == pytest.approx(0.75)
+    assert "see-through" in scene.notes[0]
+
+
+def test_nodes_place_vertices_and_normals() -> None:
+    normals = np.tile(np.array([0, 0.6, 0.8], np.float32), (4, 1))
+    model = Model(NORMAL=normals)
+    half = np.sqrt(0.5)
+    model.json["nodes"] = [
+        {"children": [1], "translation": [10, 0, 0]},
+        {"mesh": 0, "rotation": [0, half, 0, half], "scale": [1, 2, 1]},  # a quarter turn: z goes to x
+    ]
+    (part,) = model.read().parts
+    expected = np.stack([10 + SQUARE[:, 2], 2 * SQUARE[:, 1], -SQUARE[:, 0]], 1)
+    assert part.vertices == pytest.approx(expected, abs=1e-6)
+    normal = np.array([[0.8, 0.3, 0.0]]) / np.hypot(0.8, 0.3)  # inverse transpose: stretched in y, flatter in y
+    assert part.colors[:, 0] == pytest.approx(np.full(4, shade(normal)[0]), abs=1e-6)
+
+
+def test_a_mirror_keeps_outside_outside() -> None:
+    for attributes in ({}, {"NORMAL": np.tile(np.array([0, 0, 1], np.float32), (4, 1))}):
+        model = Model(**attributes)
+        model.json["nodes"] = [{"mesh": 0, "scale": [-1, 1, 1]}]
+        (part,) = model.read().parts
+        assert part.colors[:, 0] == pytest.approx(FRONT)
+        a, b, c = part.vertices[part.faces[0]]
+        assert np.cross(b - a, c - a)[2] > 0
+
+
+def test_a_node_as_a_matrix_is_column_major() -> None:
+    matrix = local_matrix({"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]})
+    assert matrix[:3, 3].tolist() == [5, 6, 7]
+    assert local_matrix({}).tolist() == np.eye(4).tolist()
+
+
+def test_a_mesh_may_be_placed_twice() -> None:
+    model = Model()
+    model.json["nodes"] = [{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 5]}]
+    model.json["scenes"] = [{"nodes": [0, 1]}]
+    scene = model.read()
+    assert scene.triangles == 4
+    assert scene.bounds().tolist() == [[0, 0, 0], [1, 1, 5]]
+
+
+def test_without_scenes_all_roots_are_drawn() -> None:
+    model = Model()
+    del model.json["scenes"], model.json["scene"]
+    model.json["nodes"] = [{"children": [1]}, {"mesh": 0}]
+    assert model.read().triangles == 2
+
+
+@pytest.mark.parametrize(("mode", "indices"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
+def test_strips_and_fans(mode: int, indices: list[int]) -> None:
+    model = Model()
+    model.primitive |= {"mode": mode, "indices": model.add(np.array(indices, np.uint8))}
+    (part,) = model.read().parts
+    corners = part.vertices[part.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert normals.tolist() == [[0, 0, 1], [0, 0, 1]]
+
+
+def test_without_indices_vertices_come_in_threes() -> None:
+    model = Model()
+    del model.primitive["indices"]
+    assert model.read().triangles == 1
+
+
+def test_points_are_left_out_and_points_alone_are_refused() -> None:
+    model = Model()
+    model.primitive["mode"] = 0
+    with pytest.raises(InvalidGeometry, match="no triangles"):
+        model.read()
+    model.json["meshes"][0]["primitives"].append({**model.primitive, "mode": 4})
+    scene = model.read()
+    assert scene.triangles == 2
+    assert "points" in scene.notes[0]
+
+
+def test_strided_accessors() -> None:
+    model = Model()
+    packed = np.concatenate([SQUARE, np.full((4, 2), np.nan, np.float32)], 1)
+    index = model.view(packed.tobytes())
+    model.json["bufferViews"][index]["byteStride"] = 20
+    model.json["accessors"].append({"bufferView": index, "componentType": 5126, "count": 4, "type": "VEC3"})
+    model.primitive["attributes"]["POSITION"] = len(model.json["accessors"]) - 1
+    assert np.array_equal(model.read().parts[0].vertices, SQUARE)
+
+
+def test_sparse_accessors() -> None:
+    model = Model()
+    model.json["accessors"][model.primitive["attributes"]["POSITION"]]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": model.view(np.array([2], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": model.view(np.array([3, 4, 5], np.float32).tobytes())},
+    }
+    assert model.read().parts[0].vertices[2].tolist() == [3, 4, 5]
+
+
+def test_quantised_positions() -> None:
+    model = Model()
+    model.json["extensionsRequired"] = ["KHR_mesh_quantization"]
+    model.primitive["attributes"]["POSITION"] = model.add((SQUARE * 7).astype(np.int16))
+    assert np.array_equal(model.read().parts[0].vertices, SQUARE * 7)
+
+
+def test_extensions_that_cannot_be_decoded_are_refused_by_name() -> None:
+    for extension in ("EXT_meshopt_compression", "KHR_texture_basisu", "VENDOR_x"):
+        model = Model()
+        model.json["extensionsRequired"] = [extension]
+        with pytest.raises(UnsupportedType, match=f"requires the extension {extension}.*export it again without it"):
+            model.read()
+
+
+def test_extensions_that_only_change_shine_are_noted() -> None:
+    model = Model()
+    model.json["extensionsRequired"] = ["KHR_materials_clearcoat"]
+    assert "KHR_materials_clearcoat" in model.read().notes[0]
+
+
+def test_draco_without_a_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = draco_model()
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    with pytest.raises(UnsupportedType, match="DracoPy is not installed"):
+        model.read()
+
+
+def draco_model() -> Model:
+    import DracoPy
+
+    data = DracoPy.encode(SQUARE, faces=INDICES.reshape(-1, 3).astype(np.uint32), preserve_order=True)
+    model = Model()
+    unique = DracoPy.decode(data).attributes[0]["unique_id"]
+    model.primitive["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": model.view(data), "attributes": {"POSITION": unique}}
+    }
+    model.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    for accessor in model.json["accessors"]:
+        del accessor["bufferView"]
+    return model
+
+
+def test_draco_gives_the_geometry_that_went_in() -> None:
+    (part,) = draco_model().read().parts
+    assert part.vertices[part.faces].reshape(-1, 3) == pytest.approx(SQUARE[INDICES], abs=1e-3)
+
+
+def test_corrupt_draco() -> None:
+    model = draco_model()
+    at = model.binary.index(b"DRACO")
+    model.binary = model.binary[: at + 12] + bytes(len(model.binary) - at - 12)
+    with pytest.raises(Unreadable, match="Draco"):
+        model.read()
+
+
+def broken(change: Callable[[Model], object]) -> bytes:
+    model = Model()
+    change(model)
+    return model.glb()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.json.update(asset={}), "glTF version None"),
+        (lambda m: m.json.update(asset={"version": "1.0"}), r"glTF version 1\.0; version 2\.0 is read"),
+        (lambda m: m.json["nodes"][0].update(mesh=7), "names meshes 7"),
+        (lambda m: m.json["nodes"][0].update(mesh="x"), "names meshes"),
+        (lambda m: m.json["nodes"][0].update(children=[0]), "two parents or is its own"),
+        (lambda m: m.json["scenes"][0].update(nodes=[0, 0]), "two parents"),
+        (lambda m: m.primitive.update(material=3), "names materials 3"),
+        (lambda m: m.primitive.update(indices=99), "names accessors 99"),
+        (lambda m: m.json["accessors"][1].update(count=5), "ends beyond its buffer view"),
+        (lambda m: m.json["accessors"][1].update(byteOffset=-12), "ends beyond its buffer view"),
+        (lambda m: m.json["accessors"][1].update(count=10**15), "elements; at most"),
+        (lambda m: m.json["accessors"][1].update(count=10**300), r"^.{1,200}$"),
+        (lambda m: m.json["accessors"][1].update(count=-1), "counts -1 elements; export it again"),
+        (lambda m: m.json["accessors"][1].update(componentType=1), "not a GLB that can be read"),
+        (lambda m: m.json["bufferViews"][1].update(byteLength=10**9), "ends beyond its buffer"),
+        (lambda m: m.json["bufferViews"][1].update(byteStride=-4), "ends beyond its buffer view"),
+        (lambda m: m.json["bufferViews"][1].update(buffer=1), "names buffers 1"),
+        (lambda m: m.primitive["attributes"].update(NORMAL=0), "differ in length"),
+        (lambda m: m.primitive["attributes"].pop("POSITION"), "POSITION"),
+        (lambda m: m.json.update(meshes=[7]), "not an object"),
+        (lambda m: m.json.update(nodes={"a": 1}), "names nodes 0"),
+        (lambda m: m.json["nodes"][0].update(matrix=[1, 2]), "not a GLB that can be read"),
+        (lambda m: m.json["nodes"][0].update(scale=[float("nan")] * 3), "NaN"),
+        (lambda m: m.json["nodes"][0].update(scale=[1e200] * 3), "1e\\+200; at most"),
+        (lambda m: m.json["nodes"][0].update(scale=[0, 0, 0]), "zero area"),
+        (lambda m: m.primitive.update(indices=m.add(np.array([0, 1, 9], np.uint16))), "names vertex 9"),
+    ],
+)
+def test_malformed_documents(change: Callable[[Model], object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(broken(change))
+    assert "\n" not in str(caught.value)
+
+
+def test_what_sparse_accessors_replace_is_counted() -> None:
+    model = Model()
+    count = 1000
+    indices, values = model.view(bytes(count)), model.view(bytes(12 * count))
+    model.json["accessors"][1]["sparse"] = {
+        "count": count,
+        "indices": {"bufferView": indices, "componentType": 5121},
+        "values": {"bufferView": values},
+    }
+    model.json["meshes"][0]["primitives"] *= 50
+    bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()}, Limits(triangles=200))  # 3,000 elements
+    with pytest.raises(TooLarge, match="have 3,024 elements; at most 3,000 are read together"):
+        meshes.read(bundle, Kind.GLB)
+
+
+def test_primitives_without_a_surface_are_counted_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model()
+    model.json["meshes"].append({"primitives": [{"mode": 0}] * 30})
+    model.json["nodes"] = [{"mesh": 0}] + [{"mesh": 1}] * 10
+    model.json["scenes"] = [{"nodes": list(range(11))}]
+    assert model.read().notes == ("points and lines are left out: they have no surface",)
+    monkeypatch.setattr(gltf_scene, "MAX_PRIMITIVES", 300)
+    with pytest.raises(TooLarge, match="over 300 primitives in its nodes"):
+        model.read()
+
+
+def test_a_meshs_weights_are_looked_at_once() -> None:
+    class Weights(list[float]):
+        looks = 0
+
+        def __iter__(self) -> Iterator[float]:
+            Weights.looks += 1
+            return super().__iter__()
+
+    mesh = {"weights": Weights([0.0, 0.5]), "primitives": []}
+    document = gltf.Document("a", {"meshes": [mesh], "nodes": [{"mesh": 0}] * 20}, None, Resolver({}, "a"), 100)
+    assert gltf_scene.surfaces(document, max_triangles=100) == []
+    assert Weights.looks == 1
+    assert document.resolver.notes == ["morph targets are left at zero"]
+
+
+def test_a_mesh_that_is_repeated_without_end() -> None:
+    model = Model()
+    model.json["nodes"] = [{"mesh": 0}] * 50
+    model.json["scenes"] = [{"nodes": list(range(50))}]
+    data = model.glb()
+    with pytest.raises(TooLarge, match="62 triangles and 124 vertices; at most 60 and"):
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=60)), Kind.GLB)
+
+
+def test_vertices_that_are_repeated_without_end() -> None:
+    model = Model(POSITION=np.zeros((100, 3), np.float32))
+    model.json["meshes"][0]["primitives"] *= 50
+    data = model.glb()
+    with pytest.raises(TooLarge, match=r"3,100 vertices; at most 1,000 and 3,000"):
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=1000)), Kind.GLB)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"glTF", "cut short"),
+        (Model().glb()[:-8], "cut short"),
+        (b"glTF" + struct.pack("<II", 1, 20) + bytes(8), "GLB version 1"),
+        (b"glTF" + struct.pack("<II", 2, 20) + struct.pack("<II", 99, 0x4E4F534A), "ends beyond the file"),
+        (b"glTF" + struct.pack("<II", 2, 20) + bytes(8), "without a JSON chunk"),
+        (b"{", "JSON can't be read"),
+        (b'{"asset": 2}', "without an asset"),
+        (b"[" * 100_000, "JSON can't be read"),
+    ],
+)
+def test_broken_containers(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(data)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+@pytest.mark.parametrize("name", ["duck.glb", "milk-truck.glb", "earth.gltf"])
+def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
+    import trimesh
+
+    path = SHARED / "data" / "meshes" / name
+    theirs = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type=path.suffix[1:])
+    bundle = Bundle.from_path(path)
+    ours = meshes.read(bundle, Kind(path.suffix[1:]))
+    assert ours.bounds() == pytest.approx(theirs.bounds, abs=1e-5)
+    counts = {key: len(mesh.faces) for key, mesh in theirs.geometry.items()}
+    placed = sum(counts[theirs.graph[node][1]] for node in theirs.graph.nodes_geometry)
+    assert abs(ours.triangles - placed) <= 0.001 * placed
+
+
+def empty(count: int) -> dict[str, object]:
+    return {"componentType": 5126, "type": "VEC3", "count": count}
+
+
+def test_positions_and_indices_without_data() -> None:
+    for change in ({"indices": 2}, {"attributes": {"POSITION": 2}}):
+        model = Model()
+        model.json["accessors"].append(empty(3))
+        model.primitive.update(change)
+        with pytest.raises(Unreadable, match=r"accessor 2, of (positions|indices), has no data; export it again"):
+            model.read()
+
+
+def test_only_the_attributes_that_are_drawn_are_read() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["accessors"].append(empty(10**9))
+    model.primitive["attributes"] |= dict.fromkeys(("TEXCOORD_1", "TANGENT", "JOINTS_0"), 3)
+    assert model.read().parts[0].texture is not None
+    model.primitive["attributes"]["NORMAL"] = 3  # of another length than the positions: not filled with zeros first
+    with pytest.raises(Unreadable, match="differ in length"):
+        model.read()
+
+
+def test_all_accessors_together_have_a_limit() -> None:
+    data = Model().glb()
+    document = gltf.parse(data, name="a", resolver=Resolver({}, "a"), max_triangles=1)
+    assert len(gltf_arrays.accessor(document, 0)) == 6
+    assert len(gltf_arrays.accessor(document, 0)) == 6
+    with pytest.raises(TooLarge, match=r"accessor 0 .* have 18 elements; at most 15 are read together; decimate"):
+        gltf_arrays.accessor(document, 0)
+
+
+def test_a_picture_is_decoded_once_however_often_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    decode = pictures.decode
+    monkeypatch.setattr(pictures, "decode", lambda *args, **more: calls.append(1) or decode(*args, **more))
+    model = Model(TEXCOORD_0=UV).texture()
+    view = model.view(b"\x89PNG\r\n\x1a\n")
+    model.json["images"] = [{"bufferView": view}] * 5
+    model.json["textures"] = [{"source": i} for i in range(5)]
+    model.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(5)]
+    model.json["meshes"][0]["primitives"] = [{**model.primitive, "material": i} for i in range(5)]
+    assert len(model.read().notes) == 1
+    assert len(calls) == 1
+
+
+def test_a_buffer_that_is_not_there_is_not_said_to_be_left_out() -> None:
+    with pytest.raises(
+        Unreadable, match=r"buffer mesh\.bin is missing; give a zip .* or export one \.glb file"
+    ) as caught:
+        read(Model().gltf("mesh.bin"))
+    assert "left out" not in str(caught.value)

@@ -1,0 +1,228 @@
+import json
+import random
+import struct
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+import trimesh
+
+from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.file_types import Kind, identify
+from ciir.renderer.scene import Scene
+from tests.support.paths import SHARED
+
+MESHES = SHARED / "data" / "meshes"
+PICTURE = pictures.encode_png(np.full((4, 4, 3), 128, np.uint8))
+
+
+def textured_glb() -> bytes:
+    mesh = trimesh.creation.box()
+    mesh.visual = trimesh.visual.TextureVisuals(
+        uv=mesh.vertices[:, :2] + 0.5,
+        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[200, 100, 50, 255]),
+    )
+    data = mesh.export(file_type="glb")
+    assert isinstance(data, bytes)
+    return data
+
+
+def samples() -> dict[Kind, tuple[bytes, dict[str, bytes]]]:
+    """A small file of each kind, and what it refers to."""
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.arange(32, dtype=np.uint8).reshape(8, 4)
+    obj = (
+        b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl m\n"
+        b"f 1/1/1 2/2/1 3/3/1\nf -4/1/1 -2/3/1 -1/2/1\n"
+    )
+    return {
+        Kind.GLB: (textured_glb(), {}),
+        Kind.GLTF: (
+            json.dumps(
+                {
+                    "asset": {"version": "2.0"},
+                    "scenes": [{"nodes": [0]}],
+                    "nodes": [{"mesh": 0, "rotation": [0, 0, 0, 1], "scale": [1, 2, 1]}],
+                    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+                    "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.25, 1]}}],
+                    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+                    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+                    "buffers": [{"uri": "a.bin", "byteLength": 36}],
+                }
+            ).encode(),
+            {"a.bin": struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)},
+        ),
+        Kind.OBJ: (obj, {"a.mtl": b"newmtl m\nKd 1 0.5 0\nmap_Kd -s 1 1 1 x.png\n", "x.png": PICTURE}),
+        Kind.PLY: (box.export(file_type="ply"), {}),
+        Kind.STL: (box.export(file_type="stl"), {}),
+        Kind.OFF: (box.export(file_type="off").encode(), {}),
+    }
+
+
+SAMPLES = samples()
+ASCII = {
+    Kind.PLY: trimesh.creation.box().export(file_type="ply", encoding="ascii"),
+    Kind.STL: trimesh.creation.box().export(file_type="stl_ascii").encode(),
+}
+
+
+def read(data: bytes, kind: Kind, files: Mapping[str, bytes], limits: Limits = DEFAULTS) -> Scene:
+    main = f"main.{kind.value}"
+    return meshes.read(Bundle(main, main, {main: data, **files}, limits), kind)
+
+
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_every_kind_is_read(kind: Kind) -> None:
+    data, files = SAMPLES[kind]
+    scene = read(data, kind, files)
+    assert scene.triangles > 0
+    assert scene.notes == ()
+    assert identify(f"a.{kind.value}", data) is kind
+
+
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_too_many_triangles(kind: Kind) -> None:
+    data, files = SAMPLES[kind]
+    with pytest.raises(TooLarge, match="; decimate the mesh"):
+        read(data, kind, files, Limits(triangles=0))
+
+
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_another_kinds_bytes_are_refused_in_one_line(kind: Kind) -> None:
+    for other, (data, files) in SAMPLES.items():
+        if other is not kind and {kind, other} != {Kind.GLB, Kind.GLTF}:
+            with pytest.raises(InputError) as caught:
+                read(data, kind, files)
+            assert "\n" not in str(caught.value)
+
+
+def test_a_set_of_files_is_not_a_mesh() -> None:
+    with pytest.raises(Unreadable, match="say which of them"):
+        meshes.read(Bundle("a", None, {}), Kind.OBJ)
+    with pytest.raises(UnsupportedType, match="PNG is not a mesh"):
+        read(PICTURE, Kind.PNG, {})
+
+
+CASES = [(kind, *SAMPLES[kind]) for kind in SAMPLES] + [(kind, data, {}) for kind, data in ASCII.items()]
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "files"), CASES, ids=lambda value: value.name if isinstance(value, Kind) else ""
+)
+def test_hostile_bytes_end_in_a_scene_or_in_one_line(
+    kind: Kind, data: bytes, files: dict[str, bytes], capfd: pytest.CaptureFixture[str]
+) -> None:
+    rng = random.Random(kind.value)  # noqa: S311 - the same each time is the point
+    tokens = [
+        b"nan",
+        b"-1",
+        b"1e999",
+        b"99999999999999999999",
+        b"\0",
+        b"{}",
+        b"[]",
+        b'"x"',
+        b"null",
+        b"true",
+        b"\n",
+        b" ",
+    ]
+    tokens += [b"\xff\xff\xff\xff", b"\x7f", b"/", b"..", b"0"]
+    messages = []
+    for _ in range(300):
+        broken = bytearray(data)
+        for _ in range(rng.choice((1, 1, 2, 6))):
+            at = rng.randrange(len(broken))
+            match rng.randrange(4):
+                case 0:
+                    broken[at] ^= 1 << rng.randrange(8)
+                case 1:
+                    del broken[at:]
+                    broken += b" "
+                case 2:
+                    broken[at : at + rng.randrange(8)] = rng.choice(tokens)
+                case _:
+                    del broken[at : at + rng.randrange(1, 30)]
+                    broken += b" "
+        other_files = {name: content[: rng.randrange(len(content) + 1)] for name, content in files.items()}
+        try:
+            scene = read(bytes(broken), kind, rng.choice((files, other_files)))
+        except InputError as error:
+            messages.append(str(error))
+        else:
+            assert np.isfinite(scene.bounds()).all()
+            for part in scene.parts:
+                assert part.faces.min() >= 0
+                assert part.faces.max() < len(part.vertices)
+                assert part.colors.shape == (len(part.vertices), 4)
+                assert part.uv is None or np.isfinite(part.uv).all()
+                assert part.colors.min() >= 0
+                assert part.colors.max() <= 1
+    assert messages
+    assert not [message for message in messages if "\n" in message or len(message) > 400]
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+@pytest.mark.parametrize(
+    ("name", "triangles", "low", "high", "texture"),
+    [
+        ("boot.obj", 39906, (-0.1368, -0.0001, -0.0540), (0.1702, 0.2022, 0.0563), None),
+        ("bust-draco.glb", 176094, (-1.9294, 0.0233, -1.8662), (1.8834, 6.4048, 2.9652), None),
+        ("duck.glb", 4212, (-0.6930, 0.0993, -0.6133), (0.9618, 1.6397, 0.5393), (512, 512, 4)),
+        ("earth.gltf", 1640, (-1.0545, -0.9772, -1.2176), (1.1918, 1.0483, 1.0508), None),
+        ("fuze/fuze.obj", 1000, (-0.0364, -0.0367, 0.0040), (0.0362, 0.0368, 0.2191), (1024, 1024, 4)),
+        ("koala.obj", 99994, (-1.8908, -1.4361, -4.2249), (1.8907, 3.9303, 5.0455), None),
+        ("milk-truck.glb", 3624, (-2.4309, 0.0015, -1.3960), (2.4380, 2.5844, 1.3960), (2048, 2048, 4)),
+        ("skull.obj", 10312, (-4.3957, -0.0071, -5.6222), (4.2919, 13.9008, 6.4896), None),
+        ("spot/spot.obj", 5856, (-0.4716, -0.7368, -0.6689), (0.4716, 0.9536, 1.0490), (1024, 1024, 4)),
+    ],
+)
+def test_real_files(
+    name: str, triangles: int, low: tuple[float, ...], high: tuple[float, ...], texture: tuple[int, ...] | None
+) -> None:
+    bundle = Bundle.from_path(MESHES / name)
+    scene = meshes.read(bundle, identify(bundle.name, bundle.files[bundle.name]))
+    assert scene.triangles == triangles
+    assert scene.bounds() == pytest.approx(np.array([low, high]), abs=1e-4)
+    assert [part.texture.pixels.shape for part in scene.parts if part.texture] == ([texture] if texture else [])
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_the_ducks_colours_are_where_they_belong() -> None:
+    scene = meshes.read(Bundle.from_path(MESHES / "duck.glb"), Kind.GLB)
+    (part,) = scene.parts
+    assert part.texture is not None
+    assert part.uv is not None
+    height, width = part.texture.pixels.shape[:2]
+    x = np.clip((part.uv[:, 0] % 1 * width).astype(int), 0, width - 1)
+    y = np.clip(((1 - part.uv[:, 1]) % 1 * height).astype(int), 0, height - 1)
+    colors = part.texture.pixels[y, x, :3].astype(int)
+    body = part.vertices[:, 1] < 0.8
+    yellow = (colors[:, 0] > 200) & (colors[:, 1] > 150) & (colors[:, 2] < 120)
+    beak = part.vertices[:, 0] > 0.85
+    orange = (colors[:, 0] > 200) & (colors[:, 1] < 160)
+    assert yellow[body].mean() > 0.9
+    assert orange[beak].mean() > 0.8
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_a_real_file_cut_short_is_refused() -> None:
+    for name, kind in (("duck.glb", Kind.GLB), ("bust-draco.glb", Kind.GLB), ("earth.gltf", Kind.GLTF)):
+        data = (MESHES / name).read_bytes()
+        with pytest.raises(Unreadable):
+            read(data[: len(data) // 2], kind, {})
+
+
+def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*args: object, **more: object) -> None:
+        raise MemoryError
+
+    for name in ("_surfaces", "assemble"):
+        with monkeypatch.context() as patch:
+            patch.setattr(meshes, name, full)
+            with pytest.raises(TooLarge, match="more memory than there is; decimate"):
+                read(SAMPLES[Kind.OFF][0], Kind.OFF, {})

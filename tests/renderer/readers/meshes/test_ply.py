@@ -1,0 +1,170 @@
+import io
+import struct
+import tracemalloc
+
+import numpy as np
+import pytest
+import trimesh
+
+from ciir.errors import InputError, TooLarge, Unreadable
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.scene import Scene
+from ciir.renderer.shading import shade
+from ciir.renderer.surface import PLAIN
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+XYZ = "property float x\nproperty float y\nproperty float z\n"
+FACE = "property list uchar int vertex_indices\n"
+FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
+PICTURE = pictures.encode_png(np.zeros((2, 2, 3), np.uint8))
+
+
+def header(form: str, vertex: str, faces: int, face: str = FACE, comment: str = "") -> bytes:
+    text = f"ply\nformat {form} 1.0\n{comment}element vertex 4\n{vertex}element face {faces}\n{face}end_header\n"
+    return text.encode()
+
+
+def read(data: bytes) -> Scene:
+    return meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data, "x.png": PICTURE}), Kind.PLY)
+
+
+def ascii_square(
+    vertex: str, rows: list[str], face: str = FACE, faces: str = "4 0 1 2 3\n", comment: str = ""
+) -> bytes:
+    count = faces.count("\n")
+    return header("ascii", vertex, count, face, comment=comment) + ("\n".join(rows) + "\n" + faces).encode()
+
+
+PLAIN_ROWS = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("polygons", [[[0, 1, 2, 3]], [[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [0, 1, 2, 3]]])
+def test_binary_of_either_order_with_polygons_of_any_lengths(order: str, polygons: list[list[int]]) -> None:
+    form = "binary_little_endian" if order == "<" else "binary_big_endian"
+    data = header(form, XYZ, len(polygons)) + SQUARE.astype(order + "f4").tobytes()
+    for polygon in polygons:
+        data += struct.pack(f"{order}B{len(polygon)}i", len(polygon), *polygon)
+    (part,) = read(data).parts
+    expected = [[p[0], p[i], p[i + 1]] for p in polygons for i in range(1, len(p) - 1)]
+    assert part.vertices[part.faces].tolist() == SQUARE[expected].tolist()
+    assert part.colors[:, 0] == pytest.approx(PLAIN[0] * FRONT)
+
+
+def test_ascii_with_an_element_between_and_a_comment() -> None:
+    text = ascii_square(XYZ, PLAIN_ROWS, comment="comment made by hand\nobj_info x\n")
+    text = text.replace(b"element face", b"element edge 1\nproperty int a\nproperty int b\nelement face")
+    text = text.replace(b"0 1 0\n4 0", b"0 1 0\n0 1\n4 0")
+    assert read(text).triangles == 2
+
+
+def test_windows_line_ends() -> None:
+    assert read(ascii_square(XYZ, PLAIN_ROWS).replace(b"\n", b"\r\n")).triangles == 2
+
+
+@pytest.mark.parametrize(("kind", "full"), [("uchar", 255), ("ushort", 65535), ("float", 1)])
+def test_vertex_colours_of_every_type(kind: str, full: int) -> None:
+    vertex = XYZ + "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
+    (part,) = read(ascii_square(vertex, [f"{row} {full} 0 {full}" for row in PLAIN_ROWS])).parts
+    assert part.colors == pytest.approx(np.tile([FRONT, 0, FRONT, 1], (4, 1)))
+
+
+def test_face_colours() -> None:
+    face = FACE + "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    faces = "3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n"
+    (part,) = read(ascii_square(XYZ, PLAIN_ROWS, face, faces)).parts
+    assert part.colors[part.faces][:, :, :3].tolist() == pytest.approx(
+        np.array([[[FRONT, 0, 0]] * 3, [[0, 0, FRONT]] * 3])
+    )
+
+
+def test_normals_of_the_file_are_used() -> None:
+    vertex = XYZ + "property float nx\nproperty float ny\nproperty float nz\n"
+    (part,) = read(ascii_square(vertex, [f"{row} 0 1 0" for row in PLAIN_ROWS])).parts
+    assert part.colors[:, 0] == pytest.approx(PLAIN[0] * shade(np.array([[0.0, 1, 0]]))[0])
+
+
+def test_texture_coordinates_of_vertices_and_of_faces() -> None:
+    comment = "comment TextureFile x.png\n"
+    vertex = XYZ + "property float s\nproperty float t\n"
+    rows = [f"{row} {row[:3]}" for row in PLAIN_ROWS]
+    by_vertex = read(ascii_square(vertex, rows, comment=comment))
+    face = FACE + "property list uchar float texcoord\n"
+    faces = "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0 0 1 1 0 1\n"
+    by_face = read(ascii_square(XYZ, PLAIN_ROWS, face, faces, comment))
+    for scene in (by_vertex, by_face):
+        (part,) = scene.parts
+        assert part.texture is not None
+        assert part.uv is not None
+        assert np.array_equal(part.uv[part.faces], part.vertices[part.faces][:, :, :2])
+
+
+def test_a_texture_without_coordinates_and_one_that_is_missing_are_noted() -> None:
+    for name, note in (("x.png", "without texture coordinates"), ("gone.png", "gone.png is missing")):
+        scene = read(ascii_square(XYZ, PLAIN_ROWS, comment=f"comment TextureFile {name}\n"))
+        assert note in scene.notes[0]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_what_trimesh_writes(encoding: str) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    scene = read(mesh.export(file_type="ply", encoding=encoding))
+    assert scene.triangles == len(mesh.faces)
+    assert scene.bounds() == pytest.approx(mesh.bounds, abs=1e-6)
+    assert trimesh.load_mesh(io.BytesIO(mesh.export(file_type="ply")), file_type="ply").is_watertight
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"ply\nformat ascii 1.0\n", "header does not end"),
+        (header("ascii", XYZ, 1).replace(b"format ascii 1.0\n", b"") + b"0", "names no format"),
+        (header("ascii", XYZ, 1).replace(b"format ascii", b"format morse"), "header can't be read"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n", "cut short"),
+        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 4 0 1", "cut short"),
+        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 x 4 0 1 2 3", "can be read"),
+        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 3 0 1 9", "names vertex 9"),
+        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 nan 0 0 1 0 3 0 1 2", "NaN or infinite"),
+        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1e30 0 0 1 0 3 0 1 2", "at most"),
+        (header("ascii", XYZ, 0) + b"0 0 0 1 0 0 1 1 0 0 1 0", "no triangles"),
+        (header("ascii", XYZ, 10**12), "at most"),
+        (header("ascii", XYZ, 9_000_000), "cut short"),
+        (header("binary_little_endian", XYZ, 1) + bytes(47), "cut short"),
+        (header("binary_little_endian", XYZ, 1) + bytes(48), "can be read"),
+        (header("binary_little_endian", XYZ, 9_000_000) + bytes(48) + b"\3" + bytes(12), "can be read"),
+        (header("binary_little_endian", XYZ, 2) + bytes(48) + b"\3" + bytes(12) + b"\4" + bytes(12), "cut short"),
+        (header("ascii", "", 1).replace(b"element vertex 4\n", b"property float x\n"), "header can't be read"),
+        (header("ascii", XYZ.replace("float", "quad"), 1), "can be read"),
+    ],
+)
+def test_malformed_files(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(data)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read(ascii_square(XYZ, ["0 0 " + "9" * 50_000, *PLAIN_ROWS[1:]]) + b" 0" * 5000)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
+    data = header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 5 0 1 2 3 0"
+    with pytest.raises(TooLarge, match="3 triangles and 4 vertices; at most 2 and 6"):
+        meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data}, Limits(triangles=2)), Kind.PLY)
+
+
+def test_counts_that_are_none() -> None:
+    with pytest.raises(Unreadable, match="its PLY header counts -5 of face; export it again"):
+        read(header("ascii", XYZ, -5))
+    with pytest.raises(
+        TooLarge, match=r"4,000,000,000 elements face; at most 12,000,000 are read, and 4,000,000 .*; decimate"
+    ):
+        read(header("ascii", XYZ, 4_000_000_000))

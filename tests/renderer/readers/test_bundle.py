@@ -1,0 +1,195 @@
+import io
+import stat
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.bundle import Bundle, is_kind
+from ciir.renderer.readers.file_types import MESHES
+
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def zipped(files: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", compression) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+def test_a_file_reaches_what_lies_beside_and_below_it(tmp_path: Path) -> None:
+    (tmp_path / "textures").mkdir()
+    (tmp_path / "a.obj").write_bytes(OBJ)
+    (tmp_path / "a b.mtl").write_bytes(b"newmtl x")
+    (tmp_path / "textures" / "x.png").write_bytes(b"picture")
+    bundle = Bundle.from_path(tmp_path / "a.obj")
+    assert (bundle.name, bundle.main) == ("a.obj", "a.obj")
+    assert bundle.files["a.obj"] == OBJ
+    assert bundle.files["a b.mtl"] == b"newmtl x"
+    assert bundle.files["textures/x.png"] == b"picture"
+    assert "nothing.png" not in bundle.files
+
+
+def test_a_file_reaches_nothing_outside_its_folder(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "secret.mtl").write_bytes(b"secret")
+    (inner / "a.obj").write_bytes(OBJ)
+    (inner / "link.mtl").symlink_to(tmp_path / "secret.mtl")
+    files = Bundle.from_path(inner / "a.obj").files
+    for name in ("../secret.mtl", str(tmp_path / "secret.mtl"), "link.mtl", "x/../../secret.mtl", "", ".", "a\0"):
+        assert name not in files
+        with pytest.raises(KeyError):
+            files[name]
+    assert list(files) == ["a.obj"]
+
+
+def test_a_link_that_was_named_itself_is_read(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "links").mkdir()
+    (tmp_path / "data" / "a.obj").write_bytes(OBJ)
+    (tmp_path / "links" / "b.obj").symlink_to(tmp_path / "data" / "a.obj")
+    bundle = Bundle.from_path(tmp_path / "links" / "b.obj")
+    assert bundle.files["b.obj"] == OBJ
+
+
+def test_a_folder_is_a_set_without_hidden_files(tmp_path: Path) -> None:
+    for name in ("2.png", "1.png", ".DS_Store"):
+        (tmp_path / name).write_bytes(b"x")
+    bundle = Bundle.from_path(tmp_path)
+    assert bundle.main is None
+    assert list(bundle.files) == ["1.png", "2.png"]
+    assert len(bundle.files) == 2
+
+
+def test_a_folder_with_too_many_files(tmp_path: Path) -> None:
+    for number in range(4):
+        (tmp_path / f"{number}.png").write_bytes(b"x")
+    bundle = Bundle.from_path(tmp_path, Limits(files=3))
+    with pytest.raises(TooLarge, match="more than 3 files; give a folder that holds fewer"):
+        list(bundle.files)
+
+
+def test_no_such_file(tmp_path: Path) -> None:
+    with pytest.raises(Unreadable, match="No such file"):
+        Bundle.from_path(tmp_path / "a.obj")
+    with pytest.raises(Unreadable):
+        Bundle.from_path(Path("a\0.obj"))
+
+
+def test_a_file_over_the_limit_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_bytes(OBJ)
+    with pytest.raises(TooLarge, match=r"32 bytes; at most 10 are read; decimate"):
+        Bundle.from_path(tmp_path / "a.obj", Limits(bytes=10))
+    with pytest.raises(TooLarge, match=r"32 bytes; at most 10 are read; decimate"):
+        Bundle.from_upload("a.obj", OBJ, Limits(bytes=10))
+
+
+def test_a_clients_file_is_its_own_bytes_and_its_name_is_no_path(tmp_path: Path) -> None:
+    (tmp_path / "secret.mtl").write_bytes(b"secret")
+    bundle = Bundle.from_upload(str(tmp_path / "a.obj"), OBJ)
+    assert (bundle.name, bundle.main, dict(bundle.files)) == ("a.obj", "a.obj", {"a.obj": OBJ})
+
+
+@pytest.mark.parametrize("name", ["", "..", "C:", "x:y"])
+def test_a_clients_file_with_a_name_that_is_none(name: str) -> None:
+    bundle = Bundle.from_upload(name, OBJ)
+    assert bundle.main is not None
+    assert bundle.files[bundle.main] == OBJ
+
+
+def test_a_zip_is_unpacked(tmp_path: Path) -> None:
+    data = zipped({"m/a.obj": OBJ, "m/x y.png": b"p", "__MACOSX/m/._a.obj": b"x", "m/.DS_Store": b"x"})
+    (tmp_path / "a.zip").write_bytes(data)
+    for bundle in (Bundle.from_upload("a.zip", data), Bundle.from_path(tmp_path / "a.zip")):
+        assert bundle.main is None
+        assert dict(bundle.files) == {"m/a.obj": OBJ, "m/x y.png": b"p"}
+
+
+@pytest.mark.parametrize("name", ["../a.obj", "/a.obj", "m/../../a.obj", "C:/a.obj", "m\\a.obj", "..\\a.obj"])
+def test_a_zip_that_escapes_its_folder(name: str) -> None:
+    with pytest.raises(Unreadable, match="leads out of the zip"):
+        Bundle.from_upload("a.zip", zipped({name: OBJ}))
+
+
+def test_a_zip_that_swells() -> None:
+    with pytest.raises(TooLarge, match="unpacks to over 250 times its size"):
+        Bundle.from_upload("a.zip", zipped({"a.obj": bytes(2**21)}))
+
+
+def test_a_zip_over_a_limit() -> None:
+    data = zipped({"a.obj": OBJ * 100, "b.obj": OBJ * 100})
+    with pytest.raises(TooLarge, match="unpacks to 6,400 bytes; at most 6,000 are read; pack fewer or smaller"):
+        Bundle.from_upload("a.zip", data, Limits(bytes=6000))
+    with pytest.raises(TooLarge, match="2 files; at most 1 are read; pack fewer"):
+        Bundle.from_upload("a.zip", data, Limits(files=1))
+
+
+def test_a_zip_that_lies_about_its_sizes() -> None:
+    data = zipped({"a.obj": OBJ * 100})
+    claimed = (3200).to_bytes(4, "little")
+    assert data.count(claimed) == 2
+    with pytest.raises(Unreadable, match="corrupt"):
+        Bundle.from_upload("a.zip", data.replace(claimed, (10).to_bytes(4, "little")))
+
+
+def test_a_link_in_a_zip() -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        info = zipfile.ZipInfo("a.obj")
+        info.external_attr = (stat.S_IFLNK | 0o777) << 16
+        archive.writestr(info, "/etc/passwd")
+    with pytest.raises(UnsupportedType, match="is a link"):
+        Bundle.from_upload("a.zip", out.getvalue())
+
+
+def test_an_encrypted_zip() -> None:
+    data = bytearray(zipped({"a.obj": OBJ}))
+    data[6] |= 1  # the flags in the local header, and in the central directory
+    data[data.index(b"PK\1\2") + 8] |= 1
+    with pytest.raises(Unreadable, match="encrypted; pack it without a password"):
+        Bundle.from_upload("a.zip", bytes(data))
+
+
+def test_a_zip_in_a_zip() -> None:
+    with pytest.raises(UnsupportedType, match="holds another zip"):
+        Bundle.from_upload("a.zip", zipped({"b.zip": zipped({"a.obj": OBJ})}))
+
+
+def test_a_zip_packed_in_a_rare_way() -> None:
+    with pytest.raises(UnsupportedType, match="plain deflate"):
+        Bundle.from_upload("a.zip", zipped({"a.obj": OBJ}, zipfile.ZIP_LZMA))
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_name_that_is_twice_in_a_zip() -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("a.obj", OBJ)
+        archive.writestr("a.obj", b"v 9 9 9")
+    with pytest.raises(Unreadable, match="twice"):
+        Bundle.from_upload("a.zip", out.getvalue())
+
+
+def test_a_zip_with_any_one_byte_wrong_or_cut_anywhere_is_read_or_refused() -> None:
+    data = zipped({"a.obj": OBJ, "x.mtl": b"newmtl x"})
+    damaged = [data[:end] for end in range(4, len(data))]
+    damaged += [data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :] for at in range(4, len(data))]
+    messages = []
+    for broken in damaged:
+        try:
+            Bundle.from_upload("a.zip", broken)
+        except (Unreadable, UnsupportedType, TooLarge) as error:
+            messages.append(str(error))
+    assert len(messages) > len(damaged) / 2
+    assert not any("\n" in message for message in messages)
+
+
+def test_is_kind_goes_by_suffix() -> None:
+    assert is_kind("a.GLB", MESHES)
+    assert not is_kind("a.png", MESHES)
+    assert not is_kind("a.mtl", MESHES)

@@ -1,0 +1,112 @@
+import struct
+import tracemalloc
+
+import pytest
+
+from ciir.errors import Unreadable, UnsupportedType
+from ciir.renderer.readers.file_types import MESHES, PICTURES, Kind, identify
+
+BINARY_STL = b"solid by a careless writer".ljust(80) + struct.pack("<I", 1) + bytes(50)
+CONTENTS = {
+    "a.glb": (b"glTF\2\0\0\0", Kind.GLB),
+    "a.gltf": (b'\xef\xbb\xbf {"asset": {"version": "2.0"}}', Kind.GLTF),
+    "a.obj": (b"# made by hand\no thing\nv 0 0 0\n", Kind.OBJ),
+    "a.PLY": (b"ply\nformat ascii 1.0\n", Kind.PLY),
+    "a.stl": (b"solid thing\nfacet normal 0 0 1\n", Kind.STL),
+    "b.stl": (BINARY_STL, Kind.STL),
+    "a.off": (b"# made by hand\nOFF\n3 1 0\n", Kind.OFF),
+    "a.png": (b"\x89PNG\r\n\x1a\n", Kind.PNG),
+    "a.jpeg": (b"\xff\xd8\xff\xe0", Kind.JPEG),
+    "a.jpg": (b"\xff\xd8\xff\xe0", Kind.JPEG),
+    "a.tiff": (b"MM\0*", Kind.TIFF),
+    "a.tif": (b"II*\0", Kind.TIFF),
+    "a.zip": (b"PK\5\6" + bytes(18), Kind.ZIP),
+}
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_name_and_content_agree(name: str) -> None:
+    data, kind = CONTENTS[name]
+    assert identify(name, data) is kind
+    assert identify("no suffix", data) is kind
+
+
+def test_every_kind_is_a_mesh_or_a_picture_or_a_zip() -> None:
+    assert MESHES | PICTURES | {Kind.ZIP} == set(Kind)
+    assert not MESHES & PICTURES
+
+
+def test_a_name_that_says_otherwise_is_refused_with_both_kinds_named() -> None:
+    with pytest.raises(UnsupportedType, match=r"duck\.glb: the name says GLB but the content is PNG; rename it"):
+        identify("duck.glb", CONTENTS["a.png"][0])
+
+
+def test_a_text_file_is_refused() -> None:
+    for name in ("notes.obj", "notes"):
+        with pytest.raises(UnsupportedType, match="text of no known kind; give one of"):
+            identify(name, b"Dear all,\nthe mesh follows tomorrow.\n")
+
+
+def test_random_bytes_are_refused() -> None:
+    with pytest.raises(UnsupportedType, match="binary data of no known kind"):
+        identify("a.glb", bytes(range(256)))
+
+
+def test_a_type_that_is_not_read_is_named() -> None:
+    with pytest.raises(UnsupportedType, match=r"files of type \.fbx are not read; give one of \.glb"):
+        identify("a.fbx", b"Kaydara FBX Binary  \0")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        (b"  # one\n\t#two\r\n \n  COFF 3 1 0\n", Kind.OFF),
+        (b"#OFF\nv 0 0 0\n", Kind.OBJ),
+        (b"OFFER\nv 0 0 0\n", Kind.OBJ),
+        (b"x OFF\nv 0 0 0\n", Kind.OBJ),
+    ],
+)
+def test_off_is_the_first_word_that_is_no_comment(text: bytes, kind: Kind) -> None:
+    assert identify("a", text) is kind
+
+
+def test_comments_without_end_take_no_memory() -> None:
+    data = b"#\n" * 2_000_000 + b"OFF\n3 1 0\n"
+    tracemalloc.start()
+    assert identify("a.off", data) is Kind.OFF
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * len(data)  # two copies without the spaces before; an item for each comment would be 25 times that
+
+
+def test_no_bytes_at_all() -> None:
+    with pytest.raises(Unreadable, match="empty"):
+        identify("a.obj", b"")
+
+
+def test_a_binary_stl_that_is_cut_short_is_left_to_its_reader() -> None:
+    assert identify("a.stl", BINARY_STL[:-7]) is Kind.STL
+
+
+@pytest.mark.parametrize(
+    ("suffix", "data"),
+    [
+        (".exr", b"v/1\1\2\0\0\0"),
+        (".svg", b'<svg xmlns="http://www.w3.org/2000/svg"/>'),
+        (".dae", b'<?xml version="1.0"?><COLLADA/>'),
+        (".x3d", b'<?xml version="1.0"?><X3D/>'),
+        (".npy", b"\x93NUMPY\1\0"),
+        (".pkl", b"\x80\4\x95\0\0\0"),
+        (".gif", b"GIF89a\1\0\1\0"),
+        (".bmp", b"BM\x46\0\0\0"),
+        (".webp", b"RIFF\x24\0\0\0WEBPVP8 "),
+        (".psd", b"8BPS\0\1"),
+        (".jp2", b"\0\0\0\x0cjP  \r\n\x87\n"),
+        (".pdf", b"%PDF-1.7\n"),
+        (".ps", b"%!PS-Adobe-3.0\n"),
+    ],
+)
+def test_kinds_that_are_never_read(suffix: str, data: bytes) -> None:
+    for name in (f"a{suffix}", "a", "a.png", "a.glb"):
+        with pytest.raises(UnsupportedType):
+            identify(name, data)

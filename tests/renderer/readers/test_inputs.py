@@ -1,0 +1,148 @@
+import io
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.scene import Scene
+from tests.support.paths import ROOT
+
+SHARED = ROOT.parent / "shared"
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+EIA = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
+PNG = pictures.encode_png(EIA)
+
+
+def read(files: dict[str, bytes], main: str | None = None, **options: object) -> Scene | LightField:
+    arguments = {"lenses": None, "pixels": None} | options
+    return inputs.read(Bundle(main or "set", main, files), **arguments)  # type: ignore[arg-type]
+
+
+def test_a_mesh() -> None:
+    scene = read({"a.obj": OBJ}, "a.obj")
+    assert isinstance(scene, Scene)
+    assert scene.triangles == 1
+
+
+@pytest.mark.parametrize("options", [{"lenses": (3, 2)}, {"pixels": (2, 4)}, {"lenses": (3, 2), "pixels": (2, 4)}])
+def test_an_elemental_image_array(options: dict[str, tuple[int, int]]) -> None:
+    field = read({"a.png": PNG}, "a.png", **options)
+    assert isinstance(field, LightField)
+    assert field.views.shape == (2, 4, 3, 2, 3)
+    assert np.array_equal(field.views[1, 2], EIA[1::2, 2::4])
+
+
+def test_an_optical_pickup_turns_each_elemental_image() -> None:
+    field = read({"a.png": PNG}, "a.png", lenses=(3, 2), pickup="optical")
+    assert isinstance(field, LightField)
+    assert np.array_equal(field.views[0, 0], EIA[1::2, 3::4])
+
+
+def test_a_picture_alone_does_not_say_how_many_lenses() -> None:
+    with pytest.raises(InvalidOption, match=r"as in lenses 50x50 .* pixels 15x15"):
+        read({"a.png": PNG}, "a.png")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"lenses": (4, 2)}, "4x2 does not divide"),
+        ({"pixels": (4, 4)}, "pixels: 4x4 does not divide"),
+        ({"pixels": (0, 4)}, "pixels: 0x4 does not divide"),
+        ({"lenses": (3, 4), "pixels": (2, 4)}, "3x4 lenses of 2x4 pixels do not make"),
+    ],
+)
+def test_options_that_do_not_fit(options: dict[str, tuple[int, int]], message: str) -> None:
+    with pytest.raises(InvalidOption, match=message):
+        read({"a.png": PNG}, "a.png", **options)
+
+
+def test_the_one_mesh_of_a_set_and_its_textures() -> None:
+    files = {
+        "m/a.obj": b"mtllib a.mtl\nusemtl a\n" + OBJ,
+        "m/a.mtl": b"newmtl a\nKd 0 0 1\n",
+        "m/x.png": PNG,
+        "r.txt": b"",
+    }
+    scene = read(files)
+    assert isinstance(scene, Scene)
+    assert scene.notes == ()
+    assert scene.parts[0].colors[0, 0] == 0
+
+
+def test_two_meshes() -> None:
+    with pytest.raises(Unreadable, match=r"holds 2 meshes \(a\.obj, b\.obj\); give one of them"):
+        read({"b.obj": OBJ, "a.obj": OBJ})
+
+
+def test_neither_mesh_nor_pictures() -> None:
+    with pytest.raises(Unreadable, match="neither a mesh nor pictures"):
+        read({"a.txt": b"x"})
+    with pytest.raises(UnsupportedType, match="ZIP is neither"):
+        read({"a.zip": b"PK\5\6"}, "a.zip")
+
+
+def test_a_set_of_views_with_a_point_cloud_beside_it() -> None:
+    picture = pictures.encode_png(np.zeros((2, 3, 3), np.uint8))
+    files = {f"view_{v}_{u}.png": picture for v in range(2) for u in range(3)} | {"cloud.ply": b"ply\n"}
+    field = read(files)
+    assert isinstance(field, LightField)
+    assert field.views.shape == (2, 3, 2, 3, 3)
+
+
+def test_reading_starts_without_what_only_some_files_need() -> None:
+    heavy = "{'trimesh', 'PIL', 'DracoPy', 'pyrender', 'embreex', 'tifffile'}"
+    code = f"import sys, renderer.readers.inputs, renderer.scenes; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)  # noqa: S603
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+@pytest.mark.parametrize("folder", ["spot", "fuze"])
+def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
+    path = SHARED / "data" / "meshes" / folder
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in path.iterdir():
+            archive.write(file, f"top/{file.name}")
+    for bundle in (Bundle.from_path(path), Bundle.from_upload("a.zip", packed.getvalue())):
+        scene = inputs.read(bundle, lenses=None, pixels=None)
+        assert isinstance(scene, Scene)
+        assert scene.notes == ()
+        assert [part.texture is not None for part in scene.parts] == [True]
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_an_upload_of_the_mesh_alone_says_what_it_misses() -> None:
+    data = (SHARED / "data" / "meshes" / "fuze" / "fuze.obj").read_bytes()
+    scene = inputs.read(Bundle.from_upload("fuze.obj", data), lenses=None, pixels=None)
+    assert isinstance(scene, Scene)
+    assert "fuze.obj.mtl is missing" in scene.notes[0]
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_the_captured_elemental_image_array() -> None:
+    bundle = Bundle.from_path(SHARED / "data" / "lightfields" / "eia-200x200x15.jpg")
+    field = inputs.read(bundle, lenses=(200, 200), pixels=None)
+    assert isinstance(field, LightField)
+    assert field.views.shape[:4] == (15, 15, 200, 200)
+
+
+@pytest.mark.parametrize(
+    ("files", "main", "expected"),
+    [
+        ({"a.obj": OBJ}, "a.obj", (Kind.OBJ, "a.obj")),
+        ({"a.png": PNG}, "a.png", (Kind.PNG, "a.png")),
+        ({"a_cloud.ply": b"ply\n", "cube.obj": OBJ, "x.png": PNG, "y.png": PNG}, None, (Kind.OBJ, "cube.obj")),
+        ({"a_cloud.ply": b"ply\n", "x.png": PNG, "y.png": PNG}, None, None),
+    ],
+)
+def test_what_is_chosen(files: dict[str, bytes], main: str | None, expected: tuple[Kind, str] | None) -> None:
+    assert inputs.chosen(Bundle(main or "set", main, files)) == expected

@@ -1,0 +1,89 @@
+"""Two processes that share a queue, as two containers or machines do."""
+
+import re
+import socket
+import time
+from pathlib import Path
+
+import httpx2
+import numpy as np
+import pytest
+
+from ciir.renderer.readers.pictures import decode
+from ciir.service.cli.main import main
+from tests.load.server import descendants
+
+
+def test_a_worker_does_what_a_server_without_workers_takes_in(samples, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    folder = str(tmp_path / "shared")
+    worker = {"CIIR_FOLDER": folder, "CIIR_WORKERS": "1", "CIIR_METRICS_PORT": str(port), "CIIR_LOG_FORMAT": "json"}
+    with (
+        samples.launched(tmp_path / "worker.log", "worker", **worker),
+        samples.serving(tmp_path / "web.log", CIIR_FOLDER=folder, CIIR_WORKERS="0", CIIR_SYNC_SECONDS="60") as url,
+    ):
+        fields = {"lenses": "6x9", "views": "1,2", "model": "none"}
+        files = {"file": ("a.png", samples.encode_png(samples.EIA))}
+        answer = httpx2.post(f"{url}/v1/reconstructions", files=files, data=fields, timeout=60)
+        assert answer.status_code == 200, answer.text
+        assert np.array_equal(decode(answer.content, name="x"), samples.EIA[1::4, 2::4])
+        counted = httpx2.get(f"http://127.0.0.1:{port}/metrics").text
+        assert re.search(r'^ciir_jobs_ended_total\{status="200"\} 1\.0$', counted, re.MULTILINE)
+        assert re.search(r"^ciir_workers 1\.0$", counted, re.MULTILINE)
+        assert "ciir_jobs_ended_total{" not in httpx2.get(f"{url}/metrics").text
+    told = (tmp_path / "worker.log").read_text()
+    assert '"message": "1 worker processes take jobs' in told
+    assert '"message": "stopping' in told
+
+
+def test_the_queues_password_is_in_no_log(samples, tmp_path):
+    log = tmp_path / "log"
+    with samples.launched(log, "worker", CIIR_QUEUE="redis://:swordfish@127.0.0.1:1/0", CIIR_WORKERS="1"):
+        until(lambda: "take jobs from redis://...@127.0.0.1:1/0" in log.read_text())
+    assert "swordfish" not in log.read_text()
+
+
+@pytest.mark.parametrize("words", [("worker",), ("serve", "--port", "0")])
+def test_worker_processes_are_started_without_the_servers_secrets(samples, tmp_path, words):
+    secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0"}
+    with samples.launched(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
+        (worker,) = until(lambda: workers_of(process.pid))
+        environment = (worker / "environ").read_bytes()
+    assert b"CIIR_WORKERS=1" in environment
+    assert b"swordfish" not in environment
+
+
+def until(condition):
+    deadline = time.monotonic() + 60
+    while not (found := condition()):
+        assert time.monotonic() < deadline, "it didn't come about in time"
+        time.sleep(0.05)
+    return found
+
+
+def workers_of(pid):
+    """The folders in /proc of the processes that multiprocessing has started below `pid`."""
+    found = [Path("/proc", str(each)) for each in descendants(pid)]
+    return [path for path in found if b"spawn_main" in (path / "cmdline").read_bytes()]
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [({"CIIR_WORKERS": "0"}, "CIIR_WORKERS: 0"), ({"CIIR_QUEUE": "nowhere"}, "CIIR_QUEUE: 'nowhere'")],
+)
+def test_settings_that_make_no_sense(monkeypatch, capsys, settings, words):
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    assert main(["worker"]) == 2
+    told = capsys.readouterr().err
+    assert (told.count("\n"), words in told) == (1, True), told
+
+
+def test_a_port_for_metrics_that_is_taken(samples, monkeypatch, tmp_path):
+    monkeypatch.setenv("CIIR_FOLDER", str(tmp_path))
+    with socket.create_server(("0.0.0.0", 0)) as taken:  # noqa: S104 - as it listens
+        monkeypatch.setenv("CIIR_METRICS_PORT", str(taken.getsockname()[1]))
+        done = samples.python("-m", "ciir", "worker", timeout=60)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "CIIR_METRICS_PORT" in done.stderr

@@ -1,0 +1,256 @@
+"""Real worker processes and real servers, killed."""
+
+import io
+import multiprocessing
+import os
+import re
+import signal
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import httpx2
+import numpy as np
+import pytest
+
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import decode
+from ciir.service.jobs.job import Request
+from ciir.service.jobs.workers.pool import Pool
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.outputs import FileSink
+from ciir.service.settings import Settings
+
+OPTIONS = {"lenses": "100x100", "pixels": "5x5", "views": "all", "backend": "raytrace", "model": "bicubic"}
+ASYNC = {"Prefer": "respond-async"}
+POST = "/v1/reconstructions"
+STAGES = ("decode", "plan", "render", "upscale", "encode")
+
+
+def stl(triangles=40_000, note=b""):
+    """A cloud of triangles, and a note that makes it another file: it takes a while to read."""
+    random = np.random.default_rng(1)
+    faces = np.zeros(triangles, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    faces["corners"] = random.uniform(-1, 1, (triangles, 1, 3)) + random.uniform(-0.05, 0.05, (triangles, 3, 3))
+    return note.ljust(80) + np.uint32(triangles).tobytes() + faces.tobytes()
+
+
+def views(file):
+    with zipfile.ZipFile(file) as archive:
+        return {name: archive.read(name) for name in archive.namelist() if name.endswith(".png")}
+
+
+class Killer:
+    """A pool whose one worker process is killed when it tells of a stage for the first time."""
+
+    def __init__(self, pool):
+        self._pool = pool
+        self.stage, self.killed = "", []
+
+    def run(self, work, *, progress, cancelled):
+        def told(data):
+            if data["stage"] == self.stage and self.stage not in self.killed:
+                self.killed.append(self.stage)
+                (worker,) = multiprocessing.active_children()
+                os.kill(worker.pid, signal.SIGKILL)
+            progress(data)
+
+        return self._pool.run(work, progress=told, cancelled=cancelled)
+
+
+def test_a_worker_that_is_killed_in_each_stage_costs_no_job(service, helpers):
+    settings = Settings(folder=service.folder, workers=1)
+    pool = Pool(settings)
+    killer = Killer(pool)
+    jobs = service.jobs()
+    service.consumer(jobs, killer)
+    file = io.BytesIO()
+    with FileSink(file, "zip") as sink:
+        pipeline.reconstruct(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), sink)
+    expected = views(file)
+    try:
+        for stage in STAGES:
+            killer.stage = stage
+            data = stl(note=stage.encode())
+            job = jobs.submit(Request("upload.stl", OPTIONS, "zip"), io.BytesIO(data), size=len(data))
+            job = helpers.wait(jobs, job.id)
+            assert (job.state, job.deaths, job.attempts) == ("done", 1, 2), job.problem
+            with jobs.open_result(job.id) as file:
+                assert views(file) == expected
+    finally:
+        service.close()
+        pool.close()
+    assert killer.killed == list(STAGES)
+
+
+FILL_A_DISK = """
+import io, sys, threading
+from pathlib import Path
+from ciir.service.jobs.workers.consumer import Consumer
+from ciir.errors import QueueUnavailable
+from ciir.service.jobs.job import FINAL, Request, Result
+from ciir.service.jobs.jobs import Jobs
+from ciir.service.settings import Settings
+
+class Pool:
+    def run(self, work, *, progress, cancelled):
+        size = int(work.source.read_bytes()[:9])
+        work.target.write_bytes(bytes(size))
+        return Result("png", size, {})
+
+def submit(size, extra=0):
+    data = b"%09d" % size + bytes(extra)
+    return jobs.submit(Request("upload.png", {}, None), io.BytesIO(data), size=len(data))
+
+def end(id_):
+    while jobs.get(id_).state not in FINAL:
+        stop.wait(0.01)
+    return jobs.get(id_)
+
+stop = threading.Event()
+jobs = Jobs(Settings(folder=sys.argv[1]))
+consumer = Consumer(jobs, Pool(), 1)
+consumer.start()
+first = end(submit(1000).id)
+try:
+    submit(1, extra=8 << 20)
+except QueueUnavailable as error:
+    print("submit:", error)
+too_much = submit(8 << 20)
+print("result:", end(too_much.id).problem)
+full = Path(sys.argv[1], "full").open("wb", buffering=0)
+try:
+    while full.write(bytes(4096)):
+        pass
+except OSError:
+    pass
+told = ""
+for number in range(2000):
+    try:
+        submit(10_000 + number)
+    except QueueUnavailable as error:
+        told = str(error)
+        break
+print("queue:", told)
+full.truncate(0)
+print("again:", end(submit(2000).id).state, end(first.id).state, len(jobs.open_result(first.id).read()))
+consumer.stop(10)
+"""
+
+
+def test_a_disk_that_is_full(tmp_path):
+    mount = "mkdir -p $0 && mount -t tmpfs -o size=4m none $0"
+    inside = ["unshare", "-rm", "sh", "-c"]
+    if subprocess.run([*inside, mount, tmp_path / "disk"], capture_output=True, check=False).returncode:  # noqa: S603
+        pytest.skip("nothing can be mounted here, not even in a name space of one's own")
+    run = f'{mount} && exec "$1" -c "$2" $0'
+    command = [*inside, run, tmp_path / "disk", sys.executable, FILL_A_DISK]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)  # noqa: S603 - our own
+    assert done.returncode == 0, done.stderr
+    print(done.stdout, done.stderr)
+    told = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    assert "No space left on device" in told["submit"]
+    assert "make room" in told["submit"]
+    assert "503" in told["result"]
+    assert "No space left on device" in told["result"]
+    assert "try again" in told["queue"]
+    assert told["again"] == "done done 1000"
+
+
+@pytest.fixture
+def serve(helpers, tmp_path):
+    """Starts `ciir serve` with one worker on one folder; returns the process, and its URL once it is ready."""
+    processes = []
+
+    def start(**environment):
+        log = tmp_path / f"log{len(processes)}"
+        environment = {"CIIR_FOLDER": str(tmp_path / "service"), "CIIR_WORKERS": "1"} | environment
+        command = [sys.executable, "-m", "ciir", "serve", "--port", "0"]
+        with log.open("wb") as output:
+            process = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | environment)  # noqa: S603
+        processes.append(process)
+
+        def url():
+            assert process.poll() is None, log.read_text()
+            return re.search(r"http://[\d.]+:\d+", log.read_text())
+
+        base = helpers.until(url, 60)[0]
+        helpers.until(lambda: httpx2.get(f"{base}/readyz").status_code == 200, 60)
+        return process, base
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def worker_of(process):
+    """The process id of the one worker process of a server."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(stat.read_text().rpartition(")")[2].split()[1])
+            command = (stat.parent / "cmdline").read_bytes()
+        except OSError:  # it has just ended
+            continue
+        if parent == process.pid and b"spawn_main" in command:
+            return int(stat.parent.name)
+    raise LookupError(process.pid)
+
+
+def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(serve, helpers, samples):
+    eias = [samples.picture(12, 15, 3, np.uint8, seed) for seed in range(51)]
+    process, url = serve()
+    os.kill(worker_of(process), signal.SIGSTOP)  # the first job doesn't end, and all others wait
+    with httpx2.Client() as client:
+        places = []
+        for eia in eias:
+            files = {"file": ("eia.png", samples.encode_png(eia))}
+            answered = client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=ASYNC)
+            assert answered.status_code == 202
+            places.append(answered.headers["location"])
+        helpers.until(lambda: client.get(f"{url}{places[0]}").json()["state"] == "running")
+        assert [client.get(f"{url}{place}").json()["state"] for place in places[1:]] == ["queued"] * 50
+    process.kill()
+    process.wait()
+    process, url = serve()
+    with httpx2.Client() as client:
+        for index, (place, eia) in enumerate(zip(places, eias, strict=True)):
+            status = helpers.until(lambda place=place: ended(client.get(f"{url}{place}").json()), 60)
+            assert (status["state"], status["attempts"]) == ("done", 2 if index == 0 else 1)
+            made = client.get(f"{url}{place}/result").content
+            assert np.array_equal(decode(made, name="x"), eia[1::3, 1::3])
+
+
+def test_a_redis_that_is_restarted_loses_no_job(serve, redis_server, helpers, samples):
+    process, url = serve(CIIR_QUEUE=redis_server.url)
+    worker = worker_of(process)
+    os.kill(worker, signal.SIGSTOP)
+    eias = [samples.picture(12, 15, 3, np.uint8, seed) for seed in range(4)]
+    with httpx2.Client(timeout=60) as client:
+
+        def post(eia, headers):
+            files = {"file": ("eia.png", samples.encode_png(eia))}
+            return client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=headers)
+
+        def ready():
+            return client.get(f"{url}/readyz").status_code
+
+        places = [post(eia, ASYNC).headers["location"] for eia in eias[:3]]
+        redis_server.kill()
+        helpers.until(lambda: ready() == 503)
+        refused = post(eias[3], {})
+        assert (refused.status_code, refused.headers["content-type"]) == (503, "application/problem+json")
+        os.kill(worker, signal.SIGCONT)
+        redis_server.start()
+        helpers.until(lambda: ready() == 200)
+        for place, eia in zip(places, eias, strict=False):
+            status = helpers.until(lambda place=place: ended(client.get(f"{url}{place}").json()), 60)
+            assert (status["state"], status["attempts"]) == ("done", 1)
+            assert np.array_equal(decode(client.get(f"{url}{place}/result").content, name="x"), eia[1::3, 1::3])
+        assert post(eias[3], {}).status_code == 200
+
+
+def ended(status):
+    return status if status["state"] in ("done", "failed", "cancelled") else None

@@ -1,0 +1,85 @@
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ciir.errors import InvalidOption
+from ciir.service.pipeline.options import HELP, NAMES, Options
+
+
+def test_defaults_are_those_of_the_design():
+    options = Options()
+    assert (options.views, options.model, options.scale, options.strategy) == ("center", "auto", 2, "upscale")
+    assert (options.backend, options.sampling, options.pickup) == ("auto", "pinhole", "virtual")
+
+
+def test_every_option_has_its_line_of_help():
+    assert tuple(HELP) == NAMES
+
+
+def test_parses_every_option():
+    texts = {
+        "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
+        "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
+        "delta": "1e-2", "skip": "exact",
+    }  # fmt: skip
+    assert set(texts) == set(NAMES)
+    assert Options.parse(texts) == Options(
+        lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
+        sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
+        skip="exact",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("lenses", "50"), ("lenses", "0x5"), ("lenses", "-1x5"), ("lenses", "5x5x5"), ("pixels", "axb"),
+        ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
+        ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
+        ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
+        ("skip", "all"),
+    ],
+)  # fmt: skip
+def test_a_fault_names_the_option_in_one_line(name, text):
+    with pytest.raises(InvalidOption, match=name) as caught:
+        Options.parse({name: text})
+    assert "\n" not in str(caught.value)
+    assert ";" in str(caught.value)  # what is wrong; the remedy
+
+
+def test_a_fault_repeats_only_so_much_of_what_was_given():
+    long = "\x81" * 60_000
+    looked_up_later = {"views", "model"}
+    for texts in (
+        {f"{number}{long}": "1" for number in range(9)},
+        *({name: long} for name in NAMES if name not in looked_up_later),
+    ):
+        with pytest.raises(InvalidOption) as caught:
+            Options.parse(texts)
+        assert len(str(caught.value)) < 500
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("space", [" ", "\t", "\x1f", "\u2003"])
+def test_white_space_around_a_value_is_left_aside(space):
+    for name, value in (("scale", "3"), ("lenses", "5x6"), ("background", "ff8000"), ("pitch", "0.5")):
+        assert Options.parse({name: space + value + space}) == Options.parse({name: value})
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.dictionaries(st.sampled_from(NAMES), st.text(max_size=20)))
+def test_any_text_gives_options_or_a_fault(texts):
+    try:
+        options = Options.parse(texts)
+    except InvalidOption:
+        return
+    json.dumps(options.as_dict(), allow_nan=False)
+
+
+def test_skip_takes_two_values():
+    assert Options().skip == "exact"
+    assert Options.parse({"skip": "none"}).skip == "none"
+    with pytest.raises(InvalidOption, match="skip: 'all' is not known; give exact or none"):
+        Options.parse({"skip": "all"})

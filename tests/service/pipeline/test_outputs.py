@@ -1,0 +1,87 @@
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.pictures import decode
+from ciir.service.pipeline.outputs import FileSink, FolderSink, file_name
+
+VIEWS = [(0, 1), (14, 0), (100, 7)]
+
+
+def fill(sink, samples, dtype=np.uint8):
+    pictures = [samples.picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
+    sink.begin(len(VIEWS))
+    names = [sink.add(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
+    sink.finish({"answer": 42, "notes": []})
+    assert names == [file_name(view) for view in VIEWS]
+    return names, pictures
+
+
+def test_names():
+    assert [file_name(view) for view in VIEWS] == ["view_00_01.png", "view_14_00.png", "view_100_07.png"]
+
+
+def test_folder(tmp_path, samples):
+    with FolderSink(tmp_path / "out") as sink:
+        names, pictures = fill(sink, samples)
+    for name, picture in zip(names, pictures, strict=True):
+        assert np.array_equal(decode((tmp_path / "out" / name).read_bytes(), name=name), picture)
+    assert json.loads((tmp_path / "out" / "report.json").read_text()) == {"answer": 42, "notes": []}
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_that_is_not_finished_leaves_nothing(tmp_path, samples):
+    with FolderSink(tmp_path / "out") as sink:
+        sink.begin(1)
+        sink.add((0, 0), samples.EIA)
+        assert len(list(tmp_path.iterdir())) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_zip(samples):
+    file = io.BytesIO()
+    names, pictures = fill(FileSink(file, "zip"), samples)
+    with zipfile.ZipFile(file) as archive:
+        assert archive.namelist() == [*names, "report.json"]
+        for name, picture in zip(names, pictures, strict=True):
+            assert np.array_equal(decode(archive.read(name), name=name), picture)
+        assert json.loads(archive.read("report.json")) == {"answer": 42, "notes": []}
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_npz(samples, dtype):
+    file = io.BytesIO()
+    _, pictures = fill(FileSink(file, "npz"), samples, dtype)
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as arrays:
+        assert arrays["views"].dtype == dtype
+        assert np.array_equal(arrays["views"], np.stack(pictures))
+        assert arrays["positions"].tolist() == [list(view) for view in VIEWS]
+        assert json.loads(str(arrays["report"])) == {"answer": 42, "notes": []}
+
+
+def test_png_holds_one_view(samples):
+    file = io.BytesIO()
+    sink = FileSink(file, "png")
+    with pytest.raises(InvalidOption, match=r"png.*3"):
+        sink.begin(3)
+    sink.begin(1)
+    sink.add((0, 0), samples.EIA)
+    sink.finish({})
+    assert np.array_equal(decode(file.getvalue(), name="x"), samples.EIA)
+
+
+@pytest.mark.parametrize(("count", "chosen"), [(1, "png"), (2, "zip")])
+def test_format_follows_the_count(count, chosen):
+    sink = FileSink(io.BytesIO(), None)
+    sink.begin(count)
+    assert sink.format == chosen
+
+
+def test_unknown_format():
+    with pytest.raises(InvalidOption, match=r"'gif'.*png, zip, npz"):
+        FileSink(io.BytesIO(), "gif")

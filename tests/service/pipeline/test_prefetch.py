@@ -1,0 +1,70 @@
+"""Stages that overlap."""
+
+import threading
+
+import pytest
+
+from ciir.service.pipeline.prefetch import READY, ahead
+
+
+def counted(count, made, closed=None, fault=None):
+    try:
+        for number in range(count):
+            if number == fault:
+                raise ValueError(str(number))
+            made.append((number, threading.current_thread().name))
+            yield number
+    finally:
+        if closed is not None:
+            closed.append(threading.current_thread().name)
+
+
+def threads():
+    return [thread for thread in threading.enumerate() if thread.name.startswith("stage")]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 9])
+def test_all_come_in_order_by_a_thread_of_their_own(count):
+    made = []
+    assert list(ahead(counted(count, made), name="stage")) == list(range(count))
+    assert [number for number, _ in made] == list(range(count))
+    assert {name for _, name in made} <= {"stage_0"}
+    assert threads() == []
+
+
+def test_only_so_many_are_made_ahead_and_closing_ends_it():
+    made, closed = [], []
+    coming = ahead(counted(100, made, closed), name="stage")
+    assert next(coming) == 0
+    coming.close()
+    assert len(made) <= 2 + READY
+    assert closed == ["stage_0"]
+    assert threads() == []
+
+
+def test_an_error_comes_in_its_place():
+    coming = ahead(counted(9, [], fault=2), name="stage")
+    assert [next(coming), next(coming)] == [0, 1]
+    with pytest.raises(ValueError, match="2"):
+        next(coming)
+    assert threads() == []
+
+
+@pytest.mark.parametrize("fault", [0, 3])
+def test_one_after_the_other_the_first_error_ends_all(fault):
+    closed = []
+
+    def second(items):
+        try:
+            for item in items:
+                if item == fault:
+                    raise KeyError(item)
+                yield item
+        finally:
+            items.close()
+
+    coming = ahead(second(ahead(counted(9, [], closed, fault=fault + 1), name="stage_a")), name="stage_b")
+    with pytest.raises(KeyError):
+        list(coming)
+    assert closed == ["stage_a_0"]
+    assert threads() == []

@@ -1,0 +1,55 @@
+import json
+
+import pytest
+
+from ciir.service.pipeline import report
+from ciir.service.pipeline.report import Clock, CountedFiles
+
+
+def test_clock_sums_turns_and_names_only_what_ran(monkeypatch):
+    now = iter([0.0, 1.0, 3.0, 4.0, 4.5, 10.0])
+    monkeypatch.setattr(report.time, "perf_counter", lambda: next(now))
+    clock = Clock()
+    for _ in range(2):
+        with clock.stage("decode"):
+            pass
+    assert clock.timings_ms() == {"decode": 2500.0, "total": 10000.0}
+
+
+def test_clock_counts_what_fails():
+    clock = Clock()
+    with pytest.raises(KeyError), clock.stage("map"):
+        raise KeyError
+    assert set(clock.timings_ms()) == {"map", "total"}
+
+
+def test_counts_what_was_read_once():
+    files = CountedFiles({"a": b"123", "b": b"45678"})
+    assert "a" in files
+    assert files["a"] == files["a"]
+    assert (files.bytes_read, files.files_read) == (3, 1)
+    assert list(files) == ["a", "b"]
+
+
+def test_json_is_utf8_and_refuses_nan():
+    assert json.loads(report.to_json({"name": "Würfel"})) == {"name": "Würfel"}
+    with pytest.raises(ValueError, match="Out of range"):
+        report.to_json({"x": float("nan")})
+
+
+def test_what_was_skipped_is_told_in_a_line():
+    nothing = {"pixels": 10, "plain": 0.0, "repeated": 0.0, "saved_ms": 0.0}
+    assert report.in_words(None) == report.in_words(nothing) == report.in_words(nothing | {"culled": 0.0}) == []
+    assert report.in_words({"culled": 0.25}) == ["skipped: 25 % of the triangles, which no ray that is needed meets"]
+    assert report.in_words(nothing | {"plain": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [
+        "skipped: the model for 40 % of its pixels (plain 30 %, repeated 10 %)"
+    ]
+    assert report.in_words({"culled": 0.9988}) == [
+        "skipped: over 99 % of the triangles, which no ray that is needed meets"
+    ]
+    assert report.in_words(nothing | {"plain": 1.0}) == ["skipped: the model for 100 % of its pixels (plain 100 %)"]
+    (both,) = report.in_words(nothing | {"plain": 0.5, "culled": 0.001})
+    assert both == (
+        "skipped: under 1 % of the triangles, which no ray that is needed meets and "
+        "the model for 50 % of its pixels (plain 50 %)"
+    )

@@ -1,0 +1,425 @@
+import io
+import json
+import threading
+
+import numpy as np
+import pytest
+
+from ciir import models
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.backends import open_backend
+from ciir.renderer.framing import frame
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.inputs import read
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.pipeline import plan, schedule
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.outputs import PngSink
+from ciir.service.pipeline.run import elemental, reconstruct
+from tests.support.paths import SHARED
+
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+
+
+class Kept:
+    """A sink that keeps pixels."""
+
+    def __init__(self):
+        self.views = {}
+        self.begun = None
+        self.report = None
+
+    def begin(self, count):
+        self.begun = count
+
+    def add(self, view, pixels):
+        self.views[view] = pixels
+        return "name"
+
+    def finish(self, report):
+        self.report = report
+
+
+def run(source, **options):
+    sink = Kept()
+    report = reconstruct(source, Options(**options), sink)
+    assert sink.report == report
+    assert sink.begun == len(sink.views) == len(report["views"])
+    json.dumps(report, allow_nan=False)
+    return sink.views, report
+
+
+@pytest.fixture
+def cube(samples):
+    return Bundle.from_upload("cube.off", samples.CUBE)
+
+
+def eia_bundle(eia):
+    return Bundle.from_upload("eia.png", encode_png(eia))
+
+
+SMALL = {"lenses": (12, 10), "pixels": (3, 5), "backend": "raytrace"}
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (2, np.uint16), (3, np.uint16), (4, np.uint8)])
+def test_without_a_model_views_are_the_eia_bit_for_bit(samples, channels, dtype):
+    eia = samples.picture(24, 36, channels, dtype)
+    views, report = run(eia_bundle(eia), lenses=(6, 9), views="all", model="none")
+    assert set(views) == {(v, u) for v in range(4) for u in range(4)}
+    for (v, u), pixels in views.items():
+        assert pixels.dtype == dtype
+        assert np.array_equal(pixels, eia[v::4, u::4])
+    assert report["input"] == {
+        "name": "eia.png", "kind": "png", "bytes": len(encode_png(eia)), "files": 1,
+        "height": 24, "width": 36, "channels": channels, "bits": dtype().itemsize * 8,
+    }  # fmt: skip
+    assert report["lens_array"] == {"rows": 6, "cols": 9, "pitch": None, "pixels_v": 4, "pixels_u": 4, "delta": None}
+    assert report["scene_transform"] is None
+    assert report["model"] is None
+    assert set(report["timings_ms"]) == {"decode", "plan", "map", "encode", "total"}
+
+
+def test_what_was_skipped_is_a_reason(samples):
+    plain = np.zeros((64 * 3, 64 * 3, 3), np.uint8)
+    plain[90:100, 90:100] = 200
+    _, report = run(eia_bundle(plain), lenses=(64, 64), model="fast")
+    skipped = report["plan"]["skipped"]
+    assert skipped["plain"] > 0.5
+    assert report["plan"]["reasons"][-1] == (
+        f"skipped: the model for {100 * skipped['plain']:.0f} % of its pixels (plain {100 * skipped['plain']:.0f} %)"
+    )
+    _, report = run(eia_bundle(samples.EIA), lenses=(6, 9), model="fast", skip="none")
+    assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
+
+
+def test_pitch_and_delta_that_are_known_are_told(samples):
+    _, report = run(eia_bundle(samples.EIA), pixels=(4, 4), model="none", pitch=0.5, delta=0.01)
+    assert (report["lens_array"]["pitch"], report["lens_array"]["delta"]) == (0.5, 0.01)
+    assert (report["lens_array"]["rows"], report["lens_array"]["cols"]) == (6, 9)
+
+
+def test_an_optical_pickup_is_turned_back(samples):
+    turned = LightField.from_eia(samples.EIA, rows=6, cols=9).to_eia(pickup="optical")
+    views, _ = run(eia_bundle(turned), lenses=(6, 9), views="0,3", model="none", pickup="optical")
+    assert np.array_equal(views[0, 3], samples.EIA[0::4, 3::4])
+
+
+def test_upscaled_views_are_what_the_model_makes_of_them(samples):
+    views, report = run(eia_bundle(samples.EIA), lenses=(6, 9), views="cross", model="bicubic", scale=3)
+    assert len(views) == 5
+    for (v, u), pixels in views.items():
+        mapped = np.ascontiguousarray(samples.EIA[v::4, u::4])[np.newaxis]
+        assert np.array_equal(pixels, models.upscale_pixels(models.load("bicubic", scale=3), mapped)[0])
+    assert report["model"] == {"name": "bicubic", "scale": 3, "sha256": None}
+    assert report["views"][0] == {"v": 0, "u": 2, "file": "name", "height": 18, "width": 27}
+
+
+def test_the_network_is_told_by_its_hash(samples):
+    _, report = run(eia_bundle(samples.EIA), lenses=(6, 9), model=models.DEFAULT)
+    card = next(entry.card for entry in models.entries() if entry.name == models.DEFAULT)
+    assert report["model"] == {"name": models.DEFAULT, "scale": 2, "sha256": card.sha256}
+    assert "onnxruntime" in report["versions"]
+
+
+def test_batches_change_nothing(samples, cube, monkeypatch):
+    for source, options in ((eia_bundle(samples.EIA), {"lenses": (6, 9)}), (cube, SMALL)):
+        whole, _ = run(source, views="all", model="bicubic", **options)
+        counts = []
+        with monkeypatch.context() as patch:
+            patch.setattr(schedule, "BATCH_PIXELS", 1000)
+            sink = Kept()
+            asked = Options(views="all", model="bicubic", **options)
+            reconstruct(source, asked, sink, progress=counts.append)
+        assert len(counts) > 1
+        assert sum(counts) == len(whole)
+        assert all(np.array_equal(sink.views[view], whole[view]) for view in whole)
+
+
+def test_a_mesh_with_no_option(cube):
+    views, report = run(cube)
+    assert {view: pixels.shape for view, pixels in views.items()} == {(7, 7): (200, 200, 3)}
+    assert report["lens_array"]["rows"] == report["lens_array"]["cols"] == 100
+    assert report["input"]["triangles"] == 12
+    assert set(report["timings_ms"]) == {"decode", "plan", "render", "upscale", "encode", "total"}
+    total = report["timings_ms"].pop("total")
+    assert total >= sum(report["timings_ms"].values()) - 0.1
+
+
+def test_a_mesh_rendered_by_hand_through_the_reported_transform(cube):
+    views, report = run(cube, views="all", model="none", background=(9, 8, 7), **SMALL)
+    options = Options(**SMALL)
+    scene = read(cube, lenses=None, pixels=None)
+    array = plan.mesh_array(options)
+    matrix = np.array(report["scene_transform"])
+    assert np.array_equal(matrix, frame(scene, array))
+    backend, _ = open_backend("raytrace")
+    expected = backend.views(scene.transformed(matrix), array, list(views), background=(9, 8, 7))
+    for view, picture in zip(views, expected, strict=True):
+        assert np.array_equal(views[view], picture[..., :3])
+    assert report["plan"]["backend"] == "raytrace"
+    assert report["plan"]["sampling"] == "pinhole"
+
+
+def test_parallax_follows_depth(samples):
+    """A point at distance d moves by delta*d/pitch pixels from view to view: left as u grows, up as v grows."""
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    depths = {"left": (0.0, 0.0), "right": (8.0, -6.0)}  # x, z of two squares of side 1
+    vertices = [(x + a, b, z) for x, z in depths.values() for a, b in corners]
+    mesh = samples.off(vertices, [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
+    options = {"lenses": (96, 120), "pixels": (7, 9), "backend": "raytrace", "model": "none", "sampling": "lenslet"}
+    views, report = run(Bundle.from_upload("squares.off", mesh), views="all", **options)
+    array, matrix = report["lens_array"], np.array(report["scene_transform"])
+    for half, (x, z) in zip((np.s_[:, :60], np.s_[:, 60:]), depths.values(), strict=True):
+        distance = -(matrix @ (x + 0.5, 0.5, z, 1.0))[2]
+        expected = array["delta"] * distance / array["pitch"]
+
+        def centre(view, half=half):
+            light = views[view].sum(axis=2)[half].astype(float)
+            rows, cols = np.indices(light.shape)
+            return np.array([(rows * light).sum(), (cols * light).sum()]) / light.sum()
+
+        for step in range(1, 9):
+            moved = centre((3, step)) - centre((3, 0))
+            assert moved == pytest.approx([0, -step * expected], abs=0.26)  # a sample is a quarter of a pixel
+        for step in range(1, 7):
+            moved = centre((step, 4)) - centre((0, 4))
+            assert moved == pytest.approx([-step * expected, 0], abs=0.26)
+        assert expected > 0.05
+
+
+def test_elemental_then_mapping_equals_rendering(cube):
+    kept = []
+    report = elemental(cube, Options(**SMALL), kept.append)
+    (eia,) = kept
+    assert eia.shape == (36, 50, 3)
+    mapped, _ = run(eia_bundle(eia), lenses=(12, 10), views="all", model="none")
+    rendered, whole = run(cube, views="all", model="none", **SMALL)
+    assert mapped.keys() == rendered.keys()
+    assert all(np.array_equal(mapped[view], rendered[view]) for view in mapped)
+    assert len(np.unique(eia)) > 2  # there is something to see
+    assert report["scene_transform"] == whole["scene_transform"]
+    assert report["lens_array"] == whole["lens_array"]
+    assert set(report["timings_ms"]) == {"decode", "render", "encode", "total"}
+
+
+def test_an_optical_elemental_image_array(cube):
+    kept = []
+    for pickup in ("virtual", "optical"):
+        elemental(cube, Options(**SMALL, pickup=pickup), kept.append)
+    assert not np.array_equal(*kept)
+    assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").to_eia(), kept[0])
+
+
+def test_elemental_wants_a_mesh(samples):
+    for source in (eia_bundle(samples.EIA), Bundle("set", None, {"view_00_00.png": encode_png(samples.EIA)})):
+        with pytest.raises(InvalidOption, match="holds pictures"):
+            elemental(source, Options(), pytest.fail)
+
+
+def test_direct_is_the_area_average_of_a_finer_array(cube):
+    views, report = run(cube, views="0,1", strategy="direct", scale=2, **SMALL)
+    array = plan.mesh_array(Options(**SMALL))
+    scene = read(cube, lenses=None, pixels=None)
+    backend, _ = open_backend("raytrace")
+    placed = scene.transformed(frame(scene, array))
+    (expected,) = backend.views(placed, array.refined(2), [(0, 1)], samples=4)
+    assert np.array_equal(views[0, 1], expected[..., :3])
+    assert (report["plan"]["strategy"], report["model"], report["plan"]["sampling"]) == ("direct", None, None)
+    assert "upscale" not in report["timings_ms"]
+
+
+def test_lenslets_average_where_pinholes_pick(cube):
+    pinhole, _ = run(cube, views="0,0", model="none", **SMALL)
+    lenslet, report = run(cube, views="0,0", model="none", sampling="lenslet", **SMALL)
+    assert not np.array_equal(pinhole[0, 0], lenslet[0, 0])
+    assert report["plan"]["samples"] == 4
+
+
+def test_a_scene_by_name():
+    views, report = run("vase", model="none", views="1,1", **(SMALL | {"pixels": (3, 3)}))
+    assert report["input"]["kind"] == "scene"
+    assert report["input"]["name"] == "scene:vase"
+    assert views[1, 1].any()
+    with pytest.raises(InvalidOption, match=r"teapot.*vase"):
+        run("teapot")
+
+
+def test_a_set_of_views_equals_its_eia(samples):
+    files = {f"view_{v:02d}_{u:02d}.png": encode_png(samples.EIA[v::4, u::4]) for v in range(4) for u in range(4)}
+    from_set, report = run(Bundle("set", None, files), views="cross", model="bicubic")
+    from_eia, _ = run(eia_bundle(samples.EIA), lenses=(6, 9), views="cross", model="bicubic")
+    assert report["input"]["kind"] == "views"
+    assert report["input"]["files"] == 16
+    assert from_set.keys() == from_eia.keys()
+    assert all(np.array_equal(from_set[view], from_eia[view]) for view in from_set)
+
+
+@pytest.mark.parametrize("options", [{"lenses": (5, 5)}, {"pickup": "optical"}])
+def test_what_is_for_an_eia_is_refused_for_a_set(samples, options):
+    with pytest.raises(InvalidOption, match=next(iter(options))):
+        run(Bundle("set", None, {"view_00_00.png": encode_png(samples.EIA)}), **options)
+
+
+def test_notes_of_the_reader_are_passed_on():
+    obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
+    _, report = run(Bundle.from_upload("a.obj", obj), model="none", **SMALL)
+    assert any("gone.mtl" in note for note in report["notes"])
+
+
+@pytest.mark.parametrize("options", [{"delta": 1e9}, {"views": "0,0;2,4", "delta": 1e9, "sampling": "lenslet"}])
+def test_a_mesh_that_no_view_shows_is_told(cube, options):
+    views, report = run(cube, model="none", **(SMALL | options))
+    assert not any(pixels.any() for pixels in views.values())
+    assert [note for note in report["notes"] if "shows the object" in note]
+
+
+def test_a_black_mesh_is_seen(samples):
+    """By what it covers, not by its colour; and one view of several is enough."""
+    black = samples.CUBE.replace(b"4 4 5 6 7", b"4 4 5 6 7 0 0 0")
+    for views in ("all", "1,2"):
+        _, report = run(Bundle.from_upload("cube.off", black), model="none", views=views, **SMALL)
+        assert report["notes"] == []
+
+
+def test_an_elemental_image_array_without_the_object_is_told(cube):
+    assert elemental(cube, Options(**SMALL), lambda _: None)["notes"] == []
+    # Rays run along the diagonals almost within the array's plane; no lens of 12x9 stands on a diagonal.
+    wide = Options(**(SMALL | {"lenses": (12, 9), "pixels": (2, 2)}), delta=1e9)
+    assert "shows the object" in elemental(cube, wide, lambda _: None)["notes"][0]
+
+
+def test_the_sink_refuses_before_a_backend_is_opened(cube, monkeypatch):
+    monkeypatch.setattr("ciir.renderer.backends.open_backend", pytest.fail)
+    with pytest.raises(InvalidOption, match="png holds one view and 5"):
+        reconstruct(cube, Options(views="cross", **SMALL), PngSink(io.BytesIO()))
+
+
+def test_limit_on_all_pixels_together(samples):
+    sink = Kept()
+    options = Options(lenses=(6, 9), views="all", model="bicubic")
+    with pytest.raises(TooLarge, match="16 views of 12x18"):
+        reconstruct(eia_bundle(samples.EIA), options, sink, max_pixels=16 * 12 * 18 - 1)
+    assert sink.begun is None
+    reconstruct(eia_bundle(samples.EIA), options, sink, max_pixels=16 * 12 * 18)
+
+
+def test_faults_come_before_anything_is_written(samples, bad_input):
+    name, data, texts, _, _ = bad_input
+    sink = Kept()
+    with pytest.raises(pipeline_faults()):
+        reconstruct(Bundle.from_upload(name, data), Options.parse(texts), sink)
+    assert sink.begun is None
+
+
+def pipeline_faults():
+    from ciir.service.errors import FAULTS
+
+    return FAULTS
+
+
+@needs_shared
+def test_knights_as_a_folder_and_as_an_eia():
+    folder = Bundle.from_path(SHARED / "data/lightfields/knights")
+    from_folder, report = run(folder, views="cross", model="none")
+    middle = LightField(read(folder, lenses=None, pixels=None).views[:, :, 96:160, 96:160])  # what is quick to encode
+    from_eia, _ = run(eia_bundle(middle.to_eia()), lenses=(64, 64), views="cross", model="none")
+    assert report["lens_array"]["pixels_v"] == report["lens_array"]["pixels_u"] == 17
+    assert from_folder.keys() == from_eia.keys()
+    assert len(from_eia) == 5
+    assert all(np.array_equal(from_folder[view][96:160, 96:160], from_eia[view]) for view in from_eia)
+    assert from_folder[8, 8].shape == (256, 256, 3)
+
+
+@needs_shared
+def test_a_published_eia():
+    given = Bundle.from_path(SHARED / "data/lightfields/eia-200x200x15.jpg")
+    views, report = run(given, lenses=(200, 200), views="all", model="none")
+    assert len(views) == 225
+    assert {pixels.shape for pixels in views.values()} == {(200, 200, 3)}
+    assert report["input"]["kind"] == "jpg"
+
+
+@needs_shared
+def test_the_duck_with_five_views():
+    duck = Bundle.from_path(SHARED / "data/meshes/duck.glb")
+    views, report = run(duck, lenses=(50, 50), pixels=(15, 15), views="cross", backend="raytrace")
+    assert list(views) == [(0, 7), (7, 0), (7, 7), (7, 14), (14, 7)]
+    assert {pixels.shape for pixels in views.values()} == {(100, 100, 3)}
+    plain, _ = run(duck, lenses=(50, 50), pixels=(15, 15), views="all", backend="raytrace", model="none")
+    for pixels in plain.values():
+        assert pixels.max() > 200
+        assert not pixels[[0, -1]].any()  # nothing is cut off
+        assert not pixels[:, [0, -1]].any()
+    assert report["input"]["triangles"] == 4212
+
+
+def pipeline_threads():
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith(("views", "upscale"))]
+
+
+@pytest.mark.parametrize("model", ["none", "bicubic", "fast"])
+@pytest.mark.parametrize("pixels", [1, 700, 4_000_000])
+def test_stages_overlap_and_the_result_is_the_same(cube, monkeypatch, model, pixels):
+    want, told = run(cube, views="all", model=model, **SMALL)
+    monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
+    views, report = run(cube, views="all", model=model, **SMALL)
+    assert list(views) == list(want) == [(v, u) for v in range(3) for u in range(5)]
+    for view, picture in views.items():
+        np.testing.assert_array_equal(picture, want[view])
+    assert report["plan"]["skipped"].get("pixels") == told["plan"]["skipped"].get("pixels")
+    assert pipeline_threads() == []
+
+
+@pytest.mark.parametrize("stage", ["render", "upscale", "encode", "progress"])
+@pytest.mark.parametrize("turn", [0, 1, 14])
+def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
+    """Each stage fails at a turn of one view; what comes before it was written, and nothing after."""
+    monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
+    seen = {"render": 0, "upscale": 0, "encode": 0, "progress": 0}
+
+    def failing(name, call):
+        def counted(*args, **kwargs):
+            seen[name] += 1
+            if name == stage and seen[name] == turn + 1:
+                raise OSError(f"{name} {turn}")
+            return call(*args, **kwargs)
+
+        return counted
+
+    monkeypatch.setattr(pipeline.MeshViews, "take", failing("render", pipeline.MeshViews.take))
+    opened = pipeline.opened
+    monkeypatch.setattr(pipeline, "opened", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
+    sink = Kept()
+    sink.add = failing("encode", sink.add)
+    options = Options(views="all", model="bicubic", **SMALL)
+    with pytest.raises(OSError, match=f"^{stage} {turn}$"):
+        reconstruct(cube, options, sink, progress=failing("progress", lambda _: None))
+    assert len(sink.views) == turn + (stage == "progress")
+    assert seen["render"] <= turn + 5  # no more were begun than wait in two queues
+    assert sink.report is None
+    assert pipeline_threads() == []
+
+
+def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypatch):
+    monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
+    rendered = threading.Event()
+    take = pipeline.MeshViews.take
+
+    def second_fails(self, pictures, count):
+        if rendered.is_set():
+            raise OSError("the second view")
+        rendered.set()
+        return take(self, pictures, count)
+
+    monkeypatch.setattr(pipeline.MeshViews, "take", second_fails)
+    sink = Kept()
+
+    def first_fails(view, pixels):
+        raise OSError("the first view")
+
+    sink.add = first_fails
+    with pytest.raises(OSError, match="the first view"):
+        reconstruct(cube, Options(views="all", model="bicubic", **SMALL), sink)
+    assert pipeline_threads() == []

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from ciir import models
+from ciir.errors import InputError, InvalidOption, UnsupportedScale
+from ciir.renderer.readers.pictures import decode, encode
+from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
+
+
+def run(files, model="bicubic", scale=2):
+    written = {}
+    report = upscale_pictures(files, output_names(list(files)), written.__setitem__, model=model, scale=scale)
+    return written, report
+
+
+def test_names():
+    assert output_names(["a.png", "b.tif", "C.TIFF", "d.jpg"]) == {
+        "a.png": "a.png", "b.tif": "b.tif", "C.TIFF": "C.tiff", "d.jpg": "d.png",
+    }  # fmt: skip
+    with pytest.raises(InvalidOption, match=r"a\.jpg and a\.png.*rename"):
+        output_names(["a.png", "a.jpg"])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "channels", "dtype"),
+    [(".png", 1, np.uint8), (".png", 4, np.uint16), (".tif", 2, np.uint16), (".tif", 3, np.uint8)],
+)
+def test_depth_and_channels_are_kept(samples, suffix, channels, dtype):
+    picture = samples.picture(5, 7, channels, dtype)
+    written, report = run({f"a{suffix}": encode(picture, suffix)})
+    large = decode(written[f"a{suffix}"], name="a")
+    assert large.dtype == dtype
+    assert np.array_equal(large, models.upscale_pixels(models.load("bicubic"), picture[np.newaxis])[0])
+    assert report["pictures"] == [
+        {"input": f"a{suffix}", "file": f"a{suffix}", "height": 10, "width": 14, "channels": channels,
+         "bits": dtype().itemsize * 8}
+    ]  # fmt: skip
+    assert set(report["timings_ms"]) == {"decode", "upscale", "encode", "total"}
+
+
+def test_a_jpeg_becomes_a_png(samples):
+    written, _ = run({"a.jpg": encode(samples.picture(8, 8), ".jpg")})
+    assert written["a.png"].startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
+def test_what_the_output_can_not_hold_is_refused_before_the_work(samples, monkeypatch, channels, dtype):
+    monkeypatch.setattr("ciir.service.pipeline.upscale_pictures.enlarge", pytest.fail)
+    data = encode(samples.picture(5, 7, channels, dtype), ".png")
+    with pytest.raises(InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB, not.*\.png or \.tif"):
+        upscale_pictures({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
+
+
+def test_faults_name_the_file(samples):
+    good = encode(samples.EIA, ".png")
+    with pytest.raises(InputError, match=r"b\.png"):
+        run({"a.png": good, "b.png": good[:100]})
+    with pytest.raises(UnsupportedScale, match="scale"):
+        run({"a.png": good}, model="paper", scale=3)
+    with pytest.raises(InvalidOption, match="none"):
+        run({"a.png": good}, model="none")

@@ -1,0 +1,179 @@
+"""Views through a light-field network, from bytes to pixels, with a stand-in whose results plain loops repeat."""
+
+import io
+
+import numpy as np
+import pytest
+
+from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
+from ciir.models import catalogue
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import encode_png
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline import schedule
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.outputs import NpzSink
+from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.upscale_pictures import upscale_pictures
+
+ROUNDED = 0.55
+"""Levels: rounding to nearest, and float32 at 16 bits."""
+MESH = {"lenses": (12, 10), "pixels": (5, 6), "backend": "raytrace"}
+
+
+def run(source, **options):
+    """The views by (v, u), and the report."""
+    file = io.BytesIO()
+    report = reconstruct(source, Options(**options), NpzSink(file))
+    file.seek(0)
+    with np.load(file) as arrays:
+        return dict(zip(map(tuple, arrays["positions"].tolist()), arrays["views"], strict=True)), report
+
+
+def as_array(views, grid):
+    return np.array([[views[v, u] for u in range(grid[1])] for v in range(grid[0])])
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (3, np.uint16)])
+@pytest.mark.parametrize("wanted", ["center", "cross", "all", "5,5;0,1;5,4"])
+def test_pictures_take_the_views_around(samples, stand_in, channels, dtype, wanted):
+    eia = samples.picture(24, 42, channels, dtype)
+    views, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views=wanted)
+    field = eia.reshape(4, 6, 7, 6, channels).transpose(1, 3, 0, 2, 4)
+    assert list(views) == [(view["v"], view["u"]) for view in report["views"]]
+    for view, picture in views.items():
+        assert picture.dtype == dtype
+        assert np.abs(picture - samples.as_the_stand_in_has_it(field, view)).max() < ROUNDED
+    field_sha256, fast_sha256 = (
+        next(entry.card.sha256 for entry in catalogue.entries() if entry.name == name) for name in ("field", "fast")
+    )
+    alone = {"name": "fast", "scale": 2, "sha256": fast_sha256}
+    assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "alone": alone}
+    assert report["plan"]["model"] == "field"
+    assert any(reason.startswith("model auto: field") for reason in report["plan"]["reasons"])
+    assert "upscale" in report["timings_ms"]
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])
+def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(samples, stand_in, channels, dtype):
+    eia = samples.picture(24, 42, channels, dtype)
+    eia[..., -1] = np.iinfo(dtype).max
+    views, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
+    assert report["plan"]["model"] == "field"
+    plain, _ = run(Bundle.from_upload("eia.png", encode_png(eia[..., :-1])), lenses=(4, 7), views="cross")
+    for view, picture in views.items():
+        np.testing.assert_array_equal(picture[..., :-1], plain[view])
+        assert (picture[..., -1] == np.iinfo(dtype).max).all()
+    eia[3, 5, -1] -= 1
+    _, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
+    assert report["plan"]["model"] == "fast"
+
+
+def test_a_folder_of_views_too(samples, stand_in):
+    field = samples.picture(9 * 4, 5).reshape(3, 3, 4, 5, 3)
+    files = {f"view_{v:02d}_{u:02d}.png": encode_png(field[v, u]) for v in range(3) for u in range(3)}
+    views, report = run(Bundle("set", None, files))
+    assert report["plan"]["model"] == "field"
+    assert np.abs(views[1, 1] - samples.as_the_stand_in_has_it(field, (1, 1))).max() < ROUNDED
+
+
+@pytest.fixture
+def cube(samples):
+    return Bundle.from_upload("cube.off", samples.CUBE)
+
+
+@pytest.mark.parametrize("pixels", [1, 2000, 4_000_000])
+def test_a_mesh_is_rendered_once_whatever_the_batches(samples, cube, stand_in, monkeypatch, pixels):
+    plain, _ = run(cube, views="all", model="none", **MESH)
+    field = as_array(plain, (5, 6))
+    monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
+    rendered = []
+    make = pipeline.MeshViews.make
+    monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
+    views, report = run(cube, views="all", **MESH)
+    assert sorted(rendered) == sorted(plain)
+    assert report["plan"]["model"] == "field"
+    assert list(views) == list(plain)
+    for view, picture in views.items():
+        assert np.abs(picture - samples.as_the_stand_in_has_it(field, view)).max() < ROUNDED
+
+
+def test_views_are_let_go_of(cube, stand_in, monkeypatch):
+    """The last view's window is what is left of 30 views by then."""
+    monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
+    kept = []
+    opened = pipeline.opened
+
+    def noted(plan, grid, **options):
+        enlarge = opened(plan, grid, **options)
+        return lambda views, wanted: kept.append(len(views)) or enlarge(views, wanted)
+
+    monkeypatch.setattr(pipeline, "opened", noted)
+    for model in ("auto", "bicubic"):
+        run(cube, views="all", model=model, **MESH)
+    assert len(kept) == 2 * 30
+    assert kept[29] == 9
+    assert set(kept[30:]) == {1}
+
+
+def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(samples, cube, stand_in, monkeypatch):
+    rendered = []
+    make = pipeline.MeshViews.make
+    monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
+    _, report = run(cube, views="0,5", **MESH)
+    assert report["plan"]["model"] == "fast"
+    assert "8 more rendered" in report["plan"]["reasons"][0]
+    assert rendered == [(0, 5)]
+    rendered.clear()
+    views, report = run(cube, views="0,5", model="field", **MESH)
+    assert sorted(rendered) == [(v, u) for v in range(3) for u in range(3, 6)]
+    assert "8 of them" in report["plan"]["reasons"][0]
+    assert [(view["v"], view["u"]) for view in report["views"]] == [(0, 5)] == list(views)
+    plain, _ = run(cube, views="all", model="none", **MESH)
+    assert np.abs(views[0, 5] - samples.as_the_stand_in_has_it(as_array(plain, (5, 6)), (0, 5))).max() < ROUNDED
+
+
+def test_views_that_only_help_count_for_the_limit(cube, stand_in):
+    options = Options(views="0,5", model="field", **MESH)
+    reconstruct(cube, options, NpzSink(io.BytesIO()), max_pixels=9 * 120)
+    with pytest.raises(TooLarge, match="9 views of 120 samples each, 8 of them around"):
+        reconstruct(cube, options, NpzSink(io.BytesIO()), max_pixels=9 * 120 - 1)
+
+
+def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in):
+    _, report = run(cube, views="all", strategy="direct", **MESH)
+    assert (report["plan"]["strategy"], report["plan"]["model"], report["model"]) == ("direct", "none", None)
+
+
+def test_the_limits_of_the_network_are_told(samples, stand_in):
+    eia = Bundle.from_upload("eia.png", encode_png(samples.EIA))
+    with pytest.raises(UnsupportedScale, match="field upscales by 2, not 3"):
+        run(eia, lenses=(6, 9), model="field", scale=3)
+    with pytest.raises(UnsuitedModel, match="field"):
+        upscale_pictures({"a.png": encode_png(samples.EIA)}, {"a.png": "a.png"}, print, model="field", scale=2)
+
+
+def test_single_pictures_keep_their_default(samples, stand_in):
+    data, written = encode_png(samples.EIA), {}
+    report = upscale_pictures({"a.png": data}, {"a.png": "a.png"}, written.__setitem__, model="auto", scale=2)
+    assert report["model"]["name"] == catalogue.DEFAULT
+
+
+def test_what_was_made_from_views_alone_is_told(samples, stand_in):
+    eia = Bundle.from_upload("eia.png", encode_png(samples.EIA))
+    _, report = run(eia, lenses=(6, 9))
+    assert report["notes"] == []
+    stand_in.doubt = 0.9
+    _, report = run(eia, lenses=(6, 9))
+    (note,) = report["notes"]
+    assert note.startswith(
+        "100 % of the pixels were made by fast from their view alone, as the views around don't match"
+    )
+
+
+def test_the_network_that_is_shipped(samples):
+    views, report = run(Bundle.from_upload("eia.png", encode_png(samples.EIA)), lenses=(6, 9), views="0,0;1,2")
+    assert report["plan"]["model"] == catalogue.field()
+    assert report["model"]["alone"]["name"] == catalogue.default()
+    assert views[1, 2].shape == (12, 18, 3)
+    assert len(report["model"]["sha256"]) == 64

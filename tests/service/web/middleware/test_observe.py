@@ -1,0 +1,77 @@
+import json
+import logging
+
+import pytest
+
+from ciir.service import logs
+from ciir.service.web.middleware.observe import SECURITY
+
+
+@pytest.fixture
+def lines(caplog):
+    caplog.set_level(logging.INFO, logger="ciir.access")
+    return lambda: [record for record in caplog.records if record.name == "ciir.access"]
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/nothing", "/v1/models", "/v1/reconstructions/0", "/openapi.json"])
+def test_every_answer_has_an_id_and_security_headers(client, path):
+    response = client.get(path, headers={"X-Request-Id": "mine-1"})
+    assert response.headers["x-request-id"] == "mine-1"
+    for name, value in SECURITY.items():
+        assert response.headers[name] == value
+
+
+@pytest.mark.parametrize("given", [None, "", "two words", "x" * 65, "ein\tTab", 'quote"', "${jndi:x}"])
+def test_an_id_that_is_none_is_replaced(client, given):
+    response = client.get("/healthz", headers={} if given is None else {"X-Request-Id": given})
+    assert len(response.headers["x-request-id"]) == 32
+    assert response.headers["x-request-id"] != client.get("/healthz").headers["x-request-id"]
+
+
+def test_every_request_is_one_line(client, lines):
+    client.get("/v1/models?secret=1")
+    client.get("/v1/%0aforged line")
+    client.get("/healthz")  # which machines ask for all the time
+    first, second = (record.getMessage() for record in lines())
+    assert first.startswith("GET /v1/models 200 ")
+    assert "secret" not in first
+    assert "\n" not in second
+    assert second.startswith("GET /v1/%0aforged%20line 404 ")
+
+
+def test_lines_as_json(client, lines, web, eia):
+    form = logs._Json()
+    told = []
+    handler = logging.Handler()
+    handler.emit = lambda record: told.append(json.loads(form.format(record)))
+    logger = logging.getLogger("ciir")
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        answer = web.send(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+    assert {line["request_id"] for line in told} == {"r-1"}
+    access = next(line for line in told if line["logger"] == "ciir.access")
+    assert {name: access[name] for name in ("method", "path", "status", "bytes_out", "level")} == {
+        "method": "POST",
+        "path": "/v1/reconstructions",
+        "status": 200,
+        "bytes_out": len(answer.content),
+        "level": "INFO",
+    }
+    job = next(line for line in told if line["logger"] == "ciir.jobs")
+    assert answer.headers["x-reconstruction-id"] in job["message"]
+
+
+def test_what_nobody_foresaw_is_a_problem_with_an_id(client, web, eia, monkeypatch):
+    def broken(*_, **__):
+        raise KeyError("secret")
+
+    monkeypatch.setattr(client.engine.jobs, "submit", broken)
+    response = web.send(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-2"})
+    assert "secret" not in web.problem(response, 500, "log")
+    assert response.headers["x-request-id"] == "r-2"
+    assert response.headers["x-content-type-options"] == "nosniff"

@@ -1,0 +1,90 @@
+import re
+
+from ciir.errors import BadCard
+from ciir.models import catalogue
+
+
+def test_health(client):
+    assert client.get("/healthz").json() == {"status": "alive"}
+    assert client.get("/readyz").json() == {"status": "ready"}
+    for path in ("/healthz", "/readyz"):
+        head = client.head(path)
+        assert (head.status_code, head.headers["content-type"]) == (200, "application/json")
+
+
+def test_not_ready_while_models_are_loaded(web, eia, tmp_path):
+    with web.running(tmp_path) as client:
+        client.pool.is_ready = False
+        web.problem(client.get("/readyz"), 503, "loaded")
+        response = web.send(client, data=eia, lenses="6x9", model="none")
+        web.problem(response, 503, "again")
+        assert response.headers["retry-after"] == "1"
+        assert client.head("/readyz").status_code == 503
+        assert client.get("/healthz").status_code == 200
+        client.pool.is_ready = True
+        assert client.get("/readyz").status_code == 200
+        client.pool.is_ready = False  # workers are being replaced: jobs wait for that in the queue
+        web.problem(client.get("/readyz"), 503, "worker")
+        assert web.send(client, data=eia, lenses="6x9", model="none").status_code == 200
+
+
+def test_a_server_that_drains(web, eia, tmp_path):
+    with web.running(tmp_path) as client:
+        assert client.get("/readyz").status_code == 200
+        client.engine.drain()
+        web.problem(client.get("/readyz"), 503, "stopping")
+        web.problem(web.send(client, data=eia, lenses="6x9", model="none"), 503, "stopping", "again")
+        assert client.get("/healthz").status_code == 200
+
+
+def test_a_server_without_workers_takes_jobs_in(web, eia, tmp_path):
+    with web.running(tmp_path, workers=0, sync_seconds=0) as client:
+        assert client.get("/readyz").status_code == 200
+        response = web.send(client, data=eia, lenses="6x9", model="none")
+        assert (response.status_code, response.json()["state"]) == (202, "queued")
+        assert "ciir_queue_waiting 1.0" in client.get("/metrics").text
+
+
+def test_models(client, web, monkeypatch):
+    listed = client.get("/v1/models").json()
+    assert [model["name"] for model in listed] == catalogue.names()
+    assert {"name", "kind", "scales", "takes", "default", "card"} == set(listed[0])
+
+    def bad_card():
+        raise BadCard("/secret/path: broken")
+
+    monkeypatch.setattr("ciir.models.catalogue.entries", bad_card)
+    assert "secret" not in web.problem(client.get("/v1/models"), 500, "log")
+
+
+def test_metrics(web, samples, eia, tmp_path):
+    with web.running(tmp_path) as client:
+        for _ in range(2):
+            web.send(client, data=eia, lenses="6x9", model="bicubic")
+        web.send(client, data=b"nothing")
+        client.get("/v1/reconstructions/nothing/result")
+        client.request("HACK", "/")
+        response = client.get("/metrics")
+        assert response.headers["content-type"].startswith("text/plain; version=")
+        found = dict(line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#"))
+    route = 'method="POST",route="/v1/reconstructions"'
+    assert float(found[f'ciir_http_requests_total{{{route},status="200"}}']) == 2
+    assert float(found[f'ciir_http_requests_total{{{route},status="415"}}']) == 1
+    assert float(found[f"ciir_http_request_seconds_count{{{route}}}"]) == 3
+    assert 'ciir_http_requests_total{method="other",route="other",status="404"}' in found
+    assert 'ciir_http_requests_total{method="GET",route="/v1/reconstructions/{id}/result",status="404"}' in found
+    assert float(found['ciir_jobs_submitted_total{kind="accepted"}']) == 2
+    assert float(found['ciir_jobs_submitted_total{kind="known"}']) == 1
+    assert float(found['ciir_jobs_ended_total{status="200"}']) == 1
+    assert float(found['ciir_jobs_ended_total{status="415"}']) == 1
+    assert float(found["ciir_job_seconds_count"]) == 2
+    for stage in ("decode", "plan", "map", "upscale", "encode", "total"):
+        assert float(found[f'ciir_stage_seconds_total{{stage="{stage}"}}']) > 0
+    assert (float(found["ciir_queue_waiting"]), float(found["ciir_queue_running"])) == (0, 0)
+    assert (float(found["ciir_workers"]), float(found["ciir_workers_busy"])) == (2, 0)
+    assert float(found["ciir_http_received_bytes_total"]) > 2 * len(eia)
+    assert float(found["ciir_result_bytes_total"]) > 100
+    assert float(found["ciir_model_pixels_total"]) == 54
+    assert 'ciir_model_pixels_skipped_total{reason="plain"}' in found
+    assert float(found["process_resident_memory_bytes"]) > 1e6
+    assert not [name for name in found if re.search("[0-9a-f]{32}", name)]  # no label grows with the jobs

@@ -1,0 +1,314 @@
+"""Crops of light fields: turned as one, small and large in phase, spoilt as said, the same however they are made."""
+
+import itertools
+from collections import Counter
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+from PIL import Image
+
+from ciir.models.light_field.windows import axis
+from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
+from ciir.training.data.layered_scenes import LUMA
+from ciir.training.data.light_field_crops import BLOCKS, USES, ViewCrops, Window
+from ciir.training.loop.prefetch import batches
+from ciir.training.networks.plane_sweep import MOST, SIDE, PlaneSweep
+
+DISPARITY, PLANES = 0.75, 17
+RIGHT = round((DISPARITY + MOST) / (2 * MOST) * (PLANES - 1))
+OWN = SIDE**2 // 2
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Pictures whose details are of 10 texels."""
+    folder = tmp_path_factory.mktemp("textures")
+    for seed in range(3):
+        knots = torch.rand(1, 3, 18, 16, generator=torch.Generator().manual_seed(seed))
+        fine = torch.nn.functional.interpolate(knots, scale_factor=10, mode="bicubic", align_corners=False)
+        Image.fromarray(fine[0].clamp(0, 1).mul(255).byte().permute(1, 2, 0).numpy()).save(folder / f"{seed}.png")
+    return folder
+
+
+@pytest.fixture
+def flat(monkeypatch):
+    """Scenes of one flat sheet, of which crops have nothing strange."""
+    monkeypatch.setattr(layered_scenes, "LAYERS", (1, 1))
+    monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
+    monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
+    monkeypatch.setattr(
+        layered_scenes, "_places", lambda _, count, side: (torch.full((count, 1), DISPARITY), torch.zeros(count, 1, 2))
+    )
+
+
+@pytest.fixture
+def clean(monkeypatch):
+    for name, value in (("STRANGE", 0.0), ("NOISE", (0.0, 0.0)), ("GRAIN", (0.0, 0.0))):
+        monkeypatch.setattr(light_field_crops, name, value)
+
+
+def crops_of(folder, **given):
+    return ViewCrops(folder, **{"crop": 32, "scale": 2, "batch": 3, "seed": 1, "degradations": {"box": 1}} | given)
+
+
+def luma(image):
+    return torch.einsum("nchw,c->nhw", image, torch.tensor(LUMA))
+
+
+def same(one, other):
+    return all(torch.equal(a, b) for a, b in zip((*one[0], one[1]), (*other[0], other[1]), strict=True))
+
+
+def planes(around, rows, cols):
+    """The plane about which the views of each light field differ least."""
+    _, spread = PlaneSweep(PLANES)(around, rows, cols)
+    return spread[:, :, 5:-5, 5:-5].mean((2, 3)).argmin(1).tolist()
+
+
+class Drawn:
+    """A generator that gives what it is told."""
+
+    def __init__(self, *values):
+        self.values = list(values)
+
+    def random(self):
+        return self.values.pop(0)
+
+
+def test_shapes_and_range(folder):
+    crops = crops_of(folder, batch=2, degradations=dict.fromkeys(degrade.KINDS, 1))
+    for step in range(3):
+        (image, around, rows, cols), high = crops.at(step)
+        assert (image.shape, around.shape, high.shape) == ((2, 3, 16, 16), (2, 25, 16, 16), (2, 3, 32, 32))
+        assert rows.shape == cols.shape == (SIDE,)
+        for part in (image, around, high):
+            assert part.is_contiguous()
+            assert 0 <= part.min() < part.max() <= 1 + 1e-6  # a luma's weights make 1 but for rounding
+
+
+def test_a_step_is_the_same_whatever_came_before(folder):
+    crops = crops_of(folder)
+    wanted = crops.at(20)
+    assert same(crops_of(folder).at(20), wanted)
+    crops.at(3)
+    assert same(crops.at(20), wanted)
+    assert not same(crops.at(21), wanted)
+    assert not same(crops_of(folder, seed=2).at(20), wanted)
+
+
+@pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
+def test_turns_are_of_all_parts_alike(flat, turns):
+    """The sweep finds the sheet where it was, and the window's missing views, which hold noise, are still known."""
+    picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
+    picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
+    views, colours = layered_scenes.scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
+    image, around, high = degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
+    window = Window(*(torch.from_numpy(axis(*at).there) for at in ((1, 9), (7, 9))))
+    missing = ~(window.rows[:, None] * window.cols).bool().flatten()
+    around[:, missing] = torch.rand(2, 9, 24, 24, generator=torch.Generator().manual_seed(1))
+    assert planes(around, *window) == [RIGHT] * 2
+    (image, around, rows, cols), high = light_field_crops._turned(Drawn(*turns), image, around, high, window)
+    assert planes(around, rows, cols) == [RIGHT] * 2
+    torch.testing.assert_close(luma(image), around[:, OWN], atol=1 / 255, rtol=0)  # each is rounded to 8 bits
+    torch.testing.assert_close(degrade.box(high, 2), image, atol=1.01 / 255, rtol=0)
+    down, right, swapped = (turn < 0.5 for turn in turns)
+    first, last = [0, 1, 1, 1, 1], [1, 1, 1, 1, 0]
+    ends = [last if down else first, first if right else last]
+    assert [rows.tolist(), cols.tolist()] == (ends[::-1] if swapped else ends)
+
+
+def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
+    crops = crops_of(folder, crop=48, degradations=dict.fromkeys(degrade.KINDS, 1))
+    windows = set()
+    for step in range(16):
+        (_, around, rows, cols), _ = crops.at(step)
+        if rows.sum() > 3 and cols.sum() > 3:  # three views alone tell less sharply
+            assert planes(around, rows, cols) == [RIGHT] * 3
+        windows.add((*rows.tolist(), *cols.tolist()))
+    assert len(windows) > 3
+
+
+@pytest.mark.parametrize("kind", degrade.KINDS)
+def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
+    crops = crops_of(folder, degradations={kind: 1})
+    for step in range(8):
+        inputs, high = crops.at(step)
+        if kind == "point":  # of finer samples than the truth's
+            aligned = (degrade.box(high, 2) - inputs.image).abs().mean()
+            for shifted in (inputs.image.roll(1, 2), inputs.image.roll(1, 3)):
+                assert aligned < 0.3 * (degrade.box(high, 2) - shifted).abs().mean()
+            continue
+        made = {"box": degrade.box, "bicubic": degrade.bicubic}[kind](high, 2)
+        assert (made - inputs.image).abs().max() <= 1.01 / 255  # sums in another order may round otherwise
+
+
+@pytest.mark.parametrize("kind", degrade.KINDS)
+def test_small_and_truth_of_fine_samples(kind):
+    """The truth is the mean of 2x2 of them; a pinhole sees the middle of the 4x4 of its LR pixel."""
+    fine = torch.randint(0, 256, (3, 24, 32), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
+    low, high = light_field_crops._small(kind, fine)
+    cells = fine.numpy().reshape(3, 6, 4, 8, 4).astype(float)
+    wanted = fine.numpy().reshape(3, 12, 2, 16, 2).mean((2, 4))
+    np.testing.assert_allclose(high, wanted, atol=0.5)
+    if kind == "point":
+        np.testing.assert_allclose(low, cells[:, :, 1:3, :, 1:3].mean((2, 4)), atol=0.5)
+    else:
+        assert torch.equal(low, degrade.pair(kind, high, 2)[0])
+
+
+def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
+    crops = crops_of(folder, degradations=dict.fromkeys(degrade.KINDS, 1))
+    for step in range(6):
+        image, around, _ = crops._of_scenes(np.random.default_rng(step), step)
+        # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights
+        # add up to 1.5 without their signs. Where it overshoots colours are cut off one by one.
+        whole = ((image > 0) & (image < 1)).all(1)
+        assert (around[:, OWN] - luma(image))[whole].abs().max() < 4.1 / 255
+
+
+def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monkeypatch):
+    monkeypatch.setattr(light_field_crops, "STRANGE", 0.5)
+    monkeypatch.setattr(light_field_crops, "NOISE", (0.5, 0.1))
+    monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
+    crops = crops_of(folder)
+    for step in range(8):
+        (image, around, _, _), _ = crops.at(step)
+        torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
+        assert not torch.equal(around[:, OWN], around[:, 0])
+
+
+WHOLE = Window(*(torch.from_numpy(axis(4, 9).there),) * 2)
+OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
+
+
+def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
+    monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
+    grey = torch.full((4, 3, 40, 40), 0.5), torch.full((4, 25, 40, 40), 0.5)
+    image, around = light_field_crops._spoilt(np.random.default_rng(0), *grey, 1.0)
+    strength = image.std((1, 2, 3))
+    assert (strength.min() > 0.001, strength.max() < 0.105) == (True, True)
+    ratio = around[:, OTHERS].std((2, 3)) / strength[:, None]
+    assert (ratio / np.linalg.norm(LUMA) - 1).abs().max() < 0.15  # of 1600 samples each
+    noise = around[:, OTHERS].flatten(2) - 0.5
+    alike = torch.stack([torch.corrcoef(one) for one in noise]) - torch.eye(24)
+    assert alike.abs().max() < 0.15
+    assert all(torch.equal(a, b) for a, b in zip(grey, light_field_crops._spoilt(seeded(), *grey, 0.0), strict=True))
+
+
+def seeded():
+    return np.random.default_rng(0)
+
+
+def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
+    monkeypatch.setattr(light_field_crops, "STRANGE", 1.0)
+    level = torch.tensor([0.2, 0.5, 0.8])[:, None, None, None]
+    image, around = light_field_crops._spoilt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
+    assert torch.equal(image, level.expand(3, 3, 4, 4))
+    assert torch.equal(around[:, OTHERS], level.roll(1, 0).expand(3, 24, 4, 4))
+    torch.testing.assert_close(around[:, OWN], level[:, 0].expand(3, 4, 4))
+
+
+def test_windows_at_the_border_come_in_slowly(folder):
+    crops = crops_of(folder, eased=60)
+    whole = [all(part[1].all() for part in crops.at(step)[0][2:]) for step in range(60)]
+    assert all(whole[:3])
+    assert sum(whole[:20]) > sum(whole[40:])
+
+
+def test_threads_change_nothing_and_make_no_scene_twice(folder, monkeypatch):
+    made = Counter()
+    make = layered_scenes.scenes
+
+    def counting(random, *args, **kwargs):
+        made[str(random.bit_generator.state["state"]["state"])] += 1
+        return make(random, *args, **kwargs)
+
+    serial = crops_of(folder)
+    wanted = [serial.at(step) for step in range(4, 34)]
+    monkeypatch.setattr(layered_scenes, "scenes", counting)
+    found = list(batches(crops_of(folder).at, 4, 34, threads=8, ready=2 * USES))
+    assert all(same(one, other) for one, other in zip(found, wanted, strict=True))
+    assert set(made.values()) == {1}
+    assert len(made) == 33 // USES + 1
+
+
+def test_blocks_are_kept_whatever_the_order_of_the_steps_in_the_making(folder, monkeypatch):
+    """Backwards, of all that `batches` lets be made at once."""
+    made = []
+    nothing = torch.zeros(1), torch.zeros(1)
+    monkeypatch.setattr(layered_scenes, "scenes", lambda *args, **kwargs: made.append(0) or nothing)
+    crops, ahead = crops_of(folder), 2 * USES
+    for first in range(40):
+        for step in reversed(range(first, first + ahead + 1)):
+            crops._made(step // USES)
+    assert len(made) == (39 + ahead) // USES + 1
+    assert len(crops._blocks) == BLOCKS
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    file = tmp_path_factory.mktemp("mesh") / "a.obj"
+    file.write_text(TETRAHEDRON)
+    return file
+
+
+def test_light_fields_of_meshes(folder, mesh, clean, monkeypatch, capsys):
+    monkeypatch.setattr(mesh_views, "PICTURES", 2)
+    crops = crops_of(folder, meshes=[mesh], degradations={"lenslet": 1}, crop=64)
+    assert [tuple(field.high.shape) for field in crops.meshes] == [(3, 96, 96), (3, 192, 192)]
+    assert "left out" not in capsys.readouterr().err
+    shown = 0
+    for step in range(6):
+        (image, around, _, _), high = crops.at(step)
+        torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
+        mean, shifted = degrade.box(high, 2), degrade.box(high.roll(2, 3), 2)
+        if (around.flatten(1).std(1) > 0.02).all():
+            shown += 1
+            assert (mean - image).abs().mean() < 0.5 * (shifted - image).abs().mean()
+    assert shown
+
+
+def test_crops_larger_than_the_light_fields_of_meshes(folder, mesh, monkeypatch, capsys):
+    monkeypatch.setattr(mesh_views, "PICTURES", 2)
+    given = {"meshes": [mesh], "degradations": {"box": 1, "pinhole": 1}}
+    assert len(crops_of(folder, crop=98, **given).meshes) == 1
+    assert "1 of 2 light fields of meshes are left out: they are smaller than the crop of 98x98" in (
+        capsys.readouterr().err
+    )
+    monkeypatch.setattr(mesh_views, "read", None)  # nothing is rendered first
+    with pytest.raises(ValueError, match=r"for crops of up to 192 pixels, not 194; set a smaller one$"):
+        crops_of(folder, crop=194, **given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"degradations": {}}, "degradations: none given; give shares of bicubic, box, point"),
+        ({"degradations": {"box": 0}}, "share of box is 0; give a number above 0"),
+        ({"degradations": {"box": 1, "point": -1}}, "share of point is -1; give a number above 0"),
+        ({"degradations": {"box": float("nan")}}, "share of box is nan"),
+        ({"degradations": {"box": "much"}}, "share of box is 'much'"),
+        ({"degradations": {"sinc": 1}}, "no 'sinc' here; give bicubic, box, point$"),
+        ({"degradations": {"pinhole": 1}}, "no 'pinhole' here"),
+        ({"meshes": ["a.obj"], "degradations": {"bicubic-view": 1}}, "no 'bicubic-view' here; .*, pinhole, lenslet$"),
+        ({"meshes": ["a.obj"]}, "of no use without pinhole or lenslet; add a share"),
+        ({"scale": 4}, "scale is 4; light fields are upscaled by 2: give that"),
+        ({"crop": 33}, "a crop of 33 pixels is not a multiple of the scale 2"),
+    ],
+)
+def test_what_can_not_be(folder, given, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        crops_of(folder, **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_pictures_smaller_than_a_texture_are_no_use(tmp_path):
+    Image.new("RGB", (layered_scenes.TEXTURE, layered_scenes.TEXTURE - 1)).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match="no picture is as large as 160x160; name others"):
+        crops_of(tmp_path)
+    Image.new("RGB", (layered_scenes.TEXTURE, layered_scenes.TEXTURE), "red").save(tmp_path / "b.png")
+    assert len(crops_of(tmp_path).pictures) == 1

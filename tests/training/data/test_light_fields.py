@@ -1,0 +1,115 @@
+"""Folders of views for validation and evaluation: what is read, made small, and refused."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+from PIL import Image
+
+from ciir.training.data import degrade, light_fields
+from ciir.training.data.light_fields import LEAST, degraded, read
+
+
+def views(down, across, height=LEAST, width=LEAST + 2):
+    return np.random.default_rng(0).integers(0, 256, (down, across, height, width, 3), np.uint8)
+
+
+def save(folder, pixels, name="view_{v:02d}_{u:02d}"):
+    folder.mkdir()
+    for v, row in enumerate(pixels):
+        for u, picture in enumerate(row):
+            Image.fromarray(picture).save(folder / f"{name.format(v=v, u=u)}.png")
+    return folder
+
+
+def test_views_stand_where_their_names_say(tmp_path):
+    pixels = views(3, 4)
+    np.testing.assert_array_equal(read(save(tmp_path / "a", pixels)), pixels)
+
+
+@pytest.mark.parametrize(("grid", "part"), [((3, 3), np.s_[1:4, 1:4]), ((1, 2), np.s_[2:3, 1:3])])
+def test_the_middle_ones_of_more(tmp_path, grid, part):
+    pixels = views(5, 5)
+    np.testing.assert_array_equal(read(save(tmp_path / "a", pixels), grid=grid), pixels[part])
+
+
+def test_grey_views_become_rgb(tmp_path):
+    pixels = views(2, 2)[..., 0]
+    found = read(save(tmp_path / "a", pixels))
+    np.testing.assert_array_equal(found, pixels[..., None].repeat(3, axis=-1))
+    assert found.flags.c_contiguous
+
+
+@pytest.mark.parametrize("kind", degrade.KINDS)
+def test_each_view_is_made_small_as_a_photograph(kind):
+    pixels = views(2, 3, 19, 26)
+    low, high = degraded(pixels, kind, 2)
+    for v in range(2):
+        for u in range(3):
+            wanted = degrade.pair(kind, torch.from_numpy(pixels[v, u]).permute(2, 0, 1), 2)
+            for got, want in zip((low, high), wanted, strict=True):
+                np.testing.assert_array_equal(got[v, u], want.permute(1, 2, 0))
+
+
+def refused(folder, **options):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are the tests'
+        read(folder, **options)
+    said = str(caught.value)
+    assert "\n" not in said
+    assert said.count(str(folder)) == 1
+    assert said.startswith(f"{folder}: ")
+    return said
+
+
+def test_what_names_do_not_tell(tmp_path):
+    """The service's `pixels` is no option here."""
+    said = refused(save(tmp_path / "a", views(1, 5), name="picture{u}x"))
+    assert "5 pictures whose names don't tell their place" in said
+    assert said.endswith("name them view_VV_UU.png by row and column, or take out those that are no views")
+    assert "give pixels" not in said
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda a: (a / "view_01_01.png").unlink(), "no view \\(1, 1\\); add it"),
+        (lambda a: (a / "view_01_01.png").write_bytes(b"x"), "view_01_01.png: not a picture"),
+        (lambda a: Image.new("RGB", (9, 9)).save(a / "view_01_01.png"), "make all views alike"),
+        (lambda a: Image.new("RGB", (9, 9)).save(a / "truth.png"), "truth.png is not; take it out of the set"),
+        (lambda a: [path.unlink() for path in a.iterdir()], "holds neither a mesh nor pictures"),
+        (lambda a: [path.unlink() for path in a.iterdir() if "00_00" not in path.name], "no set of views; name"),
+    ],
+)
+def test_a_folder_at_fault_is_named(tmp_path, spoil, message):
+    folder = save(tmp_path / "a", views(2, 3))
+    spoil(folder)
+    with pytest.raises(ValueError, match=message):
+        read(folder)
+    refused(folder)
+
+
+def test_no_folder(tmp_path):
+    assert "no such folder; name a folder of pictures" in refused(tmp_path / "gone")
+    Image.new("RGB", (40, 40)).save(tmp_path / "a.png")
+    assert "no such folder" in refused(tmp_path / "a.png")
+
+
+def test_views_too_small_or_of_a_kind_that_is_not_read(tmp_path):
+    small = f"views of {LEAST - 1}x{LEAST} pixels; at least {LEAST}x{LEAST} are of use: name larger views"
+    assert small in refused(save(tmp_path / "small", views(3, 3, LEAST - 1, LEAST)))
+    clear = np.concatenate([views(2, 2), views(2, 2)[..., :1]], axis=-1)
+    assert "views of 4 channels, uint8; give 8-bit grey or RGB" in refused(save(tmp_path / "clear", clear))
+    deep = views(2, 2)[..., 0].astype(np.uint16)
+    assert "views of 1 channels, uint16" in refused(save(tmp_path / "deep", deep))
+
+
+def test_fewer_views_than_are_asked_for(tmp_path):
+    folder = save(tmp_path / "a", views(3, 4))
+    assert "3x4 views; --grid 4x4 asks for more: give fewer" in refused(folder, grid=(4, 4))
+
+
+def test_the_least_size_serves_every_way_of_making_small():
+    for kind in degrade.KINDS:
+        low, _ = degraded(views(1, 2, light_fields.LEAST, light_fields.LEAST), kind, 4)
+        assert low.shape[0:2] == (1, 2)

@@ -1,0 +1,104 @@
+"""Views of meshes as training pairs."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs torch, of the training extra")
+import torch
+from PIL import Image
+
+from ciir.models.light_field.windows import axis
+from ciir.renderer.scenes import scene
+from ciir.training.data import mesh_views
+from ciir.training.data.crops import Crops
+from ciir.training.data.layered_scenes import LUMA
+from ciir.training.data.mesh_views import LENSES, pairs, read, turned, window
+from ciir.training.networks.plane_sweep import PlaneSweep
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    file = tmp_path_factory.mktemp("mesh") / "a.obj"
+    file.write_text(TETRAHEDRON)
+    return file
+
+
+@pytest.mark.parametrize(("index", "scale"), [(0, 2), (1, 2), (2, 2), (1, 4)])
+def test_the_truth_lies_where_the_views_say(index, scale):
+    """For each size of array: cell means of the truth are the lenslets' views, and not those of a lens further."""
+    (pinhole, truth), (lenslet, same) = pairs(scene("globe"), seed=4, index=index, scale=scale)
+    assert same is truth
+    assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (96 * scale, 96 * scale, 3))
+    mean = truth.reshape(96, scale, 96, scale, 3).mean((1, 3))
+    aligned = np.abs(lenslet - mean).mean()
+    for shifted in (np.roll(mean, 1, 0), np.roll(mean, 1, 1)):
+        assert np.abs(lenslet - shifted).mean() > 3 * aligned
+    assert np.abs(pinhole - mean).mean() > aligned
+    assert (truth != truth[0, 0]).any(axis=2).mean() > 0.1  # the object shows
+
+
+def test_small_views_lie_side_by_side():
+    """A view of a 24x24 array is what that array alone sees: each cell holds an object of its own."""
+    _, (lenslet, _) = pairs(scene("vase"), seed=1, index=0, scale=2)
+    cells = lenslet.reshape(4, LENSES[0], 4, LENSES[0], 3).swapaxes(1, 2).reshape(16, -1, 3)
+    shown = (cells != lenslet[0, 0]).any(axis=2).mean(axis=1)
+    assert shown.min() > 0.02
+    assert len({cell.tobytes() for cell in cells}) > 8  # of 225 views 16 are drawn
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
+    """Rows of views down, columns across, both growing the same way: in any other order the views agree less."""
+    field = window(scene("vase"), seed=2, index=index)
+    side = LENSES[1 + index]
+    assert field.high.shape == (3, 2 * side, 2 * side)
+    there, sweep = torch.from_numpy(axis(2, 5).there), PlaneSweep(33)
+    for kind in ("pinhole", "lenslet"):
+        assert (field.views[kind].shape, field.colours[kind].shape) == ((25, side, side), (3, side, side))
+        luma = torch.einsum("chw,c->hw", field.colours[kind].float(), torch.tensor(LUMA))
+        assert (field.views[kind][12] - luma).abs().max() <= 0.51  # is rounded
+        grid = field.views[kind].float().div(255).reshape(5, 5, side, side)
+        orders = (grid, grid.flip(0), grid.flip(1), grid.transpose(0, 1))
+        spreads = [sweep(views.reshape(1, 25, side, side), there, there)[1].amin(1) for views in orders]
+        right, *wrong = [float((spread - spread.min()).mean()) for spread in spreads]  # over that of one flat colour
+        assert right < 0.6 * min(wrong)
+    mean = field.high.float().reshape(3, side, 2, side, 2).mean((2, 4))
+    aligned = (field.colours["lenslet"] - mean).abs().mean()
+    for axis_of in (1, 2):
+        assert (field.colours["lenslet"] - mean.roll(1, axis_of)).abs().mean() > 3 * aligned
+
+
+def test_a_picture_depends_on_its_number_alone(mesh):
+    one, again, other = (pairs(read(mesh), seed=1, index=index, scale=2) for index in (3, 3, 4))
+    np.testing.assert_array_equal(one[0][1], again[0][1])
+    assert not np.array_equal(one[0][1], other[0][1])
+
+
+def test_turns_are_rotations():
+    matrix = turned(np.random.default_rng(0))[:3, :3]
+    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+    assert matrix[1, 1] >= np.cos(mesh_views.TILT)
+
+
+def test_views_of_meshes_join_those_of_scenes(tmp_path, mesh, monkeypatch):
+    monkeypatch.setattr(mesh_views, "PICTURES", 3)
+    Image.fromarray(np.zeros((40, 40, 3), np.uint8)).save(tmp_path / "a.png")
+    given = {"crop": 32, "scale": 2, "batch": 2, "seed": 0, "degradations": {"bicubic": 1, "pinhole": 1, "lenslet": 1}}
+    crops = Crops(tmp_path, scenes=1, meshes=[mesh], **given)
+    assert [len(group) for group in crops.groups] == [1, 4, 4]
+    low, high = crops.at(0)
+    assert (low.shape, high.shape) == ((2, 3, 16, 16), (2, 3, 32, 32))
+
+
+def test_files_that_are_no_mesh(tmp_path, capsys):
+    Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match=r"a\.png: holds pictures, not a mesh"):
+        read(tmp_path / "a.png")
+    with pytest.raises(ValueError, match=r"gone\.obj"):
+        read(tmp_path / "gone.obj")
+    (tmp_path / "b.obj").write_text("mtllib none.mtl\n" + TETRAHEDRON)
+    read(tmp_path / "b.obj")
+    assert "none.mtl" in capsys.readouterr().err

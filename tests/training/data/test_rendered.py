@@ -1,0 +1,75 @@
+"""Pairs of rendered views: the same each time, aligned, and what each kind of array sees."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs torch, of the training extra")
+
+from ciir.training.data import degrade, rendered
+from ciir.training.data.crops import Crops
+
+SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
+PICTURES = [np.random.default_rng(i).integers(0, 256, (120, 90, 3), dtype=np.uint8) for i in range(3)]
+
+
+def test_a_scene_depends_on_its_number_alone():
+    one, again, other = (rendered.pairs(PICTURES, seed=1, index=index) for index in (5, 5, 6))
+    for first, second in zip(one, again, strict=True):
+        np.testing.assert_array_equal(first[0], second[0])
+        np.testing.assert_array_equal(first[1], second[1])
+    assert not np.array_equal(one[0][1], other[0][1])
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_the_truth_lies_where_the_views_say(index):
+    (pinhole, truth), (lenslet, same) = rendered.pairs(PICTURES, seed=2, index=index)
+    assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (192, 192, 3))
+    assert same is truth
+    mean = truth.reshape(96, 2, 96, 2, 3).mean((1, 3))
+    # A lens of the coarse array covers 2x2 of the fine one; 16 samples of it against 64 differ at edges alone.
+    aligned = np.abs(lenslet - mean).mean()
+    assert aligned < 1.0
+    for shifted in (np.roll(mean, 1, 0), np.roll(mean, 1, 1)):
+        assert np.abs(lenslet - shifted).mean() > 3 * aligned
+    assert np.abs(pinhole - mean).mean() > aligned
+
+
+def test_crops_mix_photographs_and_views(tmp_path):
+    from PIL import Image
+
+    for index, picture in enumerate(PICTURES):
+        Image.fromarray(picture).save(tmp_path / f"{index}.png")
+    crops = Crops(tmp_path, crop=32, scale=2, batch=8, seed=0, scenes=2, degradations=SHARES)
+    assert [len(group) for group in crops.groups] == [3, 2, 2]
+    assert crops.shares.tolist() == [0.5, 0.25, 0.25]
+    low, high = crops.at(7)
+    assert (low.shape, high.shape) == ((8, 3, 16, 16), (8, 3, 32, 32))
+    assert all((a == b).all() for a, b in zip(crops.at(7), (low, high), strict=True))
+
+
+def test_the_truth_of_scale_4():
+    """Its 4x4 cells' mean is the lenslets' picture, as at scale 2; both scales see the same scene."""
+    (pinhole, truth), (lenslet, _) = rendered.pairs(PICTURES, seed=2, index=0, scale=4)
+    assert truth.shape == (384, 384, 3)
+    assert np.abs(lenslet - truth.reshape(96, 4, 96, 4, 3).mean((1, 3))).mean() < 1.0
+    np.testing.assert_array_equal(pinhole, rendered.pairs(PICTURES, seed=2, index=0)[0][0])
+
+
+def test_crops_larger_than_what_is_rendered(tmp_path):
+    from PIL import Image
+
+    Image.fromarray(np.zeros((300, 300, 3), np.uint8)).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match="rendered for crops up to 192 pixels, not 194"):
+        Crops(tmp_path, crop=194, scale=2, batch=1, seed=0, scenes=1, degradations=SHARES)
+
+
+def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
+    """The whole of it, so that nothing but rounding stands between LR and the bicubic LR of HR."""
+    from PIL import Image
+
+    Image.fromarray(PICTURES[0]).save(tmp_path / "a.png")
+    crops = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"bicubic-view": 1})
+    low, high = crops.at(0)
+    assert ((degrade.bicubic(high, 2) - low).abs() * 255).max() <= 1.01
+    pinhole, _ = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"pinhole": 1}).at(0)
+    assert ((pinhole - low).abs() * 255).max() > 10

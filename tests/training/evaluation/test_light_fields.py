@@ -1,0 +1,138 @@
+"""BasicLFSR's protocol on folders of views: what is scored, by which model, and what can't be."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+from PIL import Image
+
+from ciir import models
+from ciir.models.catalogue import SHIPPED
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.single.interpolation import Nearest
+from ciir.training.evaluation import light_fields
+from ciir.training.evaluation.light_fields import evaluate, score
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SIDE = 24
+
+
+def save(folder: Path, views: dict[tuple[int, int], np.ndarray]) -> Path:
+    folder.mkdir(exist_ok=True)
+    for (v, u), pixels in views.items():
+        Image.fromarray(pixels).save(folder / f"view_{v:02d}_{u:02d}.png")
+    return folder
+
+
+def field(down: int, across: int) -> dict[tuple[int, int], np.ndarray]:
+    """Views of flat 2x2 cells: what is made small by their mean comes back whole from the nearest pixel."""
+    random = np.random.default_rng(0)
+    small = random.integers(0, 255, (down, across, SIDE // 2, SIDE // 2, 3), np.uint8)
+    return {(v, u): small[v, u].repeat(2, axis=0).repeat(2, axis=1) for v in range(down) for u in range(across)}
+
+
+class Told(LightFieldNetwork):
+    """A stand-in for a network: repeats each view's pixels, and notes in what window it stood."""
+
+    name, scale, radius, threads = "told", 2, 0, 1
+
+    def __init__(self):
+        self.windows = []
+
+    def __call__(self, image, around, rows, cols, *, cores=None):
+        self.windows.append((around, rows, cols))
+        return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
+
+
+@pytest.mark.parametrize("network", [Nearest(2), Told()])
+def test_a_known_error(tmp_path, network):
+    """Of 5x6 views the middle 3x4: cells of 2x2 grey pixels, of which one is 4k levels lighter, and so their mean k.
+
+    Squares of -k, -k, -k and 3k are 3k^2 in the mean, (219/255)^2 of that on Y's studio range. Scores are means in dB.
+    """
+    steps = {(v, u): 1 + (v + u) % 2 if 1 <= v < 4 and 1 <= u < 5 else 9 for v, u in field(5, 6)}
+    views = {place: pixels[..., :1].repeat(3, axis=2) // 2 for place, pixels in field(5, 6).items()}
+    for place, step in steps.items():
+        views[place][::2, ::2] += np.uint8(4 * step)
+    found = score(network, save(tmp_path / "shelf", views), grid=(3, 4), degradation="box")
+    wanted = [10 * np.log10(255**4 / 219**2 / (3 * step**2)) for step in (1, 2)]
+    assert (found.data, found.pictures) == ("shelf 3x4 (box)", 12)
+    assert found.psnr == pytest.approx(np.mean(wanted), abs=1e-4)
+    assert 0.9 < found.ssim < 1
+
+
+def test_views_outside_the_grid_play_no_part(tmp_path):
+    network, views = Told(), field(5, 5)
+    score(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
+    assert len(network.windows) == 9
+    (around, rows, cols), middle = network.windows[0], network.windows[4]
+    np.testing.assert_array_equal(rows, [0, 0, 1, 1, 1])
+    np.testing.assert_array_equal(cols, rows)
+    np.testing.assert_array_equal(middle[1], [0, 1, 1, 1, 0])
+    luma = views[1, 1][::2, ::2] @ np.array([0.299, 0.587, 0.114]) / 255
+    np.testing.assert_allclose(around[0, 12], luma, atol=1e-6)
+
+
+def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
+    folder = save(tmp_path / "v", field(3, 3))
+    by_name = evaluate("paper", folder, grid=(3, 3), degradation="box")
+    assert by_name == evaluate(str(SHIPPED / "paper.json"), folder, grid=(3, 3), degradation="box")
+    assert by_name == score(models.load("paper"), folder, grid=(3, 3), degradation="box")
+    with pytest.raises(models.UnknownModel):
+        evaluate("fancy", folder)
+    with pytest.raises(models.UnsupportedScale):
+        evaluate("fast", folder, scale=4)
+    with pytest.raises(models.UnsupportedScale, match="paper upscales by 2, not 4"):
+        evaluate(str(SHIPPED / "paper.json"), folder, scale=4)
+    assert evaluate("bicubic", folder, grid=(3, 3), scale=3).pictures == 9
+
+
+def test_too_few_views_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="--grid 2x3: told takes 3x3 views or more; give those"):
+        score(Told(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
+
+
+def refused(folder: Path, **options) -> str:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are the tests'
+        score(Nearest(2), folder, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_missing_view(tmp_path):
+    views = field(3, 3)
+    del views[1, 2]
+    assert "no view (1, 2); add it" in refused(save(tmp_path / "v", views))
+
+
+def test_views_of_unequal_sizes(tmp_path):
+    views = field(3, 3)
+    views[2, 0] = views[2, 0][:-2]
+    assert "make all views alike" in refused(save(tmp_path / "v", views))
+
+
+def test_a_wrong_count(tmp_path):
+    (tmp_path / "v").mkdir()
+    for number, pixels in enumerate(field(2, 4).values()):
+        Image.fromarray(pixels).save(tmp_path / "v" / f"{'abcdefgh'[number]}.png")
+    assert "no square of them" in refused(tmp_path / "v")
+    assert "3x3 views; --grid 5x5 asks for more" in refused(save(tmp_path / "w", field(3, 3)))
+
+
+def test_what_is_no_set_of_views(tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert refused(tmp_path / "empty")
+    assert "no set of views" in refused(save(tmp_path / "one", field(1, 1)), grid=(1, 1))
+    small = {place: pixels[:12, :12] for place, pixels in field(3, 3).items()}
+    assert "name larger views" in refused(save(tmp_path / "small", small), grid=(3, 3))
+    assert "no 'blur' here" in refused(save(tmp_path / "v", field(3, 3)), grid=(3, 3), degradation="blur")
+
+
+def test_the_protocol_is_that_of_the_default_grid():
+    assert f"central {light_fields.GRID[0]}x{light_fields.GRID[1]}" in light_fields.PROTOCOL

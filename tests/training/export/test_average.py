@@ -1,0 +1,43 @@
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the training extra")
+
+from ciir.training.export import average
+from ciir.training.loop import checkpoints
+
+
+def checkpoint(path, value, network="compact"):
+    weights = {"w": torch.full((2, 2), value), "count": torch.tensor(7)}
+    recipe = {"network": network, "options": {}, "name": "x"}
+    state = {
+        "network": weights,
+        "raw": weights,
+        "optimiser": {},
+        "step": 5,
+        "recipe": recipe,
+        "commit": "c",
+        "seconds": 1.0,
+    }
+    checkpoints.save(path, state)
+    return path
+
+
+def test_weights_are_the_mean_and_the_recipe_says_so(tmp_path):
+    paths = [checkpoint(tmp_path / f"{value}.pt", value) for value in (1.0, 2.0, 6.0)]
+    average.average(paths, tmp_path / "mean" / "m.pt")
+    state = checkpoints.read(tmp_path / "mean" / "m.pt")
+    assert torch.equal(state["network"]["w"], torch.full((2, 2), 3.0))
+    assert state["network"]["count"] == 7
+    assert state["recipe"]["averaged"] == [path.as_posix() for path in paths]
+
+
+def test_faults_are_one_line(tmp_path):
+    one = checkpoint(tmp_path / "a.pt", 1.0)
+    other = checkpoint(tmp_path / "b.pt", 1.0, network="lite")
+    with pytest.raises(ValueError, match="give two or more"):
+        average.average([one], tmp_path / "m.pt")
+    with pytest.raises(ValueError, match="give legs of one network"):
+        average.average([one, other], tmp_path / "m.pt")
+    with pytest.raises(SystemExit, match=r"average: .*gone"):
+        average.main([str(one), str(tmp_path / "gone.pt"), "-o", str(tmp_path / "m.pt")])
+    assert not (tmp_path / "m.pt").exists()

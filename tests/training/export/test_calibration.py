@@ -1,0 +1,69 @@
+"""What int8 networks are calibrated on: each picture with its truth, under the names of a network's inputs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+from PIL import Image
+
+from ciir.models.light_field.windows import axis
+from ciir.training.data import mesh_views
+from ciir.training.data.layered_scenes import LUMA, TEXTURE
+from ciir.training.export import calibration
+from ciir.training.export.calibration import Example
+
+
+@pytest.fixture(autouse=True)
+def one_scene(monkeypatch):
+    """Rendering all of them takes 20 seconds."""
+    monkeypatch.setattr(calibration, "SCENES", ["vase"])
+    monkeypatch.setattr(calibration, "VIEWS", 1)
+    monkeypatch.setattr(calibration, "FIELDS", 1)
+    monkeypatch.setattr(calibration, "DRAWN", 2)
+    monkeypatch.setattr(calibration, "SIDE", 16)
+
+
+def check(example: Example) -> None:
+    image = example.inputs["image"]
+    assert image.dtype == np.float32
+    assert (example.high.dtype, example.high.shape) == (np.uint8, (2 * image.shape[2], 2 * image.shape[3], 3))
+    assert 0 <= image.min() <= image.max() <= 1
+
+
+def test_pictures(recipe):
+    found = calibration.pairs([Path(recipe.train)], 2)
+    assert [one.inputs["image"].shape[2:] for one in found[:3]] == [(16, 16), (16, 16), (5, 5)]  # bicubic, box, point
+    assert len(found) == 3 + 2
+    for one in found:
+        assert one.inputs.keys() == {"image"}
+        check(one)
+
+
+def test_light_fields(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (TEXTURE, TEXTURE, 3), np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "texture.png")
+    found = calibration.fields([tmp_path], 2)
+    assert len(found) == 2 * calibration.TOGETHER + 2
+    for one in found:
+        assert list(one.inputs) == ["image", "around", "rows", "cols"]
+        check(one)
+        image, around, rows, cols = one.inputs.values()
+        assert around.shape == (1, 25, *image.shape[2:])
+        assert around.dtype == rows.dtype == cols.dtype == np.float32
+        np.testing.assert_allclose(around[0, 12], np.tensordot(LUMA, image[0], 1), atol=0.6 / 255)  # one is in 8 bits
+    drawn = found[: 2 * calibration.TOGETHER]
+    assert len({one.high.tobytes() for one in drawn}) == len(drawn)
+    rendered = found[-1]
+    np.testing.assert_array_equal(rendered.inputs["rows"], axis(2, 5).there)
+    seen = mesh_views.window(calibration.scene("vase"), seed=0, index=0)
+    np.testing.assert_array_equal(rendered.high, seen.high.permute(1, 2, 0))
+    np.testing.assert_array_equal(rendered.inputs["around"][0] * 255, seen.views["lenslet"])
+
+
+def test_no_picture_that_serves(recipe, tmp_path):
+    with pytest.raises(ValueError, match="no picture in it"):
+        calibration.pairs([tmp_path], 2)
+    with pytest.raises(ValueError, match="no picture is as large as"):
+        calibration.fields([Path(recipe.train)], 2)

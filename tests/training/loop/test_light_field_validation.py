@@ -1,0 +1,69 @@
+"""What a light-field network is given for a view while it is validated, and its score."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+from PIL import Image
+from torch import nn
+
+from ciir.training.data import degrade
+from ciir.training.data.layered_scenes import LUMA
+from ciir.training.data.light_fields import Pair, degraded
+from ciir.training.loop import light_field_validation
+
+
+@pytest.mark.parametrize(("grid", "at"), [((5, 5), (2, 2)), ((7, 3), (0, 2)), ((3, 6), (1, 4))])
+def test_a_window_holds_the_views_around(grid, at):
+    """Each in the slot of its offset, row by row; beyond the border the view itself, and a 0 that says so."""
+    low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
+    image, around, rows, cols = light_field_validation.window(low, *at)
+    assert (image.shape, around.shape, rows.shape, cols.shape) == ((1, 3, 6, 8), (1, 25, 6, 8), (5,), (5,))
+    np.testing.assert_allclose(image[0].permute(1, 2, 0) * 255, low[at], atol=1e-4)
+    for slot, luma in enumerate(around[0]):
+        v, u = slot // 5, slot % 5
+        row, col = at[0] + v - 2, at[1] + u - 2
+        assert (rows[v], cols[u]) == (0 <= row < grid[0], 0 <= col < grid[1])
+        seen = low[row if rows[v] else at[0], col if cols[u] else at[1]]
+        np.testing.assert_allclose(luma * 255, seen @ np.array(LUMA), atol=1e-3)  # float32 of numbers up to 255
+
+
+def test_the_middle_of_a_folder_is_made_small_in_each_way(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (7, 6, 20, 16, 3), np.uint8)
+    for v in range(7):
+        for u in range(6):
+            Image.fromarray(pixels[v, u]).save(tmp_path / f"view_{v}_{u}.png")
+    found = light_field_validation.fields(tmp_path, 2)
+    assert len(found) == len(degrade.KINDS)
+    for kind, pair in zip(degrade.KINDS, found, strict=True):
+        wanted = degraded(pixels[1:6, 1:6], kind, 2)
+        assert all(np.array_equal(got, want) for got, want in zip(pair, wanted, strict=True))
+
+
+class Nearest(nn.Module):
+    """Each pixel of the view four times, and `error` levels more in one of the four."""
+
+    def __init__(self, error):
+        super().__init__()
+        self.error = nn.Parameter(torch.tensor(float(error)))
+
+    def forward(self, image, around, rows, cols):
+        assert not self.training
+        assert torch.equal(rows, cols)
+        made = image.repeat_interleave(2, 2).repeat_interleave(2, 3)
+        made[..., ::2, ::2] += self.error / 255
+        return made
+
+
+def test_a_known_error_in_the_middle_view():
+    """Grey: a quarter of the pixels off by e levels is e^2/4 in the mean, (219/255)^2 of that on Y's studio range."""
+    low = np.random.default_rng(0).integers(0, 200, (3, 3, 12, 12, 1), np.uint8).repeat(3, axis=-1)
+    pair = Pair(low, low.repeat(2, axis=2).repeat(2, axis=3))
+    pair.high[:, :, :2], pair.high[:, :, :, -2:] = 0, 255  # a border of 2 is cut
+    network = Nearest(4).train()
+    other = Pair(low, np.clip(pair.high.astype(int) + 1, 0, 255).astype(np.uint8))  # 3, and three times -1: 12/4
+    wanted = [10 * np.log10(255**4 / 219**2 / square) for square in (4, 3)]
+    assert light_field_validation.validate(network, [pair]) == pytest.approx(wanted[0], abs=1e-3)
+    assert light_field_validation.validate(network, [pair, other]) == pytest.approx(np.mean(wanted), abs=1e-3)
+    assert network.training

@@ -1,0 +1,122 @@
+import sys
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the training extra")
+
+from PIL import Image
+
+from ciir.training.loop import logs, plot
+from ciir.training.loop.progress import Progress
+
+
+def row(step, **losses):
+    return {"step": step, "loss": 0.5, **losses, "learning_rate": 1e-3, "psnr": 30.0 + step, "seconds": 2.0 * step} | {
+        "seconds_per_step": 0.25
+    }
+
+
+@pytest.fixture
+def events():
+    """The scalars in a folder of TensorBoard's, as name -> steps."""
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+
+    def read(folder):
+        found = accumulator.EventAccumulator(str(folder)).Reload()
+        return {name: [event.step for event in found.Scalars(name)] for name in found.Tags()["scalars"]}
+
+    return read
+
+
+def test_means_over_steps():
+    means = logs.Means()
+    for value in (1.0, 2.0, 6.0):
+        means.add({"loss": torch.tensor(value), "judge": value})
+    assert means.take() == {"loss": 3.0, "judge": 3.0}
+    means.add({"loss": torch.tensor(4.0)})
+    assert means.take() == {"loss": 4.0}
+
+
+def test_a_row_is_in_the_csv_in_tensorboard_and_in_the_picture(tmp_path, events):
+    log = logs.Log(tmp_path, title="a", step=0)
+    log.add(row(2, l1=0.5))
+    log.add(row(4, l1=0.25))
+    text = (tmp_path / "log.csv").read_text().splitlines()
+    assert text[0] == "step,loss,l1,learning_rate,psnr,seconds,seconds_per_step"
+    assert text[2] == "4,0.5,0.25,0.001,34,8,0.25"
+    assert logs.read(tmp_path / "log.csv") == [row(2, l1=0.5), row(4, l1=0.25)]
+    with Image.open(tmp_path / "curve.png") as picture:
+        assert picture.size == (900, 700)
+    found = events(tmp_path / "tensorboard")
+    assert found["losses/l1"] == found["psnr"] == [2, 4]
+
+
+def test_rows_after_the_checkpoint_are_dropped(tmp_path, events):
+    log = logs.Log(tmp_path, title="a", step=0)
+    for step in (2, 4, 6):
+        log.add(row(step))
+    log = logs.Log(tmp_path, title="a", step=4)
+    log.add(row(5))
+    log.add(row(6))
+    assert [r["step"] for r in logs.read(tmp_path / "log.csv")] == [2, 4, 5, 6]
+    assert events(tmp_path / "tensorboard")["psnr"] == [2, 4, 5, 6]
+
+
+def test_a_log_of_the_first_loop_is_continued(tmp_path):
+    (tmp_path / "log.csv").write_text("step,loss,learning_rate,psnr,seconds\r\n500,0.015,0.001,34.5,60.1\r\n")
+    log = logs.Log(tmp_path, title="a", step=500)
+    log.add(row(1000, l1=0.5))
+    assert (tmp_path / "log.csv").read_text().splitlines() == [
+        "step,loss,l1,learning_rate,psnr,seconds,seconds_per_step",
+        "500,0.015,,0.001,34.5,60.1,",
+        "1000,0.5,0.5,0.001,1030,2000,0.25",
+    ]
+
+
+@pytest.mark.parametrize("text", ["mine\n", "a,b\n1,2\n", "step,psnr\n1,x\n", "step,psnr\n1,2,3\n"])
+def test_a_file_that_is_no_log(tmp_path, text):
+    (tmp_path / "log.csv").write_text(text)
+    if text == "mine\n":  # a header and no row
+        assert logs.read(tmp_path / "log.csv") == []
+        return
+    with pytest.raises(ValueError, match=r"log\.csv: not the log of a run; move it away"):
+        logs.Log(tmp_path, title="a", step=9)
+
+
+@pytest.mark.parametrize(("package", "file"), [("tensorboard", "tensorboard"), ("matplotlib", "curve.png")])
+def test_a_missing_package_costs_its_file_and_is_told_once(tmp_path, monkeypatch, capsys, package, file):
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    log = logs.Log(tmp_path, title="a", step=0)
+    log.add(row(1))
+    log.add(row(2))
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert f"no {file}: the package {package}" in told
+    assert len(logs.read(tmp_path / "log.csv")) == 2
+    assert not (tmp_path / file).exists()
+
+
+def test_a_curve_of_one_point_and_of_negative_losses():
+    assert plot.draw([row(1, hinge=-0.5)], ["loss", "hinge"], "a").startswith(b"\x89PNG")
+
+
+def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):
+    with Progress(10, 110, 30.0) as progress:
+        progress.step(0.5)
+        progress.step(None)
+        progress.validated(60, loss=0.25, psnr=33.333, pace=2.4)
+    assert capsys.readouterr().err == "step 60 of 110: loss 0.25, PSNR 33.33 dB, 2.4 s a step, 02:00 left\n"
+
+
+def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with Progress(0, 2, 30.0) as progress:
+        progress.step(0.5)
+        progress.step(0.25)
+        progress.validated(2, loss=0.25, psnr=33.333, pace=2.4)
+    told = capsys.readouterr().err
+    assert "2/2" in told
+    assert "loss 0.25, PSNR 30.00 dB" in told
+    assert "step 2 of 2" not in told

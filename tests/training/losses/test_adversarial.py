@@ -1,0 +1,170 @@
+import math
+
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+from torch.nn import functional
+
+from ciir.training.losses.adversarial import Adversary, Watch, game
+from ciir.training.networks.discriminator import Discriminator
+
+DOUBTFUL = torch.tensor([0.5, -0.5])
+
+
+def adversary(name="bce", **options):
+    with torch.random.fork_rng(devices=[]):
+        torch.default_generator.manual_seed(0)
+        return Adversary(name, Discriminator((8, 16), normalise=False), **options)
+
+
+def pictures(seed, count=4):
+    """Noise, and the same blurred: easy to tell."""
+    real = torch.rand(count, 3, 16, 16, generator=torch.Generator().manual_seed(seed))
+    return functional.avg_pool2d(real, 3, stride=1, padding=1), real
+
+
+def teach(player, updates, rate=1e-3):
+    return [player.update(*pictures(seed), rate) for seed in range(updates)]
+
+
+def test_bce_is_the_cross_entropy_of_the_logits():
+    bce, real, made = game("bce"), torch.tensor([3.0, -1.0]), torch.tensor([0.5, -2.0])
+    entropy = functional.binary_cross_entropy_with_logits
+    want = 0.5 * (entropy(real, torch.ones(2)) + entropy(made, torch.zeros(2)))
+    assert bce.discriminator(real, made).item() == pytest.approx(want.item())
+    assert bce.generator(made).item() == pytest.approx(entropy(made, torch.ones(2)).item())
+    assert bce.discriminator(torch.zeros(2), torch.zeros(2)).item() == pytest.approx(math.log(2))
+
+
+def test_bce_keeps_its_gradient_where_a_sigmoid_is_0_or_1():
+    """What killed the public runs: in float32 sigmoid(40) is 1, and its gradient 0."""
+    made = torch.tensor([-40.0], requires_grad=True)
+    game("bce").generator(made).backward()
+    assert made.grad.item() == pytest.approx(-1)
+    made = torch.tensor([40.0], requires_grad=True)
+    game("bce").discriminator(torch.tensor([40.0]), made).backward()
+    assert made.grad.item() == pytest.approx(0.5)
+
+
+def test_hinge():
+    hinge, real, made = game("hinge"), torch.tensor([2.0, 0.5]), torch.tensor([-3.0, 0.0])
+    assert hinge.discriminator(real, made).item() == 0.5 * (0.25 + 0.5)
+    assert hinge.generator(made).item() == 1.5
+
+
+def test_names():
+    with pytest.raises(ValueError, match="adversarial: 'gan' is not known; give one of bce, hinge"):
+        game("gan")
+
+
+@pytest.mark.parametrize("name", ["bce", "hinge"])
+def test_updates_teach_it_to_tell_real_from_made(name):
+    player = adversary(name)
+    first, *_, last = teach(player, 60)
+    assert last["discriminator_loss"] < 0.5 * first["discriminator_loss"]
+    assert last["discriminator_accuracy"] == 1
+    assert player.watch.updates == 60
+
+
+def test_its_update_leaves_the_generator_alone_and_the_generators_leaves_it_alone():
+    player = adversary()
+    made, real = pictures(0)
+    made.requires_grad_()
+    player.update(made, real, 1e-3)
+    assert made.grad is None
+    player.optimiser.zero_grad()
+    loss, features = player.judge(made)
+    loss.backward()
+    assert made.grad.abs().max() > 0
+    assert len(features) == 4
+    assert all(weight.grad is None and weight.requires_grad for weight in player.network.parameters())
+
+
+def test_the_step_has_the_size_that_it_is_given():
+    """Adam's first step moves every weight that has a gradient by the step size."""
+    player = adversary()
+    before = [weight.clone() for weight in player.network.parameters()]
+    player.update(*pictures(0), 0.25)
+    moves = [(new - old).abs().max().item() for new, old in zip(player.network.parameters(), before, strict=True)]
+    assert max(moves) == pytest.approx(0.25, rel=1e-3)
+
+
+def test_bfloat16_is_close_to_float32():
+    made, real = pictures(0)
+    exact, short = adversary(), adversary(bfloat16=True)
+    loss = short.judge(made)[0]
+    assert loss.dtype == torch.float32
+    # 8 bits a layer and 6 layers: about a per cent.
+    assert loss.item() == pytest.approx(exact.judge(made)[0].item(), rel=0.02)
+    assert short.features(real)[0].dtype == torch.bfloat16
+    assert exact.features(real)[0].dtype == torch.float32
+
+
+def test_a_loss_that_is_not_a_number_stops_it_before_the_step():
+    player = adversary()
+    made, real = pictures(0)
+    before = [weight.clone() for weight in player.network.parameters()]
+    with pytest.raises(FloatingPointError, match="discriminator's loss is nan; lower learning_rate"):
+        player.update(made * math.nan, real, 1e-3)
+    assert all(torch.equal(a, b) for a, b in zip(before, player.network.parameters(), strict=True))
+
+
+def test_it_goes_on_bit_for_bit():
+    unbroken, stopped, resumed = adversary(), adversary(), adversary()
+    teach(unbroken, 4)
+    teach(stopped, 2)
+    resumed.load_state_dict(stopped.state_dict())
+    for seed in (2, 3):
+        resumed.update(*pictures(seed), 1e-3)
+    for key, weight in unbroken.network.state_dict().items():
+        assert torch.equal(resumed.network.state_dict()[key], weight), key
+    assert resumed.watch == unbroken.watch
+
+
+def test_a_discriminator_that_wins_for_good_stops_the_run():
+    watch = Watch(start=5, patience=10)
+    for _ in range(5):
+        watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
+    for _ in range(9):
+        watch.look(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
+    with pytest.raises(ValueError, match=r"told all real .* since update 6 \(loss below 0.16, 10 times .*; lower") as e:
+        watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+    assert "\n" not in str(e.value)
+
+
+@pytest.mark.parametrize("logit", [0.0, 25.0, -25.0])
+def test_a_discriminator_that_judges_all_alike_stops_the_run(logit):
+    """Score_D = Score_G = 1.0 of the public logs is the logit 25; 0 is one whose last layer is dead."""
+    watch = Watch(start=5, patience=10)
+    alike = torch.full((2,), logit)
+    for _ in range(14):
+        watch.look(0.7, alike, alike)
+    with pytest.raises(ValueError, match=r"all pictures alike, real or made, since update 6 .*; lower learning_rate"):
+        watch.look(0.7, alike, alike)
+
+
+def test_one_doubtful_batch_ends_the_alarm():
+    watch = Watch(start=0, patience=10)
+    for step in range(100):
+        if step % 10 == 9:
+            watch.look(0.173, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 4: one of 4 pictures in doubt
+        else:
+            watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+    assert watch.updates == 100
+
+
+def test_a_guess_is_no_alarm():
+    """A generator that is good: the discriminator's loss is log 2, yet its judgements differ."""
+    watch = Watch(start=0, patience=10)
+    for _ in range(50):
+        watch.look(math.log(2), 0.1 * DOUBTFUL, 0.1 * DOUBTFUL)
+    assert watch.blind == 0
+
+
+def test_the_watch_looks_at_updates():
+    player = adversary()
+    player.watch = Watch(start=3, patience=4, spread=1.0)
+    with pytest.raises(ValueError, match="judged all pictures alike"):  # the step is too small to change that
+        teach(player, 100, rate=0.0)
+    assert player.watch.updates == 7

@@ -1,0 +1,42 @@
+import pytest
+
+pytest.importorskip("torch", reason="needs the training extra")
+import torch
+
+from ciir.training.losses import pixel
+
+OUTPUT = torch.tensor([0.5, 0.25, 0.0, 1.0])
+HIGH = torch.tensor([0.5, 0.75, 0.25, 0.0])
+
+
+def test_l1():
+    assert pixel.l1(OUTPUT, HIGH).item() == (0.5 + 0.25 + 1.0) / 4
+
+
+def test_mse():
+    assert pixel.mse(OUTPUT, HIGH).item() == (0.25 + 0.0625 + 1.0) / 4
+
+
+def test_charbonnier_is_l1_far_from_zero_and_smooth_at_zero():
+    got = pixel.charbonnier(OUTPUT, HIGH)
+    # sqrt(d^2 + e^2) is between |d| and |d| + e.
+    assert 0 < (got - pixel.l1(OUTPUT, HIGH)).item() < pixel.EPSILON
+    same = HIGH.clone().requires_grad_()
+    pixel.charbonnier(same, HIGH).backward()
+    assert same.grad.abs().max() == 0
+    assert pixel.charbonnier(HIGH, HIGH).item() == pytest.approx(pixel.EPSILON)
+
+
+def test_names():
+    assert pixel.pixel_loss("charbonnier") is pixel.charbonnier
+    with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, charbonnier"):
+        pixel.pixel_loss("l2")
+
+
+def test_luma_weighs_what_is_seen():
+    """A grey difference counts whole; a blue one by its third of RGB and its 0.114 of Y."""
+    black = torch.zeros(1, 3, 4, 5)
+    assert pixel.luma(black + 0.2, black).item() == pytest.approx(0.2)
+    blue = black.clone()
+    blue[:, 2] = 0.2
+    assert pixel.luma(blue, black).item() == pytest.approx(0.2 * (0.3 / 3 + 0.7 * 0.114))

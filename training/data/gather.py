@@ -1,0 +1,170 @@
+"""Training pictures out of whatever lies on a disk: large photographs made smaller, clip art over plain colours, tiles.
+
+    python -m ciir.training.data.gather FOLDER... -o PICTURES [--at-most 250] [--apart ../shared/data/images/Set5 ...]
+
+Wallpapers, stamps, portraits and textures of free software are more kinds of pictures than one set of photographs has:
+docs/training.md names the ones that `fast` and `quality` saw.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import io
+import itertools
+import struct
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+from tqdm import tqdm
+
+from ciir.training.data.pictures import find, read_rgb
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+SIDE = 480
+"""Pixels: pictures are cut into tiles of at most this, so that drawing a picture draws by area."""
+LEAST = 160
+"""Pixels: what is smaller in either direction has no room for a crop and is left out."""
+LOSSY, DRAWN = 2000, 800
+"""Pixels of the longer side: what lossy and lossless files are made smaller to. Lossy ones are halved at least, which
+takes their blocks and a camera's blur with it."""
+FLAT = 1.5
+"""Levels: a tile whose mean difference between neighbours is lower has nothing to teach."""
+SAME = 0.97
+"""Correlation of 16x16 thumbnails from which on two pictures count as one."""
+Place = tuple[Path, int, int]
+"""A file, and the first byte and the number of bytes of a picture in it."""
+SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tga")
+PACKED = ".rcc"
+"""Qt's resource files: WebP pictures lie in them as they are."""
+
+
+def pictures(folder: Path) -> Iterator[Place]:
+    """File, first byte and number of bytes of each picture anywhere in `folder`, in the order of their names."""
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink() or not path.is_file():
+            continue
+        if path.suffix.lower() in SUFFIXES:
+            yield path, 0, path.stat().st_size
+        elif path.suffix.lower() == PACKED:
+            content, at = path.read_bytes(), -1
+            while (at := content.find(b"RIFF", at + 1)) >= 0:
+                if content[at + 8 : at + 12] == b"WEBP":
+                    yield path, at, struct.unpack_from("<I", content, at + 4)[0] + 8
+
+
+def made(content: bytes) -> NDArray[np.uint8] | None:
+    """8-bit RGB `(H, W, 3)`, made smaller; None where there is no picture, or a small one.
+
+    What is transparent lies over a plain colour, which depends on the content alone.
+    """
+    try:
+        with Image.open(io.BytesIO(content)) as opened:
+            lossy = opened.format in ("JPEG", "WEBP")
+            picture = opened.convert("RGBA")
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
+    colour = tuple(hashlib.sha256(content).digest()[:3])
+    below = Image.new("RGBA", picture.size, (*colour, 255))
+    below.alpha_composite(picture)
+    longer = max(picture.size)
+    factor = max(2.0, longer / LOSSY) if lossy else max(1.0, longer / DRAWN)
+    size = [round(length / factor) for length in picture.size]
+    if min(size) < LEAST:
+        return None
+    return np.asarray(below.convert("RGB").resize((size[0], size[1]), Image.Resampling.LANCZOS))
+
+
+def tiles(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Equal tiles of at most `SIDE` pixels, without the flat ones."""
+    rows, cols = (np.linspace(0, length, -(-length // SIDE) + 1).astype(int) for length in picture.shape[:2])
+    cut = [picture[a:b, c:d] for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(cols)]
+    return [tile for tile in cut if np.abs(np.diff(tile.mean(axis=2), axis=1)).mean() >= FLAT]
+
+
+def thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """16x16 grey levels as one vector of mean 0 and length 1, by which pictures are compared."""
+    small = Image.fromarray(picture).convert("L").resize((16, 16), Image.Resampling.BOX)
+    levels = np.asarray(small, float).ravel()
+    levels -= levels.mean()
+    return levels / max(float(np.linalg.norm(levels)), 1e-9)
+
+
+def batched(places: Sequence[Place], size: int) -> Iterator[Sequence[Place]]:
+    """In parts of `size`, so that not all are read where few are wanted."""
+    return (places[at : at + size] for at in range(0, len(places), size))
+
+
+def _load(place: Place) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
+    path, first, length = place
+    with path.open("rb") as file:
+        file.seek(first)
+        picture = made(file.read(length))
+    return None if picture is None else (picture, thumbnail(picture))
+
+
+def gather(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[Path] = ()) -> int:
+    """Writes the tiles of up to `at_most` different pictures of each folder as PNG into `out`; how many tiles.
+
+    `apart`: folders of test pictures; what looks like one of them is left out. Which pictures are taken depends on the
+    files' contents and places alone. Raises `ValueError` where a folder holds no picture or two have one name.
+    """
+    Image.MAX_IMAGE_PIXELS = 2**29
+    out.mkdir(parents=True, exist_ok=True)
+    tested = [path for of in apart for path in find(of) if not path.name.endswith("_LR.png")]
+    known = [thumbnail(read_rgb(path)) for path in tested]
+    if len({folder.resolve().name for folder in folders}) < len(folders):
+        raise ValueError("two folders have the same name, after which tiles are called; rename one")
+    written = 0
+    for folder in folders:
+        places = list(pictures(folder))
+        np.random.default_rng(0).shuffle(places)
+        taken = alike = 0
+        with ProcessPoolExecutor() as pool:
+            loading = (loaded for part in batched(places, 64) for loaded in pool.map(_load, part, chunksize=8))
+            for picture, small in tqdm(filter(None, loading), disable=None, desc=folder.name, unit="picture"):
+                if known and float((np.stack(known) @ small).max()) > SAME:
+                    alike += 1
+                    continue
+                known.append(small)
+                kept = tiles(picture)
+                taken += bool(kept)
+                for number, tile in enumerate(kept):
+                    Image.fromarray(tile).save(out / f"{folder.name}-{taken:04}-{number:02}.png", compress_level=1)
+                written += len(kept)
+                if taken == at_most:
+                    break
+        print(f"{folder}: {taken} pictures taken, {alike} left out for their likeness")
+    if not written:
+        raise ValueError(f"{', '.join(map(str, folders))}: no picture of {LEAST} pixels or more; name other folders")
+    print(f"{out}: {written} tiles of pictures unlike each other and unlike {len(tested)} test pictures")
+    return written
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the tiles")
+    parser.add_argument("--at-most", type=int, default=250, help="pictures of each folder (default: %(default)s)")
+    parser.add_argument("--apart", type=Path, nargs="*", default=(), help="folders of test pictures to keep out")
+    given = parser.parse_args(arguments)
+    for folder in (*given.folders, *given.apart):
+        if not folder.is_dir():
+            parser.error(f"{folder}: no such folder; name one that holds pictures")
+    try:
+        gather(given.folders, given.out, at_most=given.at_most, apart=given.apart)
+    except ValueError as fault:
+        sys.exit(f"gather: {fault}")
+
+
+if __name__ == "__main__":
+    main()

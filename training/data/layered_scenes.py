@@ -1,0 +1,173 @@
+"""Light fields of random layered scenes: textured sheets at different distances, cut out, slanted, folded, one before
+another.
+
+What several views add to one another is sub-pixel shifts, and what spoils it is occlusion. Both are exact for sheets:
+each view is sampled where its own rays meet them, twice as finely as the truth along each side, and is made small only
+then. Of folds (`training.data.planes`) which views see how much is exact; they are painted over all that is behind
+their
+sheet, also where they reach further back than that. Nothing is specular, so the sheets look the same from all sides, as
+the plane sweep takes for granted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ciir.training.data import planes
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsLenAndGetItem
+
+    from ciir.training.data.pictures import Picture
+
+FINE = 4
+"""Samples along each side of an LR pixel; the truth has half as many pixels as these."""
+LAYERS = (2, 5)
+MOST = 2.0
+"""Largest disparity, LR pixels from one view to the next: 4 of the truth's pixels."""
+SMALLEST = 0.08
+"""By how much a scene's disparities may be smaller than that: captured views are often close together."""
+SMALL = 0.6
+"""Share of scenes whose disparities are made smaller, evenly in the logarithm."""
+BEYOND = 0.05
+"""Share of scenes whose disparities are up to 4 times as large: what no plane matches is left alone."""
+TEXTURE = 160
+"""Texels along each side of a sheet's picture; it is mirrored at its edge."""
+TEXELS = (0.45, 1.6)
+"""Texels for each fine sample."""
+FLAT = 0.12
+"""Share of sheets of one colour."""
+PLAIN = 0.3
+"""Share of scenes before a plain background, half of them before black, as rendered objects stand."""
+MASK = 24
+MASK_REACH = 0.75
+"""How far a mask reaches to each side of the middle, in sides of a picture."""
+STRAIGHT = 0.35
+"""Share of masks that are a straight edge."""
+STEEPNESS = (4.0, 200.0)
+"""How soon a sheet ends at its edge: over `MASK_REACH` sides of the picture divided by this."""
+FOLDED = 0.6
+"""Share of those sheets that turn away at their edge, as a roof does from a wall: some views see it, and some don't."""
+LUMA = (0.299, 0.587, 0.114)
+
+
+def scenes(
+    random: np.random.Generator,
+    pictures: SupportsLenAndGetItem[Picture],
+    count: int,
+    *,
+    side: int,
+    window: int,
+) -> tuple[Tensor, Tensor]:
+    """`count` scenes as the views of a window see them.
+
+    `pictures`: 8-bit RGB `(H, W, 3)` of at least `TEXTURE` pixels a side. `side`: LR pixels along each side of a view.
+    `window`: views along each side, an odd number.
+
+    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the middle one in colour,
+    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the middle to a view.
+    """
+
+    def uniform(low: float, high: float, *shape: int) -> Tensor:
+        return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
+
+    most = LAYERS[1]
+    disparity, slope = _places(uniform, count, side)
+    angle, size = (
+        uniform(0, 2 * math.pi, count, most),
+        torch.exp(uniform(math.log(TEXELS[0]), math.log(TEXELS[1]), count, most)),
+    )
+    turn = torch.stack([torch.stack([angle.cos(), -angle.sin()], -1), torch.stack([angle.sin(), angle.cos()], -1)], -2)
+    turn = (turn * size[..., None, None] * (2 * FINE / TEXTURE)).flip(2)  # LR pixels -> [-1, 1] of the texture, x first
+    begin = uniform(-0.2, 0.2, count, most, 2)
+    to_mask = torch.eye(2).flip(0) / (MASK_REACH * side)
+    threshold = uniform(-0.3, 0.6, count, most)
+    steepness = torch.exp(uniform(math.log(STEEPNESS[0]), math.log(STEEPNESS[1]), count, most))
+    numbers = random.integers(LAYERS[0], most + 1, count)
+    steps = torch.arange(window) - window // 2
+    offsets = torch.cartesian_prod(steps, steps).float()  # (V, 2): down, right
+    own = len(offsets) // 2
+    along = (torch.arange(side * FINE) + 0.5) / FINE - side / 2
+    weights = torch.tensor(LUMA)[:, None, None]
+
+    views: list[Tensor] = []
+    colours: list[Tensor] = []
+    for scene in range(count):
+        seen, colour = torch.zeros(()), torch.zeros(())
+        for layer in range(int(numbers[scene])):
+            sheet = disparity[scene, layer], slope[scene, layer]
+            at = planes.meet(offsets, *sheet)
+            texture = _texture(random, pictures)
+            if layer == 0 and random.random() < PLAIN:
+                texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
+            place = at.then(turn[scene, layer], begin[scene, layer]).of(along)
+            new = _sample((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
+            new_colour = _sample(texture, place[own : own + 1], "reflection")[0]
+            if layer == 0:
+                seen, colour = new, new_colour
+                continue
+            mask, normal = _mask(random)
+            if normal is not None and random.random() < FOLDED:
+                edge = float(threshold[scene, layer]) * MASK_REACH * side * (MASK - 1) / MASK
+                shade = _texture(random, pictures).mean((1, 2))[:, None, None]
+                there = planes.fold(random, normal, edge).seen(along, offsets, *sheet)
+                seen = seen + there * ((shade * weights).sum() - seen)
+                colour = colour + there[own] * (shade - colour)
+                steepness[scene, layer] = STEEPNESS[1]
+            alpha = _sample(mask, at.then(to_mask, to_mask.new_zeros(2)).of(along), "border")[:, 0]
+            alpha = ((alpha - threshold[scene, layer]) * steepness[scene, layer] + 0.5).clamp(0, 1)
+            seen, colour = seen + alpha * (new - seen), colour + alpha[own] * (new_colour - colour)
+        views.append(seen)
+        colours.append(colour)
+    return torch.stack(views), torch.stack(colours)
+
+
+def _places(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
+    """Disparity of each sheet in the middle of the picture `(count, layers)`, and its slope `(count, layers, 2)` in LR
+    pixels of disparity for each LR pixel. Sheets follow one another from back to front; near may be either sign.
+    """
+    assert callable(uniform)  # noqa: S101 - for the type checker
+    most = LAYERS[1]
+    disparity = uniform(-0.8, 0.8, count, 1) + uniform(0, 0.8, count, 1) * uniform(-1, 1, count, most)
+    disparity = (MOST * disparity).clamp(-MOST, MOST).sort(1)[0]
+    turned = uniform(0, 1, count) < 0.5
+    disparity[turned] = disparity[turned].flip(1)
+    slope = uniform(-0.6, 0.6, count, most, 2) * (uniform(0, 1, count, most, 1) < 0.5) * (MOST / side)
+    room = ((MOST - disparity.abs()) / (side / 2) * 0.7)[..., None]
+    slope = torch.maximum(torch.minimum(slope, room), -room)
+    kind, small = uniform(0, 1, count), torch.exp(uniform(math.log(SMALLEST), 0.0, count))
+    factor = torch.where(kind < SMALL, small, torch.where(kind > 1 - BEYOND, 1 + 3 * uniform(0, 1, count), 1.0))
+    return disparity * factor[:, None], slope * factor[:, None, None].clamp(max=1)
+
+
+def _sample(picture: Tensor, place: Tensor, beyond: str) -> Tensor:
+    """`(C, h, w)` at `(V, H, W, 2)`, x and y in [-1, 1], bilinearly -> `(V, C, H, W)`."""
+    every = picture[None].expand(len(place), -1, -1, -1)
+    return functional.grid_sample(every, place, padding_mode=beyond, align_corners=False)
+
+
+def _texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Tensor:
+    """A part of a picture, `(3, TEXTURE, TEXTURE)` in [0, 1], or its mean colour."""
+    picture = pictures[int(random.integers(len(pictures)))]
+    y, x = (int(random.integers(length - TEXTURE + 1)) for length in picture.shape[:2])
+    part = torch.from_numpy(picture[y : y + TEXTURE, x : x + TEXTURE].copy()).permute(2, 0, 1).float().div(255)
+    return part.mean((1, 2), keepdim=True).expand_as(part) if random.random() < FLAT else part
+
+
+def _mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
+    """A smooth random landscape `(1, MASK, MASK)`: what lies above a threshold is there. Some are a straight edge,
+    whose normal `(2,)` comes with it.
+    """
+    if random.random() < STRAIGHT:
+        angle, along = random.uniform(0, 2 * math.pi), torch.linspace(-1, 1, MASK)
+        normal = torch.tensor([math.cos(angle), math.sin(angle)])
+        return (normal[0] * along[:, None] + normal[1] * along[None])[None], normal
+    knots = int(random.integers(3, 13))
+    rough = torch.from_numpy(random.uniform(-1, 1, (1, 1, knots, knots)).astype(np.float32))
+    return functional.interpolate(rough, size=MASK, mode="bicubic", align_corners=True)[0], None

@@ -1,0 +1,98 @@
+"""Any folder of pictures, VOC2012's as it unpacks among them, as 8-bit RGB that need not all fit into memory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.readers.bundle import read_file
+from ciir.renderer.readers.pictures import SUFFIXES, decode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Picture = NDArray[np.uint8]
+"""`(H, W, C)`, 8 bit."""
+MEMORY = 4 * 2**30
+"""Bytes of decoded pictures that are kept: 7,600 of VOC2012's 17,125 fit. The rest is decoded whenever it is asked for.
+"""
+VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
+"""Where VOC2012's pictures lie in the folder that its archive unpacks to, and in those above."""
+
+
+def find(folder: Path) -> list[Path]:
+    """The pictures in `folder`, or in VOC2012 where `folder` is or holds it, sorted by name.
+
+    Other files, hidden ones and folders are ignored. Raises `ValueError` where there is no folder, or no picture in it.
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no such folder; name a folder of pictures")
+    place = next((folder / voc for voc in VOC if (folder / voc).is_dir()), folder)
+    files = sorted(
+        path
+        for path in place.iterdir()
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file()
+    )
+    if not files:
+        raise ValueError(f"{place}: no picture in it ({', '.join(sorted(SUFFIXES))}); name a folder that holds some")
+    return files
+
+
+def read(path: Path) -> Picture:
+    """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB, turned as its orientation tag says.
+
+    16 bits are rounded to 8, palettes become RGB, and what is transparent lies over black, as views do.
+
+    Raises `ValueError` where it can't be read: truncated, not a picture, or of a printer's CMYK.
+    """
+    pixels = decode(read_file(path, DEFAULTS), name=str(path))
+    if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
+        return pixels.astype(np.uint8)
+    values = pixels / np.iinfo(pixels.dtype).max
+    if pixels.shape[2] in (2, 4):
+        values = values[..., :-1] * values[..., -1:]
+    return np.floor(values * 255 + 0.5).astype(np.uint8)
+
+
+def read_rgb(path: Path) -> Picture:
+    """`read`, with grey as three equal channels: `(H, W, 3)`."""
+    pixels = read(path)
+    return pixels if pixels.shape[2] == 3 else np.repeat(pixels, 3, axis=2)
+
+
+class Pictures:
+    """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
+
+    Each is decoded once at the start, so that a bad one is named before the work begins. The first ones are kept, up to
+    `memory` bytes; the others are decoded again each time, 2 to 4 ms for one of VOC2012.
+    """
+
+    def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:
+        """Raises `ValueError` as `find` and `read` do."""
+        self.files = find(folder)
+        self.sizes: list[tuple[int, int]] = []
+        """Height and width of each."""
+        self._kept: list[Picture] = []
+        left = memory
+        for path in tqdm(self.files, disable=None, desc="reading", unit="picture", leave=False):
+            picture = read_rgb(path)
+            self.sizes.append((picture.shape[0], picture.shape[1]))
+            left -= picture.nbytes
+            if left >= 0:
+                self._kept.append(picture)
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def __getitem__(self, index: int) -> Picture:
+        """Raises `ValueError` where the file is no longer what it was at the start."""
+        if index < len(self._kept):
+            return self._kept[index]
+        picture = read_rgb(self.files[index])
+        if picture.shape[:2] != self.sizes[index]:
+            raise ValueError(f"{self.files[index]}: was changed while it was in use; start again")
+        return picture

@@ -1,0 +1,91 @@
+"""Views of random scenes as training pairs: what a lens array sees, and the clean picture at a finer pitch.
+
+Photographs scaled down by bicubic interpolation teach nothing of point samples: on a pinhole array's views a network
+that knows only them is worse than interpolation. Here textured and plain polygons, tilted and overlapping, are rendered
+by rays, so that the physics is that of `renderer.sampling`: a pinhole's LR picture is one ray a lens, a lenslet's is
+the mean over the lens, and the truth of both is the area average over cells of `pitch / scale`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scene import Part, Scene, Texture
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsLenAndGetItem
+    from numpy.typing import NDArray
+
+    from ciir.renderer.views import View
+    from ciir.training.data.pictures import Picture
+
+    Seen = tuple[Picture, Picture]
+    """LR `(h, w, 3)` and its truth `(scale*h, scale*w, 3)`, 8 bit."""
+
+SIDE = 96
+"""Lenses along each side of the array, and so the LR picture's side."""
+SAMPLES = 4
+PLAIN = 0.35
+"""Share of polygons without a texture."""
+TEXELS = (0.4, 4.0)
+"""Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
+
+
+def polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
+    """One flat polygon of 3 to 24 corners, thin or round, somewhere in front of the array, turned and tilted."""
+    corners = int(random.choice([3, 4, 4, 5, 7, 24]))
+    angle = np.sort(random.uniform(0, 2 * np.pi, corners)) if corners < 24 else np.linspace(0, 2 * np.pi, 25)[:-1]
+    size = SIDE * np.exp(random.uniform(np.log(0.05), np.log(0.9)))
+    thin = np.exp(random.uniform(np.log(0.05), 0))
+    flat = size * np.stack([np.cos(angle), thin * np.sin(angle)], axis=1)  # (n, 2)
+    turn, tilt, nod = random.uniform(0, 2 * np.pi), random.uniform(-1.2, 1.2), random.uniform(-1.2, 1.2)
+    across = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)])
+    down = np.array([-np.sin(turn) * np.cos(nod), np.cos(turn) * np.cos(nod), np.sin(nod)])
+    middle = np.array([*random.uniform(-SIDE / 2, SIDE / 2, 2), -random.uniform(2, 4) * SIDE])
+    vertices = middle + flat[:, :1] * across + flat[:, 1:] * down
+    faces = np.array([[0, i, i + 1] for i in range(1, corners - 1)], np.int32)
+    colors = np.ones((corners, 4), np.float32)
+    if random.random() < PLAIN:
+        colors[:, :3] = random.uniform(0, 1, 3) * random.uniform(0.7, 1, (corners, 1))
+        return Part(vertices, faces, colors)
+    colors[:, :3] = random.uniform(0.5, 1, (corners, 1))
+    picture = pictures[int(random.integers(len(pictures)))]
+    texels = np.exp(random.uniform(*np.log(TEXELS)))
+    uv = flat * texels / picture.shape[1::-1] + random.uniform(0, 1, 2)
+    opaque = np.concatenate([picture, np.full_like(picture[..., :1], 255)], axis=-1)
+    return Part(vertices, faces, colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
+
+
+def pairs(pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2) -> tuple[Seen, Seen]:
+    """Scene number `index`: (LR, truth) as a pinhole array sees it, and as a lenslet array does.
+
+    `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
+    """
+    random = np.random.default_rng((seed, index))
+    scene = Scene(tuple(polygon(random, pictures) for _ in range(random.integers(8, 28))))
+    red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
+    array = LensArray(SIDE, SIDE, 1, 1)
+    ((pinhole, lenslet, truth),) = seen(scene, array, [(0, 0)], background=(red, green, blue), scale=scale)
+    return (pinhole, truth), (lenslet, truth)
+
+
+def seen(
+    scene: Scene, array: LensArray, views: list[View], *, background: tuple[int, int, int], scale: int
+) -> list[tuple[Picture, Picture, Picture]]:
+    """Each of `views` of a scene in front of `array`: by pinholes and by lenslets `(rows, cols, 3)`, and their truth.
+
+    The truth, `(scale*rows, scale*cols, 3)`, is what lenslets of `pitch / scale` see.
+    """
+    backend = RaytraceBackend()
+    by = ((array, 1), (array, SAMPLES), (array.refined(scale), SAMPLES))
+    pictures = [backend.views(scene, lenses, views, samples=n, background=background) for lenses, n in by]
+    return list(zip(*(map(_opaque, of) for of in pictures), strict=True))
+
+
+def _opaque(view: NDArray[np.uint8]) -> Picture:
+    """RGBA without A, the share that the scene covers."""
+    return np.ascontiguousarray(view[..., :3])

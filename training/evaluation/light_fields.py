@@ -1,0 +1,104 @@
+"""Accuracy on light fields, as BasicLFSR (Liang et al., github.com/ZhengyuLiang24/BasicLFSR) measures it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tqdm import tqdm
+
+from ciir.errors import UnsupportedScale
+from ciir.models import card as cards
+from ciir.models import catalogue
+from ciir.models.card import Accuracy
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.views import upscale_views
+from ciir.models.light_field.windows import LEAST
+from ciir.models.metrics import luma, psnr, ssim
+from ciir.models.session import Network
+from ciir.models.single.pixels import upscale_pixels
+from ciir.training.data import light_fields
+
+if TYPE_CHECKING:
+    from ciir.models.upscaler import Upscaler
+
+GRID = (5, 5)
+"""Views down and across in BasicLFSR's tables."""
+PROTOCOL = (
+    "Mean over the views of the central 5x5 of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of "
+    "8-bit RGB) after the output is rounded to 8 bits and a border of `scale` pixels is cut; each view is upscaled "
+    "with those 5x5 alone. LR: each view made small as `data` names it, to 8 bits; bicubic as by MATLAB's imresize, "
+    "which is BasicLFSR's protocol but for the rounding and the border. SSIM: Wang et al. 2004, 11x11 Gaussian window "
+    "of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
+)
+
+
+def evaluate(
+    model: str,
+    folder: Path,
+    *,
+    grid: tuple[int, int] = GRID,
+    scale: int = 2,
+    degradation: str = "bicubic",
+) -> Accuracy:
+    """`score` of a model by its name in the catalogue, or of any exported network by the path of its card.
+
+    A model of single pictures goes view by view. Raises as `score`, and `ciir.errors.ModelError` where there is no
+    such model.
+    """
+    return score(_network(model, scale), folder, grid=grid, degradation=degradation)
+
+
+def score(
+    network: Upscaler | LightFieldNetwork,
+    folder: Path,
+    *,
+    grid: tuple[int, int] = GRID,
+    degradation: str = "bicubic",
+) -> Accuracy:
+    """Mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
+
+    Each view is made small by `training.data.degrade.pair` and upscaled with the help of no others than those of the
+    grid,
+    as in BasicLFSR. This differs from its protocol in that LR and output are RGB of 8 bits, where BasicLFSR makes Y
+    small and never rounds it, and in that a border of `scale` pixels is cut, as it is for pictures.
+
+    Raises `ValueError` where there is no full grid of views of one size, or it is smaller than `grid`, or the views are
+    too small to be scored, or too few for a light-field network.
+    """
+    if isinstance(network, LightFieldNetwork) and min(grid) < LEAST:
+        raise ValueError(
+            f"--grid {grid[0]}x{grid[1]}: {network.name} takes {LEAST}x{LEAST} views or more; give those, or another "
+            "model"
+        )
+    low, high = light_fields.degraded(light_fields.read(folder, grid=grid), degradation, network.scale)
+    views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
+    given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
+    psnrs, ssims = [], []
+    for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
+        if isinstance(network, LightFieldNetwork):
+            alone = catalogue.load(catalogue.DEFAULT, scale=network.scale)
+            made, _ = upscale_views(network, alone, given, [view], grid)
+        else:
+            made = upscale_pixels(network, low[view][np.newaxis])
+        got, truth = luma(made[0].astype(np.uint8)), luma(high[view])
+        psnrs.append(psnr(got, truth, border=network.scale))
+        try:
+            ssims.append(ssim(got, truth, border=network.scale))
+        except ValueError as error:
+            raise ValueError(f"{folder}: {error}; name larger views") from error
+    name = f"{folder.name} {grid[0]}x{grid[1]} ({degradation})"
+    return Accuracy(name, len(views), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
+
+
+def _network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
+    if model.endswith(".json"):
+        path = Path(model)
+        card = cards.read(path)
+        if card.scale != scale:
+            raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
+        return LightFieldNetwork(path) if card.is_light_field else Network(path)
+    if model in catalogue.names() and model not in catalogue.singles():
+        return catalogue.load_light_field(model, scale=scale)
+    return catalogue.load(model, scale=scale)

@@ -1,0 +1,249 @@
+"""A checkpoint becomes what `models` ships: one `.onnx` file and its card."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, RuntimeException
+
+from ciir.models import card as cards
+from ciir.models.card import Sizes
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.session import Network, available_cores, open_session
+from ciir.training.data import degrade
+from ciir.training.evaluation import light_fields, pictures
+from ciir.training.export import inputs as examples
+from ciir.training.export import measure, to_onnx
+from ciir.training.loop import checkpoints
+from ciir.training.loop.trainer import as_tuple
+from ciir.training.networks import make
+from ciir.training.networks.batch_norm import fold
+from ciir.training.networks.collapsible import collapse
+from ciir.training.networks.light_field import LightFieldGenerator, WithDoubt, merge
+from ciir.training.networks.separable import separate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import nn
+
+TOLERANCE = 1e-4
+"""Largest absolute difference between torch and onnxruntime that is let through."""
+SMALLEST = 1e-12
+"""Weights nearer to zero than this become zero: they change no output that 16 bits can tell, but they, and even the
+products of two of them, may be denormal (under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
+SHAPES = ((1, 3, 1, 1), (1, 3, 7, 5), (2, 3, 25, 25), (1, 3, 97, 131), (3, 3, 1, 40))
+"""Where the two are compared: `(N, C, H, W)`, made as large as the network needs."""
+INT8 = "-int8"
+"""What an int8 twin has after the float network's name."""
+
+
+def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name`, or else the recipe's.
+
+    `checkpoint`: of `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or for a
+    light-field network of views, whose scores (`training.evaluation.pictures`, `training.evaluation.light_fields`) go
+    on the card.
+
+    Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
+    """
+    weights, card = from_torch(checkpoint, name)
+    return ship(weights, card, out, accuracy_on=accuracy_on)
+
+
+def export_int8(
+    checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
+) -> Path:
+    """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: folders of pictures, see
+    `training.export.calibration`.
+
+    Raises `ValueError` as `export` does, where the pictures can't be used, or where int8 costs too much accuracy.
+    """
+    from ciir.training.export import calibration, quantise
+
+    weights, card = from_torch(checkpoint, name)
+    examples_of = calibration.fields if card.is_light_field else calibration.pairs
+    weights, kept = quantise.quantise(weights, examples_of(calibrate, card.scale))
+    how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
+    twin = dataclasses.replace(
+        card,
+        name=card.name + INT8,
+        precision="int8",
+        float_twin=card.name,
+        training=dataclasses.replace(card.training, recipe=card.training.recipe | {"int8": how}),
+    )
+    return ship(weights, twin, out, accuracy_on=accuracy_on)
+
+
+def from_torch(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
+    """The float network of a checkpoint as ONNX, and its card but for what `ship` fills in. Raises as `export`.
+
+    `name`: in place of the recipe's.
+    """
+    state = checkpoints.read(checkpoint)
+    recipe = state["recipe"]
+    name = name or str(recipe["name"])
+    check_name(name)
+    trained = from_checkpoint(state)
+    network = plain(trained)
+    sizes = Sizes()
+    weights = to_onnx.convert(network, int(recipe["scale"]))
+    compare(network, weights)
+    radius = measure.receptive_radius(network, int(recipe["scale"]))
+    card = card_of(
+        network,
+        name=name,
+        kind=_first_line(sys.modules[type(trained).__module__].__doc__) + _losses(recipe),
+        scale=int(recipe["scale"]),
+        radius=measure.tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
+        sizes=sizes,
+        training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
+    )
+    return weights, card
+
+
+def check_name(name: str) -> None:
+    """Raises `ValueError` where `name` can't be that of a file."""
+    if not re.fullmatch(r"[\w.+-]+", name):
+        raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
+
+
+def card_of(
+    network: nn.Module,
+    *,
+    name: str,
+    kind: str,
+    scale: int,
+    radius: int,
+    sizes: Sizes,
+    training: cards.Training,
+) -> cards.Card:
+    """The card of a float network, with a hash of zeros and no accuracy."""
+    inputs = examples.inputs(network)
+    return cards.Card(
+        name=name,
+        kind=kind,
+        scale=scale,
+        sha256="0" * 64,
+        opset=to_onnx.OPSET,
+        input=inputs[0],
+        output=to_onnx.output(scale),
+        radius=radius,
+        parameters=measure.parameters(network),
+        macs_per_output_pixel=measure.macs_per_output_pixel(network, sizes),
+        training=training,
+        protocol=light_fields.PROTOCOL if inputs[1:] else pictures.PROTOCOL,
+        command="",
+        accuracy=(),
+        sizes=sizes,
+        further=inputs[1:],
+        further_outputs=examples.outputs(network),
+    )
+
+
+def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes a network and its card into `out`, hash and accuracy filled in; both or, where one fails, neither.
+
+    Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
+    """
+    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=_command(card, accuracy_on))
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out) as folder:
+        path = Path(folder) / f"{card.name}.json"
+        network_path = path.with_suffix(".onnx")
+        network_path.write_bytes(weights)
+        cards.write(card, path)
+        if accuracy_on:
+            cards.write(dataclasses.replace(card, accuracy=_scores(path, accuracy_on)), path)
+        network_path.replace(out / network_path.name)
+        return path.replace(out / path.name)
+
+
+def _command(card: cards.Card, folders: Sequence[Path]) -> str:
+    """What prints the scores of `_scores`, in their order."""
+    names = [folder.as_posix() for folder in folders]
+    if not card.is_light_field:
+        return " ".join(["ciir evaluate", card.name, *names])
+    tries = itertools.product(names, degrade.KINDS)
+    return "; ".join(f"ciir evaluate {card.name} --light-field {name} --degradation {kind}" for name, kind in tries)
+
+
+def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
+    """Those of the network in `path` on each folder; of a light-field network, on each made small in every way."""
+    if not cards.read(path).is_light_field:
+        upscaler = Network(path)
+        return tuple(pictures.evaluate(upscaler, folder) for folder in folders)
+    network = LightFieldNetwork(path)
+    tries = itertools.product(folders, degrade.KINDS)
+    return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
+
+
+def from_checkpoint(state: dict[str, Any]) -> nn.Module:
+    """The network of a checkpoint in evaluation mode, as it was trained."""
+    recipe = state["recipe"]
+    network = make(recipe["network"], recipe["options"])
+    network.load_state_dict(state["network"])
+    return network.eval()
+
+
+@torch.no_grad()
+def plain(network: nn.Module) -> nn.Module:
+    """The network as it runs: branches and batch normalisation folded, interpolation along one side at a time, weights
+    under `SMALLEST` set to zero.
+    """
+    network = separate(collapse(fold(network)))
+    if isinstance(network, LightFieldGenerator):
+        merge(network)
+    for weight in network.parameters():
+        weight[weight.abs() < SMALLEST] = 0.0
+    return network.eval()
+
+
+@torch.no_grad()
+def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
+    """The largest difference between torch and onnxruntime over `SHAPES` and `examples.places`, on noise in [0, 1].
+
+    Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
+    """
+    session = open_session(weights, threads=available_cores())
+    names = [tensor.name for tensor in examples.inputs(network)]
+    whole = WithDoubt(network) if isinstance(network, LightFieldGenerator) else network
+    largest = 0.0
+    for place, (count, channels, height, width) in itertools.product(examples.places(network), SHAPES):
+        shape = (count, channels, *sizes.fitted(height, width))
+        inputs = examples.make(network, count, *shape[2:], place=place)
+        try:
+            made = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})
+            wished = [part.numpy() for part in as_tuple(whole(*inputs))]
+        except (RuntimeError, Fail, InvalidArgument, RuntimeException) as error:  # torch's, and onnxruntime's
+            reason = str(error).strip().partition("\n")[0]
+            raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error
+        for got, wanted in zip(made, wished, strict=True):
+            if got.shape != wanted.shape:
+                raise ValueError(f"onnxruntime makes {got.shape} of {shape} where torch makes {wanted.shape}")
+            difference = float(np.abs(got - wanted).max())
+            if not difference <= TOLERANCE:
+                raise ValueError(f"onnxruntime differs from torch by {difference} at {shape}; {TOLERANCE} is the most")
+            largest = max(largest, difference)
+    return largest
+
+
+def _losses(recipe: dict[str, Any]) -> str:
+    """What a network was trained for where that isn't pixels alone: PSNR says little of it then."""
+    if not recipe.get("adversarial"):
+        return ""
+    content = recipe.get("perceptual") or "none"
+    return f"; adversarial ({recipe['adversarial']}; perceptual term: {content}), for the eye"
+
+
+def _first_line(text: str | None) -> str:
+    return (text or "").strip().splitlines()[0].rstrip(".")

@@ -1,0 +1,183 @@
+"""Networks that others trained: a file of weights, what `spandrel` knows of its design, and the same ONNX and card.
+
+spandrel (chaiNNer-org) tells the architecture and its options from the names and shapes of the weights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import sys
+import types
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import torch
+from torch import Tensor, nn
+
+from ciir.models import card as cards
+from ciir.models.card import Sizes
+from ciir.training.export import export, measure, to_onnx
+from ciir.training.loop import checkpoints
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+SUFFIXES = (".pth", ".pt", ".ckpt", ".safetensors")
+UNUSED = ("InterpolationMode", "normalize", "rotate")
+"""What spandrel takes from `torchvision.transforms.functional`, for two networks that don't upscale: LaMa (inpainting)
+and RestoreFormer (faces)."""
+
+
+class Foreign(nn.Module):
+    """A network that spandrel made: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
+
+    def __init__(self, descriptor: Any) -> None:
+        """`descriptor`: a `spandrel.ImageModelDescriptor`."""
+        super().__init__()
+        self.network: nn.Module = _folded(descriptor.model.float()).requires_grad_(True)
+        self.scale = int(descriptor.scale)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """See the class. Of several outputs the first is the picture, as in MMRealSR."""
+        output = self.network(image)
+        picture: Tensor = output[0] if isinstance(output, tuple) else output
+        return picture
+
+
+def _folded(network: nn.Module) -> nn.Module:
+    """SPAN's Conv3XC folds its branches anew in every call, which can't be traced: once is enough."""
+    modules: Iterable[Any] = network.modules()
+    for module in modules:
+        if hasattr(module, "update_params") and hasattr(module, "eval_conv"):
+            module.update_params()
+            module.update_params = _nothing
+            del module.conv, module.sk
+    return network
+
+
+def _nothing() -> None:
+    """In place of what needs to be done no more."""
+
+
+def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is the file's stem if not given.
+
+    `weights`: a file of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export`.
+
+    Raises `ValueError` where the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
+    network can't be exported with free sizes or used in tiles.
+    """
+    name = name or weights.stem
+    export.check_name(name)
+    descriptor = _described(weights)
+    network, sizes = Foreign(descriptor).eval(), _sizes(descriptor.size_requirements)
+    _check_call(network, descriptor, sizes)
+    made = to_onnx.convert(network, network.scale, sizes)
+    export.compare(network, made, sizes)
+    card = export.card_of(
+        network,
+        name=name,
+        kind=f"{descriptor.architecture.name} ({', '.join(descriptor.tags)}), trained by others".replace(" ()", ""),
+        scale=network.scale,
+        radius=measure.tile_overlap(network, network.scale, sizes),
+        sizes=sizes,
+        training=cards.Training(_origin(weights), "unknown", 0, 0),
+    )
+    return export.ship(made, card, out, accuracy_on=accuracy_on)
+
+
+def _origin(weights: Path) -> dict[str, Any]:
+    return {"weights": weights.name, "sha256": hashlib.sha256(weights.read_bytes()).hexdigest()}
+
+
+def _described(weights: Path) -> Any:
+    """spandrel's descriptor of the network in a file."""
+    with without_torchvision():
+        import spandrel
+    try:
+        descriptor = spandrel.ModelLoader().load_from_state_dict(spandrel.canonicalize_state_dict(_read(weights)))
+    except spandrel.UnsupportedModelError as error:
+        raise ValueError(
+            f"{weights}: spandrel {spandrel.__version__} knows no network with such weights; give one of its list"
+        ) from error
+    except (RuntimeError, KeyError, AssertionError) as error:
+        reason = str(error).strip().partition("\n")[0]
+        raise ValueError(f"{weights}: its weights don't fit the network that they look like ({reason})") from error
+    channels = (descriptor.input_channels, descriptor.output_channels)
+    if not isinstance(descriptor, spandrel.ImageModelDescriptor) or descriptor.scale < 2 or channels != (3, 3):
+        raise ValueError(
+            f"{weights}: {descriptor.architecture.name} at scale {descriptor.scale} with {channels[0]} channels in and "
+            f"{channels[1]} out; give a network that upscales RGB, 3 in and 3 out, by 2 or more"
+        )
+    return descriptor
+
+
+def _read(weights: Path) -> dict[str, Any]:
+    """Tensors by name, without unpickling anything else."""
+    if weights.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{weights}: not a file of weights; give one of {', '.join(SUFFIXES)}")
+    try:
+        if weights.suffix.lower() == ".safetensors":
+            from safetensors import SafetensorError
+            from safetensors.torch import load_file
+
+            try:
+                return dict(load_file(weights))
+            except SafetensorError as error:
+                raise ValueError(str(error)) from error
+        state = torch.load(weights, map_location="cpu", weights_only=True)
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError) as error:
+        raise ValueError(
+            f"{weights}: no weights that can be read without running code in it; give it as .safetensors, or a state "
+            "dict as torch.save writes it"
+        ) from error
+    if isinstance(state, dict) and state.keys() >= checkpoints.KEYS:
+        raise ValueError(f"{weights}: a checkpoint of `ciir train`; give it without --weights")
+    if not isinstance(state, dict) or not all(isinstance(key, str) for key in state):
+        raise ValueError(
+            f"{weights}: holds a {type(state).__name__}, no tensors by name; give a state dict as torch.save writes it"
+        )
+    return state
+
+
+def _sizes(rule: Any) -> Sizes:
+    """spandrel's `SizeRequirements`; the least side is that of our own networks where it says nothing."""
+    return Sizes(max(Sizes().minimum, rule.minimum), rule.multiple_of, rule.square)
+
+
+@torch.no_grad()
+def _check_call(network: Foreign, descriptor: Any, sizes: Sizes) -> None:
+    """Raises `ValueError` where `network` isn't all that spandrel does with a picture: some want more than the call."""
+    image = torch.rand(1, 3, *sizes.fitted(24, 24), generator=torch.Generator().manual_seed(0))
+    difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
+    if not difference <= export.TOLERANCE:
+        raise ValueError(f"{descriptor.architecture.name}: needs more than its network; it can't be exported")
+
+
+@contextmanager
+def without_torchvision() -> Iterator[None]:
+    """Within the block spandrel can be imported without torchvision.
+
+    The common index has none for the CPU build of torch (the other one fails as it is imported), and spandrel uses
+    three of its functions for two networks that are of no use here (see `UNUSED`). In their place stand functions that
+    raise `ModuleNotFoundError`; after the block nobody else sees them.
+    """
+    if "spandrel" in sys.modules or "torchvision" in sys.modules:
+        yield
+        return
+
+    def absent(*_: object, **__: object) -> NoReturn:
+        raise ModuleNotFoundError("spandrel was imported without torchvision", name="torchvision")
+
+    names = ("torchvision", "torchvision.transforms", "torchvision.transforms.functional")
+    stubs = {name: types.ModuleType(name) for name in names}
+    for name in UNUSED:
+        setattr(stubs[names[-1]], name, absent)
+    sys.modules.update(stubs)
+    try:
+        yield
+    finally:
+        for name in names:
+            del sys.modules[name]

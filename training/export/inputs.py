@@ -1,0 +1,55 @@
+"""What a network takes: the inputs of its ONNX file, and examples of them to export, compare and measure it on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from ciir.models import card as cards
+from ciir.models.light_field.windows import SIDE, axis
+from ciir.training.networks.light_field import LightFieldGenerator
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+    Place = tuple[tuple[int, int], tuple[int, int]]
+
+FREE = ("height", "width")
+IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
+FURTHER = (
+    cards.Tensor("around", ("batch", SIDE * SIDE, *FREE), "float32", 0.0, 1.0),
+    cards.Tensor("rows", (SIDE,), "float32", 0.0, 1.0),
+    cards.Tensor("cols", (SIDE,), "float32", 0.0, 1.0),
+)
+"""What a light-field network takes beside the view: see `training.networks.light_field`."""
+DOUBT = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
+"""What it makes beside the picture: see `training.networks.light_field.LightFieldGenerator.with_doubt`."""
+PLACES: tuple[Place, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
+"""Windows to try such a network on, as `(number, of how many)` views down and across: whole, at a corner, and in the
+middle and at the edge of the least grid."""
+
+
+def inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+    """The inputs of the network's ONNX file, in order."""
+    return (IMAGE, *FURTHER) if isinstance(network, LightFieldGenerator) else (IMAGE,)
+
+
+def outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+    """The outputs of the network's ONNX file after the picture."""
+    return (DOUBT,) if isinstance(network, LightFieldGenerator) else ()
+
+
+def places(network: nn.Module) -> tuple[Place, ...]:
+    """The windows that it ought to be tried on; one, which says nothing, for a network of single pictures."""
+    return PLACES if isinstance(network, LightFieldGenerator) else PLACES[:1]
+
+
+def make(network: nn.Module, count: int, height: int, width: int, *, place: Place = PLACES[0]) -> list[Tensor]:
+    """Noise in [0, 1] for each of `inputs`, the same each time, of `count` pictures; `rows` and `cols` of `place`."""
+    random = torch.Generator().manual_seed(0)
+    made = [torch.rand(count, 3, height, width, generator=random)]
+    if isinstance(network, LightFieldGenerator):
+        made.append(torch.rand(count, SIDE * SIDE, height, width, generator=random))
+        made.extend(torch.from_numpy(axis(*at).there) for at in place)
+    return made

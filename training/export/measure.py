@@ -1,0 +1,110 @@
+"""What a card says of a network and nobody wrote down: how far it sees, what it learnt, what it costs."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import nn
+from torch.utils.flop_counter import FlopCounterMode
+
+from ciir.training.export import inputs as examples
+
+if TYPE_CHECKING:
+    from ciir.models.card import Sizes
+    from ciir.training.export.inputs import Place
+
+WIDEST = 120
+"""Largest radius, input pixels: tiles of 256x256 (`models.session.WINDOW`) then still have something to keep."""
+SMALL = 32
+"""Side of the picture whose multiply-adds are counted, pixels: what is padded counts too."""
+OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
+SEAM = 0.5 / 255
+"""Largest difference of a tile from the whole picture that isn't seen: half a level of 8 bits."""
+KEPT = 32
+"""Side of the middle of a tile that is held against the whole, pixels."""
+
+
+def parameters(network: nn.Module) -> int:
+    """Numbers that were learnt: without constants that are stored as weights, such as an interpolated base's kernel."""
+    return sum(weight.numel() for weight in network.parameters() if weight.requires_grad)
+
+
+@torch.no_grad()
+def macs_per_output_pixel(network: nn.Module, sizes: Sizes) -> float:
+    """Multiply-adds of all convolutions and matrix products for one output pixel (its three channels together)."""
+    with FlopCounterMode(display=False) as counter:
+        output = network(*examples.make(network, 1, *sizes.fitted(SMALL, SMALL)))
+    return float(counter.get_total_flops() / 2 / output[0, 0].numel())
+
+
+def receptive_radius(network: nn.Module, scale: int) -> int | None:
+    """How many input pixels away, along each side, an input pixel can still change an output pixel; None where it is
+    more than `WIDEST`. For networks of convolutions and activations.
+
+    Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
+    number, so that no path cancels or rests on the weights that training happened to find. The picture is a strip,
+    upright and lying. Of a light-field network the views around count as the view does, over `examples.places`.
+    """
+    probe = copy.deepcopy(network).double()
+    random = torch.Generator().manual_seed(0)  # all alike, they would cancel where channels compete (softmax)
+    with torch.no_grad():
+        for weight in probe.parameters():
+            if weight.ndim > 1:
+                weight.copy_((0.5 + torch.rand(weight.shape, generator=random)) / weight[0].numel())
+            else:
+                weight.fill_(0.0 if weight.ndim else 1.0)
+    for centre in (16, 32, 64, WIDEST + 1):
+        tries = itertools.product(examples.places(network), (2, 3))
+        radius = max(_reach(probe, scale, centre, axis, place) for place, axis in tries)
+        if radius < centre:
+            return radius
+    return None
+
+
+def _reach(probe: nn.Module, scale: int, centre: int, axis: int, place: Place) -> int:
+    """How far from pixel `centre` of a strip along `axis` its outputs' gradient is not zero, pixels."""
+    sides = [9, 9]
+    sides[axis - 2] = 2 * centre + 1
+    inputs = [part.double() for part in examples.make(probe, 1, *sides, place=place)]
+    pictures = [part.requires_grad_() for part in inputs if part.ndim == 4]
+    for part in pictures[1:]:
+        part.data += 1  # what the views around say lies above the view itself: no ReLU is silent
+    output = probe(*inputs).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]
+    gradients = torch.cat(torch.autograd.grad(output.sum(), pictures), 1)
+    touched = gradients.abs().sum([i for i in range(4) if i != axis]).nonzero()
+    return int((touched - centre).abs().max())
+
+
+@torch.no_grad()
+def tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
+    """How far tiles must reach over what is kept of them so that it is the whole picture's to `SEAM`, input pixels.
+
+    For networks whose field is wider than a tile, or unknown: far pixels hardly count in most. Measured on noise that
+    is strong on one side and faint on the other: what a tile shows is not, on average, what the whole picture shows.
+
+    Raises `ValueError` where even the last of `OVERLAPS` is too little.
+    """
+    step = sizes.multiple_of
+    rounded = sorted({-(-halo // step) * step for halo in OVERLAPS})
+    kept = -(-KEPT // step) * step
+    begin = 2 * rounded[-1]
+    end, side = begin + kept, kept + 2 * begin
+    image = torch.from_numpy(np.random.default_rng(0).random((1, 3, side, side), dtype=np.float32))
+    image[..., end:] *= 0.25
+    whole = network(image)
+    worst = float("inf")
+    for halo in rounded:
+        tile = network(image[:, :, begin - halo : end + halo, begin - halo : end + halo])
+        inner = slice(halo * scale, (halo + kept) * scale)
+        outer = slice(begin * scale, end * scale)
+        worst = float((tile[..., inner, inner] - whole[..., outer, outer]).abs().max())
+        if worst <= SEAM:
+            return halo
+    raise ValueError(
+        f"tiles that overlap by {rounded[-1]} pixels differ from the whole picture by {worst:.3f}: "
+        f"the network looks further; give one of convolutions"
+    )

@@ -1,0 +1,155 @@
+"""Static int8 after training: grids from what a float network does on real views, and which layers stay in float.
+
+Each tensor gets the grid of least squared error on samples of its values (as in Banner et al., NeurIPS 2019, with the
+clipping found by search); a LeakyReLU's input gets the one that does best behind it. Plain extremes lose 2 to 7 times
+as much. Where all layers together cost more than `LIMIT`, the layer that costs most for each multiply-add goes back to
+float, until they don't.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import onnx
+from tqdm import tqdm
+
+from ciir.models import processor
+from ciir.models.metrics import luma
+from ciir.models.session import available_cores, open_session
+from ciir.training.export import qdq
+from ciir.training.export.qdq import Grid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.training.export.calibration import Example
+
+    Values = NDArray[np.float32]
+
+LIMIT = 0.08
+"""Most dB of Y-PSNR that int8 may lose on average over the calibration's views."""
+SAMPLES = 1 << 17
+"""Values of each tensor from which its grid is chosen, taken evenly from all views."""
+CUTS = np.linspace(0.2, 1.0, 17)
+"""How much of the extremes a grid may span, below and above zero."""
+
+
+def quantise(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
+    """A float network's int8 twin, as ONNX, and the names of the layers that stayed in float.
+
+    `weights`: as `to_onnx.convert` makes them. `pairs`: of `training.export.calibration`.
+
+    Raises `ValueError` where the network has no convolution that can run in 8 bits, or all of them are too costly, or
+    where this processor would show int8 worse than it is.
+    """
+    reason = processor.against_int8()
+    if reason:
+        raise ValueError(f"int8: what it costs can't be measured here, as {reason}; export on another machine")
+    model = onnx.load_from_string(weights)
+    names = [layer.name for layer in qdq.layers(model)]
+    if not names:
+        raise ValueError("int8: the network has no plain convolution, which is what runs in 8 bits; ship it as float")
+    grids = choose(model, pairs)
+    kept: list[str] = []
+    order: list[str] = []
+    before = _scores(weights, pairs)
+    while True:
+        made = _serialised(qdq.insert(model, grids, kept))
+        loss = float(np.mean(before - _scores(made, pairs)))
+        if loss <= LIMIT:
+            return made, kept
+        order = order or _by_cost(model, grids, names, before, pairs)
+        if len(kept) == len(names) - 1:
+            raise ValueError(f"int8: {loss:.2f} dB are lost whatever stays in float; ship the network as float")
+        kept.append(order[len(kept)])
+
+
+def choose(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, Grid]:
+    """A grid for each tensor that `qdq.insert` asks for."""
+    layers = qdq.layers(model)
+    image = model.graph.input[0].name
+    tensors = list(dict.fromkeys(name for layer in layers for name in layer.tensors if name != image))
+    samples = _sampled(model, tensors, pairs)
+    grids = {image: Grid.over(0.0, 1.0)}
+    for layer in layers:
+        leaky = layer.activation if layer.activation is not None and layer.activation.op_type == "LeakyRelu" else None
+        for name in layer.tensors:
+            if name not in grids:
+                behind = leaky is not None and name == leaky.input[0]
+                grids[name] = _least_error(samples[name], _leaky(leaky) if leaky is not None and behind else _same)
+    return grids
+
+
+class _Sample(NamedTuple):
+    """Some of a tensor's values over all views, and the extremes of all of them."""
+
+    values: Values
+    low: float
+    high: float
+
+
+def _sampled(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Example]) -> dict[str, _Sample]:
+    probe = onnx.ModelProto()
+    probe.CopyFrom(model)
+    del probe.graph.output[:]
+    probe.graph.output.extend(onnx.helper.make_empty_tensor_value_info(name) for name in tensors)
+    session = open_session(probe.SerializeToString(), available_cores())
+    random = np.random.default_rng(0)
+    found: dict[str, list[_Sample]] = {name: [] for name in tensors}
+    for inputs, _ in tqdm(pairs, desc="calibrating", disable=None, unit="view", leave=False):
+        for name, values in zip(tensors, session.run(None, inputs), strict=True):
+            some = values.ravel()[random.integers(0, values.size, SAMPLES // len(pairs) + 1)]
+            found[name].append(_Sample(some, float(values.min()), float(values.max())))
+    return {
+        name: _Sample(np.concatenate([p.values for p in parts]), min(p.low for p in parts), max(p.high for p in parts))
+        for name, parts in found.items()
+    }
+
+
+def _least_error(sample: _Sample, after: Callable[[Values], Values]) -> Grid:
+    """Of the grids over parts of the range, the one that changes `after(values)` least, by squares."""
+    values = sample.values
+    wanted = after(values)
+    grids = dict.fromkeys(Grid.over(low, high) for low in CUTS * sample.low for high in CUTS * sample.high)
+    return min(grids, key=lambda grid: float(np.square(after(grid.rounded(values)) - wanted).mean()))
+
+
+def _same(values: Values) -> Values:
+    return values
+
+
+def _leaky(node: onnx.NodeProto) -> Callable[[Values], Values]:
+    slope = np.float32(onnx.helper.get_attribute_value(node.attribute[0]) if node.attribute else 0.01)
+    return lambda values: np.where(values > 0, values, slope * values)
+
+
+def _by_cost(
+    model: onnx.ModelProto, grids: dict[str, Grid], names: Sequence[str], before: Values, pairs: Sequence[Example]
+) -> list[str]:
+    """The layers, first the one whose 8 bits alone cost most dB for each weight, and so for each multiply-add."""
+    sizes = {value.name: int(np.prod(value.dims)) for value in model.graph.initializer}
+
+    def cost(name: str) -> float:
+        alone = qdq.insert(model, grids, [other for other in names if other != name])
+        return float(np.mean(before - _scores(_serialised(alone), pairs))) / sizes[name]
+
+    return sorted(names, key=cost, reverse=True)
+
+
+def _scores(weights: bytes, pairs: Sequence[Example]) -> Values:
+    """Y-PSNR in dB of each pair, outputs not rounded; a picture that comes out almost exactly counts as 60 dB."""
+    session = open_session(weights, available_cores())
+    scores = []
+    for inputs, high in pairs:
+        output, *_ = session.run(None, inputs)
+        error = luma(255 * np.clip(output[0], 0, 1).transpose(1, 2, 0)) - luma(high)
+        scores.append(min(60.0, 10 * np.log10(255**2 / max(1e-9, float(np.square(error).mean())))))
+    return np.array(scores, np.float32)
+
+
+def _serialised(model: onnx.ModelProto) -> bytes:
+    onnx.checker.check_model(model, full_check=True)
+    return bytes(model.SerializeToString())

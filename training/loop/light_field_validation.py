@@ -1,0 +1,56 @@
+"""How good a light-field network is while it is trained: Y-PSNR on the middle view of a light field."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from ciir.models.light_field.windows import axis
+from ciir.models.metrics import luma, psnr
+from ciir.training.data import degrade, light_fields
+from ciir.training.data.layered_scenes import LUMA
+from ciir.training.data.light_field_sample import Inputs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from torch import nn
+
+    from ciir.training.data.light_fields import Pair
+
+
+def fields(folder: Path, scale: int) -> list[Pair]:
+    """The light field in `folder`, made small in each way of `degrade.KINDS`; read once, before the first step.
+
+    Raises `ValueError` as `light_fields.read` does.
+    """
+    views = light_fields.read(folder)
+    middle = tuple(slice(max(0, count // 2 - 2), count // 2 + 3) for count in views.shape[:2])
+    return [light_fields.degraded(views[middle], kind, scale) for kind in degrade.KINDS]
+
+
+def window(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
+    """What a light-field network takes for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
+    rows, cols = axis(v, low.shape[0]), axis(u, low.shape[1])
+    views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
+    around = (views @ torch.tensor(LUMA)).flatten(0, 1)[None]
+    image = torch.from_numpy(low[v, u]).permute(2, 0, 1)[None].float().div(255)
+    return Inputs(image, around, torch.from_numpy(rows.there), torch.from_numpy(cols.there))
+
+
+@torch.no_grad()
+def validate(network: nn.Module, against: list[Pair]) -> float:
+    """Mean Y-PSNR in dB of the middle view over the ways of making it small, a border of 2 cut. Runs where it is."""
+    device = next(network.parameters()).device
+    network.eval()
+    scores = []
+    for low, high in against:
+        v, u = low.shape[0] // 2, low.shape[1] // 2
+        made = network(*(part.to(device) for part in window(low, v, u)))[0].permute(1, 2, 0).cpu()
+        picture = made.clamp(0, 1).mul(255).round().byte().numpy()
+        scores.append(psnr(luma(picture), luma(high[v, u]), border=2))
+    network.train()
+    return sum(scores) / len(scores)

@@ -1,0 +1,107 @@
+"""What a run leaves to be looked at: log.csv, TensorBoard's file, the picture of the curves."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from typing import TYPE_CHECKING
+
+from ciir.training import atomic_write
+from ciir.training.loop import plot
+from ciir.training.loop.events import Events
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from torch import Tensor
+
+    Row = dict[str, float]
+
+OTHER = ("step", "learning_rate", "psnr", "seconds", "seconds_per_step")
+"""Columns that are no losses."""
+
+
+class Means:
+    """Mean losses over steps, added up where they are: nothing waits for a GPU before `take`."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, Tensor | float] = {}
+        self._steps = 0
+
+    def add(self, terms: Mapping[str, Tensor | float]) -> None:
+        """One step's losses: numbers, or tensors of one element without a gradient."""
+        for name, value in terms.items():
+            self._sums[name] = self._sums.get(name, 0.0) + value
+        self._steps += 1
+
+    def take(self) -> dict[str, float]:
+        """The means since the last `take`."""
+        means = {name: float(value) / self._steps for name, value in self._sums.items()}
+        self._sums, self._steps = {}, 0
+        return means
+
+
+class Log:
+    """The log of a run in the folder `out` that goes on from `step`: later rows, of a run that broke off, are dropped.
+
+    `log.csv` has a row for each validation: `step`; `loss`, the sum of the terms, and each term, means over the steps
+    since the row before; `learning_rate`; `psnr` in dB; `seconds` of the whole run; `seconds_per_step` without the
+    validations. `tensorboard/` holds the same, `curve.png` draws it. Where the package tensorboard or matplotlib is
+    not installed, its file is left out and standard error says so.
+
+    Raises `ValueError` where `out/log.csv` is something else, and `OSError` where there is no room.
+    """
+
+    def __init__(self, out: Path, *, title: str, step: int) -> None:
+        self.out, self.title = out, title
+        path = out / "log.csv"
+        self.rows = [row for row in read(path) if row["step"] <= step] if path.exists() else []
+        self._draw = True
+        self._events: Events | None = None
+        try:
+            self._events = Events(out / "tensorboard", step=step)
+        except ModuleNotFoundError as error:
+            _tell_missing(error, "tensorboard")
+
+    def add(self, row: Row) -> None:
+        """`row`: `OTHER` and the losses."""
+        self.rows.append(row)
+        atomic_write.write(self.out / "log.csv", _to_csv(self.rows))
+        if self._draw:
+            try:
+                atomic_write.write(self.out / "curve.png", plot.draw(self.rows, losses(self.rows), self.title))
+            except ModuleNotFoundError as error:
+                self._draw = False
+                _tell_missing(error, "curve.png")
+        if self._events is not None:
+            names = {name: name if name in OTHER else f"losses/{name}" for name in row if name != "step"}
+            self._events.add(int(row["step"]), {shown: row[name] for name, shown in names.items()})
+
+
+def read(path: Path) -> list[Row]:
+    """The rows of a `log.csv`. Raises `ValueError` where it is none."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(file)]
+        return [row | {"step": int(row["step"]), "psnr": row["psnr"]} for row in rows]
+    except (ValueError, KeyError, TypeError, AttributeError, csv.Error) as error:
+        raise ValueError(f"{path}: not the log of a run; move it away, or name another folder") from error
+
+
+def losses(rows: Sequence[Row]) -> list[str]:
+    """The columns of `rows` that are losses, in the order in which they came."""
+    return [name for name in dict.fromkeys(name for row in rows for name in row) if name not in OTHER]
+
+
+def _to_csv(rows: Sequence[Row]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, ["step", *losses(rows), *OTHER[1:]], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{value:.7g}" for name, value in row.items()} for row in rows)
+    return text.getvalue().encode()
+
+
+def _tell_missing(error: ModuleNotFoundError, file: str) -> None:
+    print(f"note: no {file}: the package {error.name} is not installed (`make setup-training`)", file=sys.stderr)

@@ -1,0 +1,39 @@
+"""Batches made by threads before they are asked for, so that a GPU need not wait for them."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator
+    from concurrent.futures import Future
+
+    from torch import Tensor
+
+    from ciir.training.loop.trainer import Inputs
+
+    Batch = tuple[Inputs, Tensor]
+    """What the network takes, and what it should make of it."""
+
+
+def batches(at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0) -> Generator[Batch]:
+    """`at(start)`, `at(start + 1)`, ... up to `stop`, in order, with `threads` of them in the making; 0: none is.
+
+    `ready`: how many may wait for their turn, where some take longer than others.
+
+    `at` must depend on its argument alone, as `training.data.crops.Crops.at` does: threads then change nothing but
+    the time.
+    """
+    if not threads:
+        yield from map(at, range(start, stop))
+        return
+    with ThreadPoolExecutor(threads, thread_name_prefix="batches") as pool:
+        coming: deque[Future[Batch]] = deque()
+        for step in range(start, stop):
+            coming.append(pool.submit(at, step))
+            if len(coming) > max(threads, ready):
+                yield coming.popleft().result()
+        while coming:
+            yield coming.popleft().result()

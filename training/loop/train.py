@@ -1,0 +1,137 @@
+"""The training loop: step after step, with a validation, a row of the log and a checkpoint every now and then."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from ciir.training.data.crops import Crops
+from ciir.training.data.light_field_crops import BLOCKS, USES, ViewCrops
+from ciir.training.loop import light_field_validation, validation
+from ciir.training.loop.interrupt import Interrupts, Stopped
+from ciir.training.loop.logs import Log, Means
+from ciir.training.loop.prefetch import batches
+from ciir.training.loop.progress import Progress
+from ciir.training.loop.trainer import Run, learning_rate
+from ciir.training.networks.light_field import LightFieldGenerator
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from torch import nn
+
+    from ciir.training.loop.prefetch import Batch
+    from ciir.training.recipe import Recipe
+
+THREADS = {"cpu": 0, "cuda": 8}
+"""That make batches ahead: on a CPU they would only take the time that the step needs."""
+
+
+def train(recipe: Recipe, out: Path) -> Path:
+    """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
+
+    `out` gets `checkpoint.pt`, and what `training.loop.logs.Log` writes, after each `recipe.validate_every` steps. A
+    resumed run continues bit for bit on the CPU: the data and the step size depend on the step alone.
+
+    Ctrl-C and SIGTERM end it after the present step, with a checkpoint, by `training.loop.interrupt.Stopped`.
+
+    Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` where a folder or a
+    checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` where
+    there is no room in `out`. The last good checkpoint stands.
+    """
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out}: a file is there; name a folder for the run")
+    checkpoint = out / "checkpoint.pt"
+    run = Run(recipe)
+    _check(recipe, run.network)
+    if checkpoint.exists():
+        run.resume(checkpoint)
+    elif recipe.initial:
+        run.start_from(Path(recipe.initial))
+    if run.step == recipe.steps:
+        return checkpoint
+    score, batch_of = _task(recipe)
+
+    out.mkdir(parents=True, exist_ok=True)
+    tell(recipe, run.step)
+    log, means, begun = Log(out, title=recipe.name, step=run.step), Means(), time.monotonic() - run.seconds
+    since, at = time.monotonic(), run.step
+    with (
+        Progress(run.step, recipe.steps, run.psnr) as progress,
+        closing(batches(batch_of, run.step, recipe.steps, **_ahead(recipe, run))) as coming,
+        Interrupts() as interrupts,
+    ):
+        for low, high in coming:
+            looks = run.looks
+            losses = run.update(low, high)
+            means.add(losses)
+            progress.step(float(losses["loss"]) if looks else None)
+            due = run.step % recipe.validate_every == 0 or run.step == recipe.steps
+            if due:
+                row = means.take()  # waits for the GPU
+                pace = (time.monotonic() - since) / (run.step - at)
+                run.psnr = score(run.average)
+                row |= {"step": run.step, "learning_rate": learning_rate(recipe, run.step - 1), "psnr": run.psnr}
+                log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
+                progress.validated(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
+                since, at = time.monotonic(), run.step
+            if due or interrupts.number:
+                run.seconds = time.monotonic() - begun
+                run.save(checkpoint)
+            if interrupts.number and run.step < recipe.steps:
+                raise Stopped(
+                    f"stopped at step {run.step} of {recipe.steps}, which {checkpoint} holds; the same command goes on",
+                    interrupts.number,
+                )
+    return checkpoint
+
+
+def tell(recipe: Recipe, step: int) -> None:
+    """One line on stderr as a run starts, and one more where it is too short for its warm-up."""
+    stop = "stop with Ctrl-C, and go on by the same command"
+    tqdm.write(f"training {recipe.name}: from step {step} to {recipe.steps}; {stop}", file=sys.stderr)
+    if recipe.warmup >= recipe.steps:
+        tqdm.write(
+            f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never comes to learning_rate",
+            file=sys.stderr,
+        )
+
+
+def _check(recipe: Recipe, network: nn.Module) -> None:
+    """Raises `ValueError` where the network takes something else than the batches of the recipe hold."""
+    if isinstance(network, LightFieldGenerator) == recipe.light_field:
+        return
+    if recipe.light_field:
+        raise ValueError(
+            f'light_field is true, and {recipe.network} takes single pictures; set network = "light_field", or '
+            "light_field = false"
+        )
+    raise ValueError(
+        f"light_field is false, and {recipe.network} takes a window of views; set light_field = true, or name another"
+    )
+
+
+def _ahead(recipe: Recipe, run: Run) -> dict[str, int]:
+    """Scenes are made by a thread of their own, on a CPU too: that is as much work as the network's, in blocks."""
+    threads = THREADS[run.device.type]
+    return {"threads": max(1, threads), "ready": (BLOCKS - 1) * USES} if recipe.light_field else {"threads": threads}
+
+
+def _task(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
+    """How a network is scored while it is trained, and the batch of a step."""
+    common: dict[str, Any] = {
+        name: getattr(recipe, name) for name in ("crop", "scale", "batch", "seed", "degradations", "meshes")
+    }
+    if recipe.light_field:
+        fields = light_field_validation.fields(Path(recipe.validate), recipe.scale)
+        views = ViewCrops(Path(recipe.train), **common, eased=recipe.eased)
+        return lambda network: light_field_validation.validate(network, fields), views.at
+    pairs = validation.pairs(Path(recipe.validate), recipe.scale)
+    spoilt = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
+    crops = Crops(Path(recipe.train), **common, **spoilt)
+    return lambda network: validation.validate(network, pairs, recipe.scale), crops.at

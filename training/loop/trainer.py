@@ -1,0 +1,212 @@
+"""All that changes while a network is trained, and the step that changes it."""
+
+from __future__ import annotations
+
+import copy
+import math
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import torch
+from tqdm import tqdm
+
+from ciir.training import recipe as recipes
+from ciir.training.loop import checkpoints
+from ciir.training.losses.objective import Objective
+from ciir.training.networks import make
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from torch import Tensor, nn
+
+    from ciir.training.recipe import Recipe
+
+    Inputs = Tensor | tuple[Tensor, ...]
+    """A picture, or all that a network takes where that is more."""
+
+LOOK_EVERY = {"cpu": 1, "cuda": 50}
+"""Steps between looks at the loss: each makes the CPU wait for the GPU."""
+
+
+class Run:
+    """A network in training: what a checkpoint holds is its whole state."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        """Starts from random weights, which depend on the seed alone. Raises `ValueError` where the recipe is wrong."""
+        self.recipe, self.device = recipe, choose(recipe.device)
+        torch.manual_seed(recipe.seed)
+        network = make(recipe.network, recipe.options)
+        if network.scale != recipe.scale:
+            raise ValueError(f"scale is {recipe.scale}, and {recipe.network} is made for {network.scale}; see options")
+        self.network: nn.Module = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = copy.deepcopy(self.network)
+        """The running mean of the weights: what is validated and exported."""
+        self.trained = [weight for weight in self.network.parameters() if weight.requires_grad]
+        self.optimiser = torch.optim.Adam(self.trained, lr=recipe.learning_rate)
+        self.objective = Objective(recipe, self.device)
+        self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, commit()
+
+    def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
+        """One step: LR `(N, 3, h, w)`, or all that the network takes, and HR `(N, 3, H, W)`, float in [0, 1] -> its
+        losses, `loss` their sum.
+
+        Raises `FloatingPointError` where the loss or its gradient's norm is no finite number, on CUDA within
+        `LOOK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
+        saturated.
+        """
+        inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
+            output = self.network(*inputs)
+        output = output.float()
+        terms = self.objective.generator(output, high)
+        loss = torch.stack(list(terms.values())).sum()
+        if self.looks and not torch.isfinite(loss):
+            raise FloatingPointError(f"step {self.step}: the loss is {loss.item()}; lower learning_rate or set clip")
+        self.optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        # Looked at without a limit, too: Adam would divide by its infinite square, and stand still without a word.
+        norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
+        if self.looks and not torch.isfinite(norm):
+            raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
+        rate = learning_rate(self.recipe, self.step)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        self.optimiser.step()
+        follow(self.average, self.network, min(self.recipe.ema, (self.step + 1) / (self.step + 10)))
+        judged = self.objective.discriminator(output, high, rate)
+        self.step += 1
+        return {"loss": loss.detach(), **{name: term.detach() for name, term in terms.items()}, **judged}
+
+    @property
+    def looks(self) -> bool:
+        """Whether the loss of the coming step may be looked at."""
+        return self.step % LOOK_EVERY[self.device.type] == 0
+
+    def _placed(self, image: Tensor) -> Tensor:
+        if self.device.type == "cuda":
+            image = image.pin_memory()
+        layout = torch.channels_last if image.ndim == 4 else torch.preserve_format
+        return image.to(self.device, non_blocking=True, memory_format=layout)
+
+    def save(self, path: Path) -> None:
+        """Writes the checkpoint; raises as `checkpoints.save`."""
+        state = {
+            "network": self.average.state_dict(),
+            "raw": self.network.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "objective": self.objective.state_dict(),
+            "step": self.step,
+            "recipe": asdict(self.recipe),
+            "commit": self.commit,
+            "seconds": self.seconds,
+            "psnr": self.psnr,
+        }
+        checkpoints.save(path, state)
+
+    def resume(self, path: Path) -> None:
+        """Goes on from the checkpoint of a run of the same recipe. Raises `ValueError` where it is another's."""
+        state = checkpoints.read(path)
+        differs = recipes.difference(state["recipe"], self.recipe)
+        if differs:
+            raise ValueError(
+                f"{path}: made by another recipe: {differs}; name another folder, and this checkpoint as `initial` "
+                "where its weights are wanted"
+            )
+        try:
+            self.network.load_state_dict(state["raw"])
+            self.average.load_state_dict(state["network"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.objective.load_state_dict(state.get("objective", {}))
+        except (RuntimeError, ValueError, LookupError, TypeError) as error:
+            raise ValueError(
+                f"{path}: of an older version, whose runs can't go on here; name another folder, and this checkpoint "
+                "as `initial`"
+            ) from error
+        self.step, self.seconds, self.commit = state["step"], state["seconds"], state["commit"]
+        self.psnr = state.get("psnr", math.nan)
+
+    def start_from(self, path: Path) -> None:
+        """Takes the weights of another run's checkpoint. Raises `ValueError` where its network is another.
+
+        Options that no weight shows, a slope, may differ: a line on stderr names both. From a single-picture
+        generator's checkpoint a light-field network takes the weights of the one that it holds.
+        """
+        try:
+            state = checkpoints.read(path)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
+        there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
+        is_single = holds_single(self.recipe, state["recipe"])
+        network = cast("nn.Module", self.network.single) if is_single else self.network
+        try:
+            network.load_state_dict(state["network"])
+        except RuntimeError as error:  # torch's message is a page
+            raise ValueError(
+                f"initial: {path} holds {there}, which is not this recipe's {here}; name another"
+            ) from error
+        if there != here and not is_single:
+            tqdm.write(f"initial: {path} holds {there}, and goes on as {here}", file=sys.stderr)
+        self.average.load_state_dict(self.network.state_dict())
+
+
+def holds_single(recipe: Recipe, other: dict[str, Any]) -> bool:
+    """Whether `recipe` is a light-field network's and `other` a single-picture one's."""
+    return recipe.light_field and not other.get("light_field", False)
+
+
+def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
+    """What a network is called with."""
+    return (inputs,) if isinstance(inputs, torch.Tensor) else inputs
+
+
+def choose(name: str) -> torch.device:
+    """What a recipe's `device` names. Raises `ValueError` where it is CUDA and there is none."""
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError(
+            f"device: cuda is asked for, and torch {torch.__version__} finds no GPU; give cpu, or install the driver "
+            "and torch's build for CUDA"
+        )
+    return torch.device(name)
+
+
+def learning_rate(recipe: Recipe, step: int) -> float:
+    """Adam's step size at `step`: a linear warm-up, then a half cosine down to zero at `recipe.steps`."""
+    if step < recipe.warmup:
+        return recipe.learning_rate * (step + 1) / recipe.warmup
+    done = (step - recipe.warmup) / max(1, recipe.steps - recipe.warmup)
+    return recipe.learning_rate * 0.5 * (1.0 + math.cos(math.pi * done))
+
+
+@torch.no_grad()
+def follow(average: nn.Module, network: nn.Module, decay: float) -> None:
+    """Moves the weights of `average` to `decay` times themselves plus the rest of `network`'s; buffers are copied."""
+    for mean, weight in zip(average.parameters(), network.parameters(), strict=True):
+        mean.lerp_(weight, 1.0 - decay)
+    for name, buffer in average.named_buffers():
+        buffer.copy_(network.get_buffer(name))
+
+
+def commit() -> str:
+    """The commit of the code that runs, with `+` where the checkout differs from it; `unknown` outside a checkout."""
+    folder = Path(__file__).parent
+
+    def git(*words: str) -> str:
+        run = subprocess.run(  # noqa: S603 - the words are this function's own
+            ["git", *words],  # noqa: S607 - git is wherever its user has it
+            cwd=folder,
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return run.stdout.strip()
+
+    try:
+        return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

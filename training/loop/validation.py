@@ -1,0 +1,73 @@
+"""How good a network is while it is trained: Y-PSNR on a small set, which is read once, before the first step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from ciir.models.metrics import luma, psnr
+from ciir.training.data import degrade, pictures
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from torch import Tensor, nn
+
+    from ciir.training.data.pictures import Picture
+
+    Pair = tuple[Picture, Picture]
+    """LR `(H, W, 3)` and HR `(scale*H, scale*W, 3)`, 8-bit RGB."""
+
+
+def pairs(folder: Path, scale: int) -> list[Pair]:
+    """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all pictures there, with LR made bicubically.
+
+    Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
+    """
+    files = pictures.find(folder)
+    lows = [path for path in files if path.name.endswith("_LR.png")]
+    if not lows:
+        return [_made(path, scale) for path in files]
+    read = []
+    for path in lows:
+        truth = path.with_name(path.name.replace("_LR.png", "_HR.png"))
+        if not truth.is_file():
+            raise ValueError(f"{truth}: missing; each *_LR.png needs its *_HR.png")
+        low, high = pictures.read_rgb(path), pictures.read_rgb(truth)
+        if high.shape != (scale * low.shape[0], scale * low.shape[1], 3):
+            raise ValueError(
+                f"{truth}: {high.shape[0]}x{high.shape[1]} pixels, where its LR is {low.shape[0]}x{low.shape[1]}; "
+                f"name a folder of pairs at scale {scale}"
+            )
+        read.append((low, high))
+    return read
+
+
+def _made(path: Path, scale: int) -> Pair:
+    high = degrade.crop_to_multiple(degrade.to_tensor(torch.from_numpy(pictures.read_rgb(path))), scale)
+    if min(high.shape[-2:]) < 3 * scale:  # the protocol cuts a border of `scale`: something must be left
+        raise ValueError(f"{path}: too small to validate on at scale {scale}; take it out of the folder")
+    return _to_pixels(degrade.bicubic(high, scale)), _to_pixels(high)
+
+
+def _to_pixels(image: Tensor) -> Picture:
+    """`(1, 3, H, W)` float, nominally in [0, 1] -> `(H, W, 3)` 8 bit."""
+    pixels: Picture = image[0].permute(1, 2, 0).clamp(0, 1).mul(255).round().byte().cpu().numpy()
+    return pixels
+
+
+@torch.no_grad()
+def validate(network: nn.Module, against: list[Pair], scale: int) -> float:
+    """Mean Y-PSNR in dB by the published protocol: 8-bit outputs, a border of `scale` cut. Runs where the network is.
+
+    Grey pictures count as RGB ones, 1.3 dB higher than `training.evaluation.pictures` has them.
+    """
+    device = next(network.parameters()).device
+    network.eval()
+    scores = []
+    for low, high in against:
+        picture = _to_pixels(network(degrade.to_tensor(torch.from_numpy(low)).to(device)))
+        scores.append(psnr(luma(picture), luma(high), border=scale))
+    network.train()
+    return sum(scores) / len(scores)
