@@ -1,4 +1,4 @@
-"""What each fault means to a caller: an exit status for the command line and a status code for HTTP, in one table."""
+"""One table from classes of errors to exit statuses of the command line and status codes of HTTP."""
 
 from __future__ import annotations
 
@@ -8,11 +8,16 @@ from ciir.errors import (
     BackendUnavailable,
     BadCard,
     BrokenNetwork,
+    Error,
     InputError,
     InvalidGeometry,
     InvalidOption,
+    JobError,
     ModelError,
     NotReady,
+    QueueFull,
+    QueueUnavailable,
+    ResultExpired,
     TooLarge,
     Unreadable,
     UnsupportedType,
@@ -20,42 +25,42 @@ from ciir.errors import (
 
 
 @dataclass(frozen=True)
-class Meaning:
-    """How one class of faults is told."""
+class ErrorResponse:
+    """How errors of one class are reported."""
 
     status: int
     """HTTP status code."""
     exit: int
-    """Exit status: 2 the input or an option is at fault, 1 anything else."""
+    """Exit status: 2 for an error in the input or an option, 1 for anything else."""
     title: str
-    """A few words that are the same for every fault of the class (RFC 9457)."""
+    """A few words, the same for every error of the class (RFC 9457)."""
 
 
-_TABLE: tuple[tuple[type[Exception], Meaning], ...] = (  # the first row that fits counts
-    (TooLarge, Meaning(413, 2, "Over a limit")),
-    (UnsupportedType, Meaning(415, 2, "Type not supported")),
-    (Unreadable, Meaning(422, 2, "Not readable")),
-    (InvalidGeometry, Meaning(422, 2, "Invalid geometry")),
-    (InvalidOption, Meaning(422, 2, "Invalid option")),
-    (InputError, Meaning(422, 2, "Invalid input")),
-    (BackendUnavailable, Meaning(422, 2, "Backend not available")),
-    (BadCard, Meaning(500, 1, "Model broken")),
-    (BrokenNetwork, Meaning(500, 1, "Model broken")),
-    (ModelError, Meaning(422, 2, "Invalid model or scale")),
-    (NotReady, Meaning(503, 1, "Not ready")),
+_TABLE: tuple[tuple[type[Error], ErrorResponse], ...] = (  # the first row whose class fits counts
+    (TooLarge, ErrorResponse(413, 2, "Over a limit")),
+    (UnsupportedType, ErrorResponse(415, 2, "Type not supported")),
+    (Unreadable, ErrorResponse(422, 2, "Not readable")),
+    (InvalidGeometry, ErrorResponse(422, 2, "Invalid geometry")),
+    (InvalidOption, ErrorResponse(422, 2, "Invalid option")),
+    (InputError, ErrorResponse(422, 2, "Invalid input")),
+    (BackendUnavailable, ErrorResponse(422, 2, "Backend not available")),
+    (BadCard, ErrorResponse(500, 1, "Model broken")),
+    (ModelError, ErrorResponse(422, 2, "Invalid model or scale")),
+    (BrokenNetwork, ErrorResponse(500, 1, "Model broken")),
+    (QueueFull, ErrorResponse(429, 1, "Queue full")),
+    (QueueUnavailable, ErrorResponse(503, 1, "Not available")),
+    (ResultExpired, ErrorResponse(410, 1, "Expired")),
+    (JobError, ErrorResponse(503, 1, "Job not finished")),
+    (NotReady, ErrorResponse(503, 1, "Not ready")),
+    (Error, ErrorResponse(500, 1, "Error")),
 )
-FAULTS = (InputError, BackendUnavailable, BrokenNetwork, ModelError, NotReady)
-"""The classes that cover the table: what to catch."""
 
 
-def meaning(fault: Exception) -> Meaning:
-    """The row of the table for `fault`; raises `LookupError` for an exception that is none of `FAULTS`."""
-    for kind, row in _TABLE:
-        if isinstance(fault, kind):
-            return row
-    raise LookupError(f"{type(fault).__name__} is not a fault that callers are told about")
+def find_response(error: Error) -> ErrorResponse:
+    """The first row of the table that fits `error`."""
+    return next(row for kind, row in _TABLE if isinstance(error, kind))
 
 
-def one_line(text: str) -> str:
-    """`text` with every run of white space as one space: a message stays one line whatever a file name holds."""
+def join_lines(text: str) -> str:
+    """`text` with each run of white space as one space, so that a message with any file name in it is one line."""
     return " ".join(text.split())

@@ -12,7 +12,7 @@ from ciir.benchmarks import machine
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.errors import InvalidOption
 from ciir.models import catalogue
-from ciir.service.errors import one_line
+from ciir.service.errors import join_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -125,7 +125,7 @@ def outcomes(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
         except StopIteration:
             return
         except Exception as error:  # noqa: BLE001 - it is reported as broken, and the other cases go on
-            failure = one_line(f"{type(error).__name__}: {error}")
+            failure = join_lines(f"{type(error).__name__}: {error}")
             result = Found(f"{case.__name__} was ended by an exception", 0, math.nan)
         ended = time.perf_counter()
         yield Outcome(group, case.__name__, result, ended - begun, failure)

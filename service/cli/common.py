@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
-from ciir.service.errors import one_line
+from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import Report, to_json
 
@@ -59,7 +59,7 @@ def finish(report: Report, path: str | None) -> None:
         with replacing(Path(path)) as file:
             file.write(to_json(report))
     for note in report["notes"]:
-        print(f"ciir: note: {one_line(note)}", file=sys.stderr)
+        print(f"ciir: note: {join_lines(note)}", file=sys.stderr)
 
 
 @contextmanager

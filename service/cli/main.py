@@ -16,9 +16,9 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
-from ciir.errors import InvalidOption
+from ciir.errors import Error, InvalidOption
 from ciir.models.catalogue import DEFAULT, FIELD
-from ciir.service.errors import FAULTS, meaning, one_line
+from ciir.service.errors import find_response, join_lines
 from ciir.service.pipeline.options import HELP, NAMES
 
 if TYPE_CHECKING:
@@ -193,8 +193,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs `argv` (the process's own where None) and returns the exit status. Faults are one line on stderr."""
     try:
         _run(sys.argv[1:] if argv is None else argv)
-    except FAULTS as fault:
-        return _tell(fault, meaning(fault).exit)
+    except Error as error:
+        return _tell(error, find_response(error).exit)
     except BrokenPipeError:
         _forget_output()
         return PIPE_CLOSED
@@ -276,7 +276,7 @@ def _forget_output() -> None:
 
 
 def _tell(fault: Exception | str, status: int) -> int:
-    print(f"ciir: {one_line(str(fault))}", file=sys.stderr)
+    print(f"ciir: {join_lines(str(fault))}", file=sys.stderr)
     return status
 
 

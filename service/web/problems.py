@@ -10,8 +10,8 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 from starlette.routing import Match
 
-from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
-from ciir.service.errors import FAULTS, meaning, one_line
+from ciir.errors import Error, QueueFull
+from ciir.service.errors import find_response, join_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,7 +50,7 @@ def content(path: str, status: int, detail: str, title: str | None = None) -> di
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,
         "status": status,
-        "detail": one_line(detail),
+        "detail": join_lines(detail),
         "instance": path,
     }
 
@@ -72,11 +72,13 @@ def problem(
     return JSONResponse(content(path, status, detail, title), status, headers, MEDIA_TYPE)
 
 
-def of(fault: Exception, path: str) -> JSONResponse:
-    """The problem that tells one of `service.errors.FAULTS`."""
-    row = meaning(fault)
-    detail = str(fault) if row.status != 500 else _DETAILS[500]
+def of(error: Error, path: str) -> JSONResponse:
+    """The problem that reports `error`."""
+    row = find_response(error)
+    detail = str(error) if row.status != 500 else _DETAILS[500]
     headers = {"Retry-After": RETRY_SECONDS} if row.status == 503 else None
+    if isinstance(error, QueueFull):
+        headers = {"Retry-After": str(error.retry_after)}
     return problem(path, row.status, detail, title=row.title, headers=headers)
 
 
@@ -91,7 +93,8 @@ def of_server(path: str) -> JSONResponse:
     return problem(path, 500, _DETAILS[500])
 
 
-async def _fault(request: Request, error: Exception) -> JSONResponse:
+async def _error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, Error)  # noqa: S101 - registered for no other class
     return of(error, request.url.path)
 
 
@@ -114,21 +117,6 @@ def _allow(request: Request) -> dict[str, str]:
     return {"Allow": ", ".join(found or ("GET", "HEAD"))}  # the latter: of a folder of files, where no route matches
 
 
-async def _full(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, QueueFull)  # noqa: S101 - registered for no other class
-    headers = {"Retry-After": str(error.retry_after)}
-    return problem(request.url.path, 429, str(error), title="Queue full", headers=headers)
-
-
-async def _unavailable(request: Request, error: Exception) -> JSONResponse:
-    headers = {"Retry-After": RETRY_SECONDS}
-    return problem(request.url.path, 503, str(error), title="Not available", headers=headers)
-
-
-async def _expired(request: Request, error: Exception) -> JSONResponse:
-    return problem(request.url.path, 410, str(error), title="Expired")
-
-
 async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
     """Nobody is left to read it, and nothing went wrong here: no traceback in the log."""
     return problem(request.url.path, 400, "the client left before its request was whole; send it again")
@@ -137,10 +125,6 @@ async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: AR
 def install(app: FastAPI) -> None:
     """Makes `app` answer every error as a problem, but for what nobody foresaw: see
     `service.web.middleware.observe`."""
-    for fault in FAULTS:
-        app.add_exception_handler(fault, _fault)
+    app.add_exception_handler(Error, _error)
     app.add_exception_handler(HTTPException, _http)
-    app.add_exception_handler(QueueFull, _full)
-    app.add_exception_handler(QueueUnavailable, _unavailable)
-    app.add_exception_handler(ResultExpired, _expired)
     app.add_exception_handler(ClientDisconnect, _gone)

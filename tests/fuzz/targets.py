@@ -1,7 +1,7 @@
 """Each door that strangers' bytes come in by, as a function of bytes that holds it to its word.
 
 A target returns whether the bytes were read. It raises where a door does anything but give what it promises, or refuse
-in one line by a fault of `service.errors.FAULTS`: `python -m tests.fuzz.run` looks for bytes that make it.
+in one line by a `ciir.errors.Error`: `python -m tests.fuzz.run` looks for bytes that make it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
+from ciir.errors import Error
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.file_types import Kind, identify
 from ciir.renderer.readers.png import SIGNATURE
-from ciir.service.errors import FAULTS
 from ciir.service.pipeline.options import NAMES, Options
 from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
@@ -62,7 +62,7 @@ class Target:
         """Whether `data` was read; `BrokenPromise`, or whatever the door raised, where it broke its word."""
         try:
             self.check(data)
-        except (*FAULTS, HTTPException) as fault:
+        except (Error, HTTPException) as fault:
             line = str(fault.detail) if isinstance(fault, HTTPException) else str(fault)
             if not line.isprintable() or not 10 <= len(line) <= LONGEST_LINE:
                 raise BrokenPromise(f"no line of 10 to {LONGEST_LINE} characters: {line[:1000]!r}") from fault

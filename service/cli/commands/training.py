@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import FIELD
 from ciir.service.cli import common, output_path
-from ciir.service.errors import one_line
+from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import pair
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _train(args: argparse.Namespace) -> None:
     except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
         raise InvalidOption(str(error)) from error
     except Stopped as stop:
-        print(f"ciir: {one_line(str(stop))}", file=sys.stderr)
+        print(f"ciir: {join_lines(str(stop))}", file=sys.stderr)
         raise SystemExit(128 + stop.number) from None  # as a shell has it for a signal
     common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
 

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ciir.errors import Error
+from ciir.service.errors import find_response, join_lines
 from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.pipeline.report import Clock
 
@@ -96,16 +98,15 @@ def do(work: Work, allowed: Allowed) -> Done:
     """Reconstructs. Whatever is wrong with the input is a `Problem`, as are a limit on memory or file size, and a full
     disk; anything else that is raised is a fault of this program. A result's report is in `work.report` instead.
     """
-    from ciir.service.errors import FAULTS, meaning, one_line
     from ciir.service.jobs.workers import sandbox
 
     sandbox.allow_cpu(allowed.cpu_seconds)
     tempfile.tempdir = str(work.target.parent)
     try:
         return Done(_made(work, allowed))
-    except FAULTS as error:
-        told = meaning(error)
-        return Done(Problem(told.status, told.title, one_line(str(error))), _is_memory(error))
+    except Error as error:
+        response = find_response(error)
+        return Done(Problem(response.status, response.title, join_lines(str(error))), _is_memory(error))
     except Exception as error:
         problem = _of_this_machine(error, allowed)
         if problem is None:

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import pytest
 from fastapi.testclient import TestClient
 
-from ciir.service.errors import FAULTS, meaning, one_line
+from ciir.errors import Error
+from ciir.service.errors import find_response, join_lines
 from ciir.service.jobs.engine import Engine
 from ciir.service.jobs.job import Problem
 from ciir.service.jobs.workers import work as works
@@ -36,9 +37,9 @@ class ThreadPool:
         try:
             made = works._made(work, self.allowed)
             return replace(made, report=json.loads(work.report.read_bytes()))
-        except FAULTS as error:
-            told = meaning(error)
-            return Problem(told.status, told.title, one_line(str(error)))
+        except Error as error:
+            response = find_response(error)
+            return Problem(response.status, response.title, join_lines(str(error)))
 
     def start(self):
         pass
