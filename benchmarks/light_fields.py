@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.bench.timing import in_turns
+from ciir.benchmarks.bench.timing import in_turns, timed
 from ciir.benchmarks.bench.work import views as rendered
 from ciir.benchmarks.parallax import disparities
 from ciir.models import catalogue
@@ -171,13 +170,6 @@ def job(model: str, threads: int | None, low: Views) -> Callable[[], dict[str, f
     alone = catalogue.load(catalogue.DEFAULT, threads=threads)
     every = {(v, u): low[v, u] for v in range(5) for u in range(5)}
     return lambda: timed(lambda: upscale_views(network, alone, every, [(2, 2)], (5, 5)))
-
-
-def timed(run: Callable[[], object]) -> dict[str, float]:
-    """Milliseconds of a call."""
-    begun = time.perf_counter()
-    run()
-    return {"total": 1e3 * (time.perf_counter() - begun)}
 
 
 class Row:

@@ -9,7 +9,7 @@ from typing import Any
 from ciir.models import processor
 from ciir.models.session import available_cores
 
-PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch", "openvino")
+PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch")
 
 
 def describe() -> dict[str, Any]:

@@ -32,7 +32,6 @@ import argparse
 import io
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,8 +39,8 @@ from typing import TYPE_CHECKING, Any
 import imagecodecs
 import numpy as np
 
-from ciir.benchmarks.bench.timing import alone, in_turns
-from ciir.benchmarks.bench.work import views
+from ciir.benchmarks.bench.timing import alone, in_turns, timed
+from ciir.benchmarks.bench.work import Kept, views
 from ciir.models import catalogue
 from ciir.models.session import Network, available_cores, open_session
 from ciir.models.single.pixels import upscale_pixels
@@ -82,45 +81,9 @@ SIZES = ((200, 200), (360, 640))
 MESH, EIA = Path("../shared/data/meshes/duck.glb"), Path("../shared/data/lightfields/eia-200x200x15.jpg")
 
 
-class Interleaved:
-    """A sink that puts the views together to an elemental image array."""
-
-    def __init__(self, pixels: tuple[int, int]) -> None:
-        self._pixels = pixels
-        self.array: NDArray[Any] = np.empty((0, 0, 0), np.uint8)
-        self.report: Report = {}
-
-    def begin(self, count: int) -> None:
-        """All views are expected: `pixels` says how many."""
-        assert count == self._pixels[0] * self._pixels[1]  # noqa: S101 - asked for with views=all
-
-    def add(self, view: tuple[int, int], pixels: NDArray[Any]) -> str:
-        """Puts view (v, u) at every lens's pixel (v, u)."""
-        rows, cols, channels = pixels.shape
-        if not self.array.size:
-            self.array = np.empty((rows * self._pixels[0], cols * self._pixels[1], channels), pixels.dtype)
-        self.array[view[0] :: self._pixels[0], view[1] :: self._pixels[1]] = pixels
-        return ""
-
-    def finish(self, report: Report) -> None:
-        """Keeps the report."""
-        self.report = report
-
-
-def timed(work: Callable[[], object]) -> Job:
-    """`work` as a job of `in_turns`."""
-
-    def run() -> dict[str, float]:
-        begun = time.perf_counter()
-        work()
-        return {"total": 1e3 * (time.perf_counter() - begun)}
-
-    return run
-
-
 def quickest(work: Callable[[], object], times: int = 10) -> Job:
     """The quickest of some runs of `work` as a job: what nothing else on the machine held up."""
-    return lambda: min((timed(work)() for _ in range(times)), key=lambda run: run["total"])
+    return lambda: min((timed(work) for _ in range(times)), key=lambda run: run["total"])
 
 
 def multiply_adds(card: Card, height: int, width: int) -> float:
@@ -162,8 +125,8 @@ def view(rounds: int) -> Iterator[str | Checked]:
     networks = {name: network(name) for name in (PAPER, default)}
     jobs = {"float GEMM": quickest(product(int8=False)), "int8 GEMM": quickest(product(int8=True))}
     for name, model in networks.items():
-        jobs[name] = timed(partial(upscale_pixels, model, pixels))
-        jobs[f"{name} alone"] = timed(partial(model.run, {model.card.input.name: planes}))
+        jobs[name] = partial(timed, partial(upscale_pixels, model, pixels))
+        jobs[f"{name} alone"] = partial(timed, partial(model.run, {model.card.input.name: planes}))
     whole = in_turns(jobs, rounds, reference=PAPER)
     yield f"view {SIDE}x{SIDE} -> {2 * SIDE}x{2 * SIDE}, {rounds} rounds"
     peaks = {"float32": GEMM**3 / whole["float GEMM"].low, "int8": GEMM**3 / whole["int8 GEMM"].low}
@@ -186,11 +149,12 @@ def view(rounds: int) -> Iterator[str | Checked]:
     )
 
 
-def upscaled(source: Source, options: Options) -> Interleaved:
-    """All views of a mesh by the pipeline, interleaved."""
-    sink = Interleaved(PIXELS)
+def upscaled(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
+    """The elemental image array of all views of a mesh by the pipeline, and its report."""
+    sink = Kept()
     reconstruct(source, options, sink)
-    return sink
+    made = np.stack(sink.views)
+    return LightField(made.reshape(*PIXELS, *made.shape[1:])).to_eia().astype(np.uint8), sink.report
 
 
 def usual(source: Source, options: Options) -> NDArray[np.uint8]:
@@ -211,11 +175,11 @@ def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
     """The upscaled elemental image array by each way."""
     options = Options(lenses=LENSES, pixels=PIXELS, views="all")
     single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default())
-    auto = f"auto ({upscaled(source, options).report['plan']['model']})"
+    auto = f"auto ({upscaled(source, options)[1]['plan']['model']})"
     jobs = {
-        "usual": timed(lambda: usual(source, options)),
-        auto: timed(lambda: upscaled(source, options)),
-        catalogue.default(): timed(lambda: upscaled(source, single)),
+        "usual": partial(timed, lambda: usual(source, options)),
+        auto: partial(timed, lambda: upscaled(source, options)),
+        catalogue.default(): partial(timed, lambda: upscaled(source, single)),
     }
     times = in_turns(jobs, rounds, reference="usual")
     yield "mesh to an upscaled elemental image array, 50x50 -> 100x100 lenses of 15x15 pixels, seconds"
@@ -246,7 +210,9 @@ def jobs(mesh: Path, rounds: int) -> Iterator[str]:
         rows[f"{backend}: view 100x100 directly"] = partial(one_view, backend=backend, strategy="direct")
         rows[f"{backend}: EIA 50x50 lenses of 15x15"] = partial(array, backend)
     command = [sys.executable, "-m", "ciir", "models"]
-    rows["ciir models, cold start"] = timed(partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL))
+    rows["ciir models, cold start"] = partial(
+        timed, partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL)
+    )
     yield f"{source.name}, whole jobs from bytes to encoded PNG, milliseconds"
     for name, times in in_turns(rows, rounds).items():
         stages = "  ".join(f"{stage} {value:.1f}" for stage, value in times.stages.items())
@@ -263,7 +229,9 @@ def int8(rounds: int) -> Iterator[str]:
             for height, width in SIZES:
                 image = np.random.default_rng(0).random((1, 3, height, width), dtype=np.float32)
                 times = in_turns(
-                    {each.name: timed(partial(each, image)) for each in pair}, rounds, reference=card.float_twin
+                    {each.name: partial(timed, partial(each, image)) for each in pair},
+                    rounds,
+                    reference=card.float_twin,
                 )
                 plain, quick = (times[each.name] for each in pair)
                 yield (
@@ -282,7 +250,7 @@ def png(eia: Path, rounds: int) -> Iterator[str]:
             "libpng": partial(imagecodecs.png_encode, picture, level=1, filter=imagecodecs.PNG.FILTER.PAETH),
             "ours": partial(pictures.encode_png, picture),
         }
-        times = in_turns({way: timed(code) for way, code in both.items()}, 10 * rounds, reference="libpng")
+        times = in_turns({way: partial(timed, code) for way, code in both.items()}, 10 * rounds, reference="libpng")
         told = ", ".join(f"{times[way].median:.2f} ms {len(code()) / 1e3:.0f} kB" for way, code in both.items())
         yield f"  {name} {picture.shape[1]}x{picture.shape[0]}: {told}; {times['ours'].ratio:.1f} times faster"
 

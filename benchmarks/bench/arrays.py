@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.bench.timing import Times, in_turns
+from ciir.benchmarks.bench.timing import Stages, Times, in_turns, timed
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame
@@ -58,12 +57,10 @@ def routes(source: Source, array: LensArray, options: Options, rounds: int) -> t
     rays = open_backend("raytrace")[0]
     makers[RAYS] = lambda placed: rays.elemental(placed, array)
 
-    def job(make: Callable[[Scene], NDArray[np.uint8]]) -> Callable[[], dict[str, float]]:
-        def run() -> dict[str, float]:
+    def job(make: Callable[[Scene], NDArray[np.uint8]]) -> Callable[[], Stages]:
+        def run() -> Stages:
             placed = scene.transformed(matrix)
-            begun = time.perf_counter()
-            make(placed)
-            return {"total": 1e3 * (time.perf_counter() - begun)}
+            return timed(lambda: make(placed))
 
         return run
 

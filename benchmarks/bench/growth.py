@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import io
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.bench.timing import Stages, in_turns
+from ciir.benchmarks.bench.timing import Stages, in_turns, timed
 from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
 from ciir.models.session import available_cores
@@ -96,13 +95,9 @@ def _opens(name: str) -> bool:
     return True
 
 
-def _measured(over: str, jobs: Mapping[str, Mapping[int, Callable[[], float]]], rounds: int) -> Iterator[Line]:
+def _measured(over: str, jobs: Mapping[str, Mapping[int, Callable[[], Stages]]], rounds: int) -> Iterator[Line]:
     """All jobs of one quantity take turns with each other."""
-
-    def stages(job: Callable[[], float]) -> Callable[[], Stages]:
-        return lambda: {"total": job()}
-
-    flat = {f"{what}\n{count}": stages(job) for what, line in jobs.items() for count, job in line.items()}
+    flat = {f"{what}\n{count}": job for what, line in jobs.items() for count, job in line.items()}
     times = in_turns(flat, rounds)
     for what, line in jobs.items():
         if line:
@@ -110,47 +105,41 @@ def _measured(over: str, jobs: Mapping[str, Mapping[int, Callable[[], float]]], 
             yield Line(over, what, tuple(line), medians)
 
 
-def _timed(job: Callable[[], object]) -> float:
-    begun = time.perf_counter()
-    job()
-    return 1e3 * (time.perf_counter() - begun)
-
-
-def _upscaling(model: str, lenses: int, threads: int | None = None) -> Callable[[], float]:
+def _upscaling(model: str, lenses: int, threads: int | None = None) -> Callable[[], Stages]:
     image = np.random.default_rng(lenses).random((1, 3, lenses, lenses), dtype=np.float32)
     network = catalogue.load(model, threads=threads)
-    return lambda: _timed(lambda: network(image))
+    return lambda: timed(lambda: network(image))
 
 
-def _rendering(mesh: Scene, backend: str, lenses: int) -> Callable[[], float]:
+def _rendering(mesh: Scene, backend: str, lenses: int) -> Callable[[], Stages]:
     """One view of a mesh that the backend hasn't seen yet: what a job waits for."""
     array = LensArray(lenses, lenses, 15, 15)
     matrix = frame(mesh, array)
     renderer = open_backend(backend)[0]
 
-    def run() -> float:
+    def run() -> Stages:
         placed = mesh.transformed(matrix)
-        return _timed(lambda: list(renderer.views(placed, array, [(7, 7)])))
+        return timed(lambda: list(renderer.views(placed, array, [(7, 7)])))
 
     return run
 
 
-def _array(backend: str, pixels: int) -> Callable[[], float]:
+def _array(backend: str, pixels: int) -> Callable[[], Stages]:
     array = LensArray(50, 50, pixels, pixels)
     matrix = frame(scene(MESH), array)
     renderer = open_backend(backend)[0]
 
-    def run() -> float:
+    def run() -> Stages:
         placed = scene(MESH).transformed(matrix)
-        return _timed(lambda: renderer.elemental(placed, array))
+        return timed(lambda: renderer.elemental(placed, array))
 
     return run
 
 
-def _views(model: str, count: int) -> Callable[[], float]:
+def _views(model: str, count: int) -> Callable[[], Stages]:
     pairs = ";".join(f"{v},{u}" for v, u in (divmod(number, 15) for number in range(count)))
     options = Options(lenses=(50, 50), pixels=(15, 15), views=pairs, model=model)
-    return lambda: _timed(lambda: reconstruct(MESH, options, FileSink(io.BytesIO(), "zip")))
+    return lambda: timed(lambda: reconstruct(MESH, options, FileSink(io.BytesIO(), "zip")))
 
 
 def sphere(triangles: int) -> Scene:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ciir.benchmarks.bench.methods import PAPER
-from ciir.benchmarks.bench.timing import Stages, Times, in_turns
+from ciir.benchmarks.bench.timing import Times, in_turns, timed
 from ciir.models import catalogue
 
 if TYPE_CHECKING:
@@ -45,10 +45,6 @@ def engines(models: Sequence[str]) -> tuple[dict[str, Engine], dict[str, str]]:
             found = {REFERENCE: _torch()} | found
         else:
             missing[REFERENCE] = "torch is not installed; run make setup-training"
-    if find_spec("openvino"):
-        found |= {f"{name}: OpenVINO": _openvino(name) for name in models}
-    else:
-        missing["OpenVINO"] = "openvino is not installed"
     return found, missing
 
 
@@ -66,13 +62,6 @@ def _torch() -> Engine:
     return run
 
 
-def _openvino(name: str) -> Engine:
-    import openvino
-
-    compiled = openvino.compile_model(str(catalogue.SHIPPED / f"{name}.onnx"), "CPU")
-    return lambda image: np.asarray(np.clip(compiled(image)[0], 0.0, 1.0))
-
-
 def rows(
     models: Sequence[str], *, rounds: int, sizes: Sequence[tuple[int, int]] = SIZES
 ) -> tuple[list[Row], dict[str, str]]:
@@ -81,16 +70,7 @@ def rows(
     measured: list[Row] = []
     for height, width in sizes:
         image = _picture(height, width)
-
-        def job(engine: Engine, image: NDArray[np.float32] = image) -> Callable[[], Stages]:
-            def run() -> Stages:
-                begun = time.perf_counter()
-                engine(image)
-                return {"total": 1e3 * (time.perf_counter() - begun)}
-
-            return run
-
-        jobs = {name: job(engine) for name, engine in found.items()}
+        jobs = {name: partial(timed, partial(engine, image)) for name, engine in found.items()}
         reference = REFERENCE if REFERENCE in jobs else f"{PAPER}: onnxruntime"
         times = in_turns(jobs, rounds, reference=reference)
         for name, engine in found.items():

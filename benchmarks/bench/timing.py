@@ -43,6 +43,13 @@ def in_turns(
     return {name: _of(name, runs, reference) for name in jobs}
 
 
+def timed(work: Callable[[], object]) -> Stages:
+    """One call as a job of `in_turns`."""
+    begun = time.perf_counter()
+    work()
+    return {"total": 1e3 * (time.perf_counter() - begun)}
+
+
 def _of(name: str, runs: list[dict[str, Stages]], reference: str) -> Times:
     totals = [run[name]["total"] for run in runs]
     low, middle, high = quartiles(totals)

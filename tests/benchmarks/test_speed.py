@@ -7,17 +7,6 @@ pytest.importorskip("onnx", reason="needs the training extra")
 
 from ciir.benchmarks import speed
 from ciir.models import catalogue
-from ciir.renderer.light_field import LightField
-
-
-def test_views_are_interleaved_as_the_light_field_has_them():
-    views = np.random.default_rng(0).integers(0, 256, (3, 2, 5, 4, 3), np.uint8)
-    sink = speed.Interleaved((3, 2))
-    sink.begin(6)
-    for v in range(3):
-        for u in range(2):
-            sink.add((v, u), views[v, u])
-    np.testing.assert_array_equal(sink.array, LightField(views).to_eia())
 
 
 def test_multiply_adds_are_the_cards():

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found
+from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.benchmarks.stress.networks import in_torch, shipped
 from ciir.benchmarks.stress.networks import patterns as made
-from ciir.benchmarks.stress.networks import shipped
 from ciir.benchmarks.stress.networks.shipped import peak, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from onnx import NodeProto
 
     from ciir.benchmarks.stress.case import Case, Effort
     from ciir.benchmarks.stress.networks.shipped import Values
@@ -39,12 +41,15 @@ def inputs() -> tuple[list[str], Values]:
     return list(given), np.stack(list(given.values()))
 
 
-def activations(effort: Effort) -> Iterator[Found]:
+def activations(effort: Effort) -> Iterator[Found | Skipped]:
     """The largest value of each convolution's output on pictures and patterns, and its growth from layer to layer."""
+    if missing := in_torch.missing():
+        yield Skipped("activations", missing)
+        return
     names, images = inputs()
     for name in shipped.floats(effort):
         weights = shipped.weights(name)
-        layers = [node.outputs[0] for node in shipped.nodes(weights) if node.kind in ("Conv", "ConvTranspose")]
+        layers = [node.output[0] for node in shipped.nodes(weights) if node.op_type in ("Conv", "ConvTranspose")]
         inside = shipped.looking_inside(weights, layers)(images)
         largest = {layer: worst(peak(values.astype(np.float32)), names) for layer, values in inside.items()}
         all_layers = ", ".join(f"{value:.1f}" for value, _ in largest.values())
@@ -56,22 +61,25 @@ def activations(effort: Effort) -> Iterator[Found]:
         yield Found(f"{name}: growth of the largest value over one layer", GROWTH, growth[layer], layer)
 
 
-def saturation(effort: Effort) -> Iterator[Found]:
+def saturation(effort: Effort) -> Iterator[Found | Skipped]:
     """The share of each int8 tensor's values that lie on the ends of its grid, on pictures and on patterns."""
+    if missing := in_torch.missing():
+        yield Skipped("saturation", missing)
+        return
     names, images = inputs()
     count = len(made.pictures(SIDE))  # they come first
     for _, name in shipped.twins(effort):
         weights = shipped.weights(name)
-        rounding = [node for node in shipped.nodes(weights) if node.kind == "QuantizeLinear"]
+        rounding = [node for node in shipped.nodes(weights) if node.op_type == "QuantizeLinear"]
         rounding = rounding[1:]  # the first is the picture itself, whose grid is its 256 levels
-        asked = [text for node in rounding for text in (node.outputs[0], node.inputs[2])]
+        asked = [text for node in rounding for text in (node.output[0], node.input[2])]
         inside = shipped.looking_inside(weights, asked)(images)
         shares = {}
         for node in rounding:
-            codes, zero = inside[node.outputs[0]], int(inside[node.inputs[2]])
+            codes, zero = inside[node.output[0]], int(inside[node.input[2]])
             # Where zero has code 0, that code is what Relu makes of all below, as it would in float.
             ends = (codes == 255) | ((codes == 0) & (zero > 0))
-            shares[node.outputs[0]] = ends.mean(axis=(1, 2, 3))
+            shares[node.output[0]] = ends.mean(axis=(1, 2, 3))
         for kind, bound, part in (("pictures", PICTURES, slice(count)), ("patterns", PATTERNS, slice(count, None))):
             found = {tensor: worst(np.asarray(share[part]), names[part]) for tensor, share in shares.items()}
             tensor = max(found, key=lambda key: found[key][0])
@@ -80,9 +88,9 @@ def saturation(effort: Effort) -> Iterator[Found]:
             yield Found(what, bound, measured, f"{tensor}, {where}")
 
 
-def _before(nodes: list[shipped.Node], layers: list[str]) -> dict[str, str]:
+def _before(nodes: list[NodeProto], layers: list[str]) -> dict[str, str]:
     """For each of `layers` the nearest one upstream along first inputs; empty where the picture comes first."""
-    first = {node.outputs[0]: node.inputs[0] for node in nodes if node.inputs}
+    first = {node.output[0]: node.input[0] for node in nodes if node.input}
     found = {}
     for layer in layers:
         tensor = first[layer]

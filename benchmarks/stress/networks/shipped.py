@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
+    from onnx import NodeProto
 
     from ciir.benchmarks.stress.case import Effort
 
@@ -113,74 +114,22 @@ def worst(values: Values, names: Sequence[str]) -> tuple[float, str]:
     return float(values[index]), names[index]
 
 
-class Node(NamedTuple):
-    """One node of a network's graph."""
+def nodes(network: bytes) -> list[NodeProto]:
+    """The graph's nodes, in order."""
+    import onnx
 
-    kind: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-
-def nodes(network: bytes) -> list[Node]:
-    """The graph's nodes in order, read off the file (protobuf's wire format; field numbers of `onnx.proto`).
-
-    The package `onnx` would do it too, but running needs none of it.
-    """
-    (graph,) = (value for number, value in _fields(network) if number == 7)
-    found = []
-    for number, value in _fields(graph):
-        if number == 1:
-            texts = [(key, text.decode()) for key, text in _fields(value) if key in (1, 2, 4)]
-            kind, inputs, outputs = (tuple(text for key, text in texts if key == wanted) for wanted in (4, 1, 2))
-            found.append(Node(kind[0], inputs, outputs))
-    return found
+    return list(onnx.load_from_string(network).graph.node)
 
 
 def looking_inside(network: bytes, names: Sequence[str]) -> Callable[[Values], dict[str, NDArray[np.generic]]]:
-    """The network with the tensors `names` as outputs beside its own.
+    """The network with the tensors `names` as outputs beside its own."""
+    import onnx
 
-    Protobuf merges what is appended into what is there: so a graph that holds outputs alone adds them.
-    """
-    added = b"".join(_field(12, _field(1, name.encode())) for name in names)
-    session = open_session(network + _field(7, added), available_cores())
+    model = onnx.load_from_string(network)
+    model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)
+    session = open_session(model.SerializeToString(), available_cores())
 
     def run(images: Values) -> dict[str, NDArray[np.generic]]:
         return dict(zip(names, session.run(list(names), {"image": images}), strict=True))
 
     return run
-
-
-def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:
-    """(number, content) of each field that holds bytes; numbers among them are passed over."""
-    at = 0
-    while at < len(message):
-        key, at = _number(message, at)
-        if key & 7 == 2:
-            length, at = _number(message, at)
-            yield key >> 3, message[at : at + length]
-            at += length
-        elif key & 7 == 0:
-            _, at = _number(message, at)
-        else:
-            at += {1: 8, 5: 4}[key & 7]
-
-
-def _number(message: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        value |= (message[at] & 127) << shift
-        shift, at = shift + 7, at + 1
-        if message[at - 1] < 128:
-            return value, at
-
-
-def _field(number: int, content: bytes) -> bytes:
-    return _varint(number << 3 | 2) + _varint(len(content)) + content
-
-
-def _varint(value: int) -> bytes:
-    parts = []
-    while value > 127:
-        parts.append(value & 127 | 128)
-        value >>= 7
-    return bytes([*parts, value])

@@ -79,7 +79,7 @@ def test_a_difference_from_torch_breaks(monkeypatch):
 
 def test_without_torch_it_is_said(monkeypatch):
     monkeypatch.setattr(in_torch, "missing", lambda: "needs torch: make setup-training")
-    for case in (signals.against_torch, sizes.against_torch, gain.gradient_search):
+    for case in (signals.against_torch, sizes.against_torch, gain.gradient_search, *layers.CASES):
         (skipped,) = case(QUICK)
         assert isinstance(skipped, Skipped)
         assert "make setup-training" in skipped.why
@@ -134,6 +134,7 @@ def test_tiles_that_show(monkeypatch):
 
 
 def test_growth_of_activations(monkeypatch):
+    pytest.importorskip("onnx", reason="needs the training extra")
     found = list(layers.activations(QUICK))
     assert [each.holds for each in found] == [True, True]
     assert found[0].where.count(",") == 9  # a value for each of ten layers
@@ -142,16 +143,18 @@ def test_growth_of_activations(monkeypatch):
 
 
 def test_growth_is_counted_from_the_layer_before():
+    onnx = pytest.importorskip("onnx", reason="needs the training extra")
     nodes = [
-        shipped.Node("Conv", ("image", "w"), ("a",)),
-        shipped.Node("Relu", ("a",), ("b",)),
-        shipped.Node("Conv", ("b", "w"), ("c",)),
-        shipped.Node("Conv", ("image", "w"), ("d",)),
+        onnx.helper.make_node("Conv", ("image", "w"), ("a",)),
+        onnx.helper.make_node("Relu", ("a",), ("b",)),
+        onnx.helper.make_node("Conv", ("b", "w"), ("c",)),
+        onnx.helper.make_node("Conv", ("image", "w"), ("d",)),
     ]
     assert layers._before(nodes, ["a", "c", "d"]) == {"a": "", "c": "a", "d": ""}
 
 
 def test_saturation(monkeypatch):
+    pytest.importorskip("onnx", reason="needs the training extra")
     effort = Effort(("fast-int8",), quick=True)
     assert states(layers.saturation, effort) == [True, True]
     inside = shipped.looking_inside

@@ -9,22 +9,14 @@ def noise(*shape):
     return np.random.default_rng(5).random(shape, dtype=np.float32)
 
 
-def test_nodes_are_what_onnx_reads():
-    onnx = pytest.importorskip("onnx", reason="needs the training extra")
-    for name in ("fast", "quality-int8", "paper"):
-        weights = shipped.weights(name)
-        graph = onnx.load_from_string(weights).graph
-        expected = [(node.op_type, tuple(node.input), tuple(node.output)) for node in graph.node]
-        assert [tuple(node) for node in shipped.nodes(weights)] == expected
-
-
 def test_looking_inside_changes_nothing():
+    pytest.importorskip("onnx", reason="needs the training extra")
     images = noise(2, 3, 9, 11)
     weights = shipped.weights("fast")
     nodes = shipped.nodes(weights)
-    inside = shipped.looking_inside(weights, [node.outputs[0] for node in nodes])(images)
+    inside = shipped.looking_inside(weights, [node.output[0] for node in nodes])(images)
     assert [len(values) for values in inside.values()] == [2] * len(nodes)
-    assert np.array_equal(inside[nodes[-1].outputs[0]], shipped.raw("fast")(images))
+    assert np.array_equal(inside[nodes[-1].output[0]], shipped.raw("fast")(images))
     assert (inside["relu"] == np.maximum(inside["conv2d"], 0)).all()
 
 
