@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from typing import Any, Protocol
 
     from ciir.service.jobs.job import Result
-    from ciir.service.jobs.workers.work import Work
+    from ciir.service.jobs.workers.task import Task
 
     class Runs(Protocol):
         """A pool, or what stands in front of one."""
 
         def run(
-            self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
+            self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
         ) -> Result | Problem:
             """The outcome of `work`."""
             ...
@@ -101,7 +101,7 @@ class Counted:
         self._pool, self._metrics = pool, metrics
 
     def run(
-        self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
+        self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
     ) -> Result | Problem:
         """As the pool does it."""
         begun = time.perf_counter()

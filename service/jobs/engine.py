@@ -33,7 +33,7 @@ class Engine:
         self._was_ready = False
         self._draining = threading.Event()
         self._changing = threading.Lock()
-        metrics.workers.set_function(self._pool.living if self._pool is not None else lambda: 0)
+        metrics.workers.set_function(self._pool.count_ready if self._pool is not None else lambda: 0)
 
     def start(self) -> None:
         """Begins to take jobs off the queue, and to start worker processes; nothing where it was drained before."""
@@ -42,25 +42,25 @@ class Engine:
                 self._pool.start()
                 self._consumer.start()
 
-    def check_admits(self) -> None:
+    def check_accepting(self) -> None:
         """Raises `NotReady` before the first worker was ready, and from `drain` on.
 
         Not where workers are replaced later: jobs wait for that in the queue.
         """
         if self._draining.is_set():
             raise NotReady("the server is stopping; try again in a second, another one may answer")
-        if self._pool is not None and not (self._was_ready or self._pool.ready()):
+        if self._pool is not None and not (self._was_ready or self._pool.is_ready()):
             raise NotReady("the models are being loaded; try again in a second (where that fails the log says so)")
         self._was_ready = True
 
     def check_ready(self) -> None:
         """Raises `NotReady` unless requests are taken and a worker answers, or `QueueUnavailable` without a queue."""
-        self.check_admits()
-        if self._pool is not None and not self._pool.ready():
+        self.check_accepting()
+        if self._pool is not None and not self._pool.is_ready():
             raise NotReady("no worker process answers; new ones are being started, try again in a second")
         self.jobs.waiting()
 
-    def measure(self) -> None:
+    def update_gauges(self) -> None:
         """Brings the queue's figures in `metrics` up to date; those of the process itself always are."""
         try:
             waiting, running = self.jobs.waiting(), self.jobs.running()
@@ -71,13 +71,13 @@ class Engine:
         self.metrics.waiting.set(waiting)
         self.metrics.running.set(running)
 
-    def refuse(self) -> None:
-        """From now on nothing new is admitted: `check_admits` raises."""
+    def stop_accepting(self) -> None:
+        """From now on nothing new is admitted: `check_accepting` raises."""
         self._draining.set()
 
     def drain(self) -> None:
         """Takes nothing more off the queue; what runs is finished within `drain_seconds` or put back. Blocks."""
-        self.refuse()
+        self.stop_accepting()
         with self._changing:
             if self._consumer is not None:
                 self._consumer.stop(self._settings.drain_seconds)

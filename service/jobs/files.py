@@ -17,7 +17,7 @@ import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 from ciir.errors import InvalidOption, QueueUnavailable
-from ciir.service.jobs.workers.error_log import Trouble
+from ciir.service.jobs.error_log import Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

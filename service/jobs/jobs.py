@@ -15,9 +15,9 @@ from ciir.service.jobs.files import INPUTS, RESULTS, Files
 from ciir.service.jobs.identity import identity
 from ciir.service.jobs.job import FINAL, Event, Job, Request
 from ciir.service.jobs.lanes import LANES, lane
+from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import POLL_SECONDS, Queue
 from ciir.service.jobs.records import Records
-from ciir.service.jobs.workers.runs import Runs
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -65,12 +65,12 @@ class Jobs:
         self.files = Files(settings.files or str(self.folder / "files"), self.folder)
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
-        self.runs = Runs(self.queue, self.records, self.files)
+        self.lifecycle = Lifecycle(self.queue, self.records, self.files)
         self._max_waiting = settings.max_waiting
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
 
-    def identify(self, request: Request, file: BinaryIO) -> str:
+    def compute_id(self, request: Request, file: BinaryIO) -> str:
         """The id that the job of this request has, or would have."""
         return identity(request, file, self._limits)
 
@@ -81,7 +81,7 @@ class Jobs:
         gone is run again. Raises `QueueFull` where `max_waiting` wait in its lane (some more may, where several are
         handed in at the same moment), and `QueueUnavailable` where it can't be kept.
         """
-        id_ = self.identify(request, file)
+        id_ = self.compute_id(request, file)
         found = self.records.get(id_)
         if found is not None and self._stands(found):
             return self._asked_again(found)
@@ -106,7 +106,7 @@ class Jobs:
         """The job as it stands; None where there is none."""
         return self.records.get(id_)
 
-    async def changes(self, id_: str, seen: int) -> Job:
+    async def wait_for_change(self, id_: str, seen: int) -> Job:
         """The job, once it has other than `seen` events or is at its end. Raises `LookupError` when it is gone."""
         with self.records.listening(id_) as listener:
             pause = POLL_SECONDS[0]
@@ -123,7 +123,7 @@ class Jobs:
 
     def cancel(self, id_: str) -> Job | None:
         """The job, cancelled if it waited or ran, else as it was; None where there is none. Its work stops soon."""
-        return self.runs.cancel(id_)
+        return self.lifecycle.cancel(id_)
 
     def open_result(self, id_: str) -> IO[bytes]:
         """The result of a job that is done, at its beginning, the caller's to close. Raises `ResultExpired`."""
@@ -134,7 +134,7 @@ class Jobs:
             except FileNotFoundError:
                 pass
             else:
-                self.runs.touch(job)
+                self.lifecycle.touch(job)
                 return file
         raise ResultExpired(f"{id_}: no result is kept, or no longer; post the input again")
 
@@ -144,7 +144,7 @@ class Jobs:
 
     def running(self) -> int:
         """How many run, on all machines."""
-        ids = [name.partition(".")[0] for name in self.queue.open.items()]
+        ids = [name.partition(".")[0] for name in self.queue.active.items()]
         return sum(job.state == "running" for job in self.records.many(ids).values())
 
     def sweep(self) -> bool:
@@ -163,7 +163,7 @@ class Jobs:
             age = now - used
             is_over = total > self._keep_bytes or count > MOST_KEPT
             if age < 0:
-                self.runs.keep(name, size)
+                self.lifecycle.keep(name, size)
             elif age > self._keep_seconds or (is_over and age > LEAST_SECONDS):
                 self._forget(name)
                 count, total = count - 1, total - size
@@ -178,7 +178,7 @@ class Jobs:
         outputs = {job.output for job in jobs.values()}
         inputs = self.files.names(INPUTS)
         unknown = [(RESULTS, name) for name in results if name not in outputs]
-        unknown += [(INPUTS, name) for name in set(inputs) - set(self.queue.open.items())]
+        unknown += [(INPUTS, name) for name in set(inputs) - set(self.queue.active.items())]
         for folder, name in unknown:
             with suppress(FileNotFoundError):
                 if self.files.age(folder, name) > max(self._keep_seconds, UNKNOWN_SECONDS):
@@ -198,12 +198,12 @@ class Jobs:
 
     def _asked_again(self, job: Job) -> Job:
         if job.state in FINAL:
-            self.runs.touch(job)
+            self.lifecycle.touch(job)
         return job
 
     def _keep_input(self, name: str, file: BinaryIO) -> None:
         """Notes the input before it is written, so that no process that dies leaves one that nobody knows of."""
-        self.queue.open.put(name, b"{}")
+        self.queue.active.put(name, b"{}")
         try:
             self.files.put(INPUTS, name, file)
         except QueueUnavailable:
@@ -213,7 +213,7 @@ class Jobs:
     def forget_input(self, name: str) -> None:
         """Removes an input that belongs to no job."""
         self.files.remove(INPUTS, name)
-        self.queue.open.remove(name)
+        self.queue.active.remove(name)
 
     def _forget(self, name: str) -> None:
         """Removes the finished job whose input had `name`, its result last, so that no job promises what is gone."""

@@ -22,8 +22,8 @@ from redis.exceptions import RedisError
 from redis.retry import Retry
 
 from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs.error_log import Trouble
 from ciir.service.jobs.lanes import LANES
-from ciir.service.jobs.workers.error_log import Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -161,7 +161,7 @@ class Queue:
         self._lanes = {lane: self._open(f"ciir{lane}") for lane in LANES}
         self.jobs = Table(self._open("ciirjobs"), self._telling)
         """Id -> the job."""
-        self.open = Table(self._open("ciiropen"), self._telling)
+        self.active = Table(self._open("ciiropen"), self._telling)
         """A job's `input` -> nothing, while it waits or runs: what has to be looked after."""
         self.kept = Table(self._open("ciirkept"), self._telling)
         """A finished job's `input` -> when it was last asked for (seconds since 1970), and its bytes."""

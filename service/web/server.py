@@ -55,7 +55,7 @@ class DrainingServer(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
         """Called by the signal, between two steps of the main thread."""
         if self._draining is None:
-            self._parts.engine.refuse()
+            self._parts.engine.stop_accepting()
             self._draining = threading.Thread(target=self._drain, name="drain", daemon=True)
             self._draining.start()
         else:

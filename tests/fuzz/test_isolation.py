@@ -18,10 +18,10 @@ import json, sys
 from pathlib import Path
 from tests.fuzz.guard import Guard
 from ciir.service.jobs.job import Problem, Request
-from ciir.service.jobs.workers.work import Allowed, Work, do
+from ciir.service.jobs.workers.task import Task, TaskLimits, run_task
 from ciir.service.settings import Settings
 
-folder, allowed, told = Path(sys.argv[1]), Allowed.by(Settings()), {}
+folder, allowed, told = Path(sys.argv[1]), TaskLimits.from_settings(Settings()), {}
 guard = Guard(folder)
 for is_armed in (False, True):  # what is imported late is by then
     for file in sorted((folder / "uploads").iterdir()):
@@ -29,7 +29,7 @@ for is_armed in (False, True):  # what is imported late is by then
         request = Request("upload" + file.suffix, options | {"model": "none", "backend": "raytrace"}, None)
         if is_armed:
             guard.arm()
-        outcome = do(Work(file.stem, request, file, folder / "result"), allowed).outcome
+        outcome = run_task(Task(file.stem, request, file, folder / "result"), allowed).outcome
         guard.disarm()
         told[file.name] = outcome.status if isinstance(outcome, Problem) else 200
 print(json.dumps([told, guard.seen]))

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
 from ciir.service.jobs import lanes
 from ciir.service.jobs.job import Problem, Result
-from ciir.service.jobs.workers.owner import Owner
+from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import BEAT_SECONDS, Watch, claim_of
-from ciir.service.jobs.workers.work import Work
+from ciir.service.jobs.workers.task import Task
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ciir.service.jobs.job import Job
     from ciir.service.jobs.jobs import Jobs
-    from ciir.service.jobs.workers.work import Outcome
+    from ciir.service.jobs.workers.task import Outcome
 
 TAKE_SECONDS = 0.5
 """How long a thread waits for a job before it looks whether it is to stop."""
@@ -38,7 +38,7 @@ _log = logging.getLogger("ciir.jobs")
 class Runner(Protocol):
     """What does the work: `service.jobs.workers.pool.Pool`."""
 
-    def run(self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+    def run(self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
         """As `Pool.run`; called by several threads at once."""
         ...
 
@@ -48,7 +48,7 @@ class Consumer:
 
     def __init__(self, jobs: Jobs, pool: Runner, threads: int) -> None:
         self._jobs, self._pool = jobs, pool
-        self._owner = Owner(jobs.folder)
+        self._owner = ConsumerLock(jobs.folder)
         self._watch = Watch(jobs, self._owner)
         self._stopping = threading.Event()
         self._ended = threading.Event()
@@ -112,7 +112,7 @@ class Consumer:
         with self._lock:
             self._count += 1
             claim = claim_of(self._owner.name, self._count)
-        job = self._jobs.runs.begin(id_, claim)
+        job = self._jobs.lifecycle.begin(id_, claim)
         if job is None:  # it was cancelled, or stood in the queue twice
             return None
         run = _Run(job)
@@ -138,7 +138,7 @@ class Consumer:
         job = run.job
         try:
             with self._jobs.files.run(job.input, job.output) as place:
-                work = Work(job.id, job.request, place.source, place.target)
+                work = Task(job.id, job.request, place.source, place.target)
                 progress = partial(run.tell, self._jobs)
                 outcome = self._pool.run(work, progress=progress, cancelled=run.stop)
                 if isinstance(outcome, Result):
@@ -164,13 +164,13 @@ class Consumer:
         """Writes the run's end down; False where the queue can't be reached."""
         try:
             if isinstance(outcome, Result | Problem):
-                if not self._jobs.runs.finish(run, outcome):
+                if not self._jobs.lifecycle.finish(run, outcome):
                     _log.info("job %s: cancelled, or taken over by another consumer", run.id)
             elif isinstance(outcome, WorkerDied):
                 _log.warning("job %s: %s", run.id, outcome)
-                self._jobs.runs.worker_died(run)
+                self._jobs.lifecycle.worker_died(run)
             else:
-                self._jobs.runs.again(run)  # which does nothing where it was cancelled
+                self._jobs.lifecycle.again(run)  # which does nothing where it was cancelled
         except QueueUnavailable:
             return False
         return True
@@ -242,7 +242,7 @@ class _Run:
                 return
             self._told, self._last = data, now
         try:
-            if not jobs.runs.progress(self.job, data):
+            if not jobs.lifecycle.progress(self.job, data):
                 self.stop.set()
         except QueueUnavailable as error:
             _log.warning("job %s: its progress isn't told: %s", self.job.id, error)

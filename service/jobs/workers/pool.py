@@ -24,7 +24,7 @@ from pebble import CONSTS, ProcessExpired, ProcessPool
 from ciir.errors import Cancelled, WorkerDied
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.jobs.workers import sandbox
-from ciir.service.jobs.workers.work import Allowed, Done, Outcome, Work, do, read_progress, warm
+from ciir.service.jobs.workers.task import Done, Outcome, Task, TaskLimits, read_progress, run_task, warm_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -48,7 +48,7 @@ _log = logging.getLogger("ciir.pool")
 class _Worker:
     """A process, from its start to its end."""
 
-    def __init__(self, allowed: Allowed) -> None:
+    def __init__(self, allowed: TaskLimits) -> None:
         bounds = sandbox.Bounds(allowed.memory, allowed.file)
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPool(1, initializer=sandbox.enter, initargs=(bounds, os.getpid()), context=context)
@@ -81,7 +81,7 @@ class Pool:
 
     def __init__(self, settings: Settings) -> None:
         self._count, self._most_jobs = settings.workers, settings.worker_jobs
-        self._seconds, self._allowed = settings.job_seconds, Allowed.by(settings)
+        self._seconds, self._allowed = settings.job_seconds, TaskLimits.from_settings(settings)
         self._free: queue.Queue[_Worker] = queue.Queue()
         self._warm: set[_Worker] = set()
         self._keepers: list[threading.Thread] = []
@@ -100,16 +100,16 @@ class Pool:
                 for keeper in self._keepers:
                     keeper.start()
 
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether there is a worker that has loaded the models and lives; starts them where nobody has."""
         self.start()
-        return self.living() > 0
+        return self.count_ready() > 0
 
-    def living(self) -> int:
+    def count_ready(self) -> int:
         """How many workers have loaded the models and live, at work or not."""
         return sum(worker.is_alive() for worker in self._warm.copy())
 
-    def run(self, work: Work, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+    def run(self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
         """Waits for a worker, has it do `work`, and returns what came of it; starts the workers where nobody has.
 
         `progress` is called in this thread with the data of `progress` events. What takes over `job_seconds` is
@@ -161,13 +161,13 @@ class Pool:
     def _watched(
         self,
         worker: _Worker,
-        work: Work,
+        work: Task,
         progress: Callable[[dict[str, Any]], None],
         cancelled: threading.Event,
     ) -> Outcome:
         """As `run`, with a worker that is there, and with which something is wrong where anything is raised."""
         try:
-            future = worker.call(do, work, self._allowed)
+            future = worker.call(run_task, work, self._allowed)
         except RuntimeError as error:
             raise _NotBegunError(str(error)) from error
         begun: float | None = None
@@ -193,7 +193,7 @@ class Pool:
                 )
         return self._outcome(worker, future, work)
 
-    def _outcome(self, worker: _Worker, future: ProcessFuture[Any], work: Work) -> Outcome:
+    def _outcome(self, worker: _Worker, future: ProcessFuture[Any], work: Task) -> Outcome:
         try:
             done: Done = future.result()
         except ProcessExpired as error:
@@ -242,7 +242,7 @@ class Pool:
 
     def _started(self, worker: _Worker) -> list[str]:
         """Once it has loaded the models: what it isn't kept from. Raises what went wrong."""
-        future = worker.call(warm)
+        future = worker.call(warm_up)
         while not future.done() and not self._closed.is_set():
             wait([future], timeout=TICK_SECONDS)
         missing: list[str] = [] if self._closed.is_set() else future.result()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ciir.service.jobs.job import Job
     from ciir.service.jobs.jobs import Jobs
-    from ciir.service.jobs.workers.owner import Owner
+    from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 
 BEAT_SECONDS = 1.0
 DEAD_SECONDS = 10.0
@@ -33,7 +33,7 @@ _log = logging.getLogger("ciir.jobs")
 class Watch:
     """What one consumer sees of all jobs that wait or run. Every method raises `QueueUnavailable`."""
 
-    def __init__(self, jobs: Jobs, owner: Owner, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, jobs: Jobs, owner: ConsumerLock, clock: Callable[[], float] = time.monotonic) -> None:
         self._jobs, self._owner, self._clock = jobs, owner, clock
         self._count = 0
         self._beats: dict[str, tuple[bytes, float]] = {}
@@ -55,7 +55,7 @@ class Watch:
         now = self._clock()
         beats = self._jobs.queue.beats.items()
         self._beats = {name: self._stood(name, count, now) for name, count in beats.items()}
-        names = list(self._jobs.queue.open.items())
+        names = list(self._jobs.queue.active.items())
         jobs = self._jobs.records.many([_id(name) for name in names])
         waiting = self._jobs.queue.contents() if names else set()
         before, self._troubles = self._troubles, {}
@@ -103,12 +103,12 @@ class Watch:
         if job is None or job.input != name:
             self._jobs.forget_input(name)
         elif job.state in FINAL:
-            self._jobs.runs.settle(job)
+            self._jobs.lifecycle.settle(job)
         elif job.state == "queued":
             _log.warning("job %s: waited outside the queue; it is put back", job.id)
             self._jobs.queue.push(job.lane, job.id)
         else:
-            self._jobs.runs.consumer_died(job)
+            self._jobs.lifecycle.consumer_died(job)
 
     def _stood(self, name: str, count: bytes, now: float) -> tuple[bytes, float]:
         held = self._beats.get(name)

@@ -28,7 +28,7 @@ class Parts:
 
         Raises `LookupError` where it is gone, `QueueUnavailable` where the queue is.
         """
-        change = asyncio.ensure_future(self.engine.jobs.changes(job.id, len(job.events)))
+        change = asyncio.ensure_future(self.engine.jobs.wait_for_change(job.id, len(job.events)))
         stop = asyncio.ensure_future(self.stopped.wait())
         try:
             await asyncio.wait((change, stop), return_when=asyncio.FIRST_COMPLETED)

@@ -58,7 +58,7 @@ def router(parts: Parts) -> APIRouter:
         responses=openapi.other(200, "Prometheus' text format", "text/plain") | openapi.faults(401),
     )
     def metrics() -> Response:
-        parts.engine.measure()
+        parts.engine.update_gauges()
         return Response(parts.metrics.text(), media_type=CONTENT_TYPE_LATEST)
 
     return routes

@@ -63,7 +63,7 @@ def _add_post(routes: APIRouter, parts: Parts) -> None:
     )
     async def create_reconstruction(request: Request) -> Response:
         begun = time.perf_counter()
-        parts.engine.check_admits()
+        parts.engine.check_accepting()
         upload.check_content_type(request.headers.get("content-type"))
         form = await multipart.read(request)
         try:
@@ -100,7 +100,7 @@ def _add_post(routes: APIRouter, parts: Parts) -> None:
 
 def _held(parts: Parts, given: Upload, tags: list[str]) -> str | None:
     """The tag of the result, as the client has it, if `tags` name it: then nothing need be made, or kept."""
-    return results.matching(tags, parts.engine.jobs.identify(_request(given), given.file))
+    return results.matching(tags, parts.engine.jobs.compute_id(_request(given), given.file))
 
 
 def _request(given: Upload) -> job_module.Request:

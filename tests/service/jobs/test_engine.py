@@ -17,7 +17,7 @@ class Pool:
     """Refuses everything, once it may."""
 
     def __init__(self):
-        self.calls, self.is_ready = [], False
+        self.calls, self.ready = [], False
         self.go = threading.Event()
 
     def start(self):
@@ -28,10 +28,10 @@ class Pool:
         assert self.go.wait(30)
         return Problem(422, "No", "no")
 
-    def ready(self):
-        return self.is_ready
+    def is_ready(self):
+        return self.ready
 
-    def living(self):
+    def count_ready(self):
         return 3
 
     def close(self):
@@ -68,17 +68,17 @@ def test_the_pool_starts_with_the_engine_and_jobs_wait_until_then(engine, pool):
 
 def test_what_is_admitted_and_what_is_ready(engine, pool):
     engine.start()
-    for check in (engine.check_admits, engine.check_ready):
+    for check in (engine.check_accepting, engine.check_ready):
         with pytest.raises(NotReady, match="loaded"):
             check()
-    pool.is_ready = True
+    pool.ready = True
     engine.check_ready()
-    pool.is_ready = False  # workers are replaced
-    engine.check_admits()
+    pool.ready = False  # workers are replaced
+    engine.check_accepting()
     with pytest.raises(NotReady, match="worker"):
         engine.check_ready()
-    engine.refuse()
-    for check in (engine.check_admits, engine.check_ready):
+    engine.stop_accepting()
+    for check in (engine.check_accepting, engine.check_ready):
         with pytest.raises(NotReady, match="stopping"):
             check()
 
@@ -106,7 +106,7 @@ def test_draining_waits_for_what_runs_and_takes_nothing_more(engine, pool):
 
 def test_figures_of_the_queue(engine, monkeypatch):
     submit(engine)
-    engine.measure()
+    engine.update_gauges()
     text = engine.metrics.text().decode()
     for line in ("ciir_queue_waiting 1.0", "ciir_queue_running 0.0", "ciir_queue_up 1.0", "ciir_workers 3.0"):
         assert line in text
@@ -115,7 +115,7 @@ def test_figures_of_the_queue(engine, monkeypatch):
         raise QueueUnavailable("gone")
 
     monkeypatch.setattr(engine.jobs, "waiting", gone)
-    engine.measure()
+    engine.update_gauges()
     assert "ciir_queue_up 0.0" in engine.metrics.text().decode()
 
 

@@ -16,17 +16,17 @@ from ciir.service.settings import Settings
 
 def done(jobs, job, data=b"result", claim="c-1"):
     """The job, run by hand."""
-    run = jobs.runs.begin(job.id, claim)
+    run = jobs.lifecycle.begin(job.id, claim)
     with jobs.files.run(run.input, run.output) as place:
         place.target.write_bytes(data)
         place.keep()
-    assert jobs.runs.finish(run, Result("png", len(data), {"timings_ms": {}}))
+    assert jobs.lifecycle.finish(run, Result("png", len(data), {"timings_ms": {}}))
     return jobs.get(job.id)
 
 
 def failed(jobs, job, status):
-    run = jobs.runs.begin(job.id, "c-1")
-    assert jobs.runs.finish(run, Problem(status, "Title", "detail"))
+    run = jobs.lifecycle.begin(job.id, "c-1")
+    assert jobs.lifecycle.finish(run, Problem(status, "Title", "detail"))
     return jobs.get(job.id)
 
 
@@ -55,9 +55,9 @@ def test_the_same_again_is_the_same_job(jobs, helpers):
     first = helpers.submit(jobs)
     assert helpers.submit(jobs) == first
     assert jobs.waiting() == 1
-    running = jobs.runs.begin(first.id, "c-1")
+    running = jobs.lifecycle.begin(first.id, "c-1")
     assert helpers.submit(jobs) == running
-    assert jobs.runs.finish(running, Problem(422, "Title", "detail"))
+    assert jobs.lifecycle.finish(running, Problem(422, "Title", "detail"))
     assert helpers.submit(jobs).state == "failed"
     assert helpers.submit(jobs, b"other").id != first.id
     assert helpers.all_files(jobs.folder) == [f"files/inputs/{helpers.submit(jobs, b'other').input}"]
@@ -79,7 +79,7 @@ def test_many_at_once_are_one_job(jobs, helpers):
     assert {job.id for job in made} == {made[0].id}
     assert jobs.waiting() == 1
     assert helpers.all_files(jobs.folder) == [f"files/inputs/{made[0].input}"]
-    assert list(jobs.queue.open.items()) == [made[0].input]
+    assert list(jobs.queue.active.items()) == [made[0].input]
 
 
 def test_a_result_is_there_until_it_is_gone(jobs, helpers):
@@ -90,7 +90,7 @@ def test_a_result_is_there_until_it_is_gone(jobs, helpers):
     assert result(jobs, job.id) == b"result"
     assert helpers.submit(jobs).state == "done"
     assert helpers.all_files(jobs.folder) == [f"files/results/{jobs.get(job.id).output}"]
-    assert not jobs.queue.open.items()
+    assert not jobs.queue.active.items()
     jobs.files.remove("results", jobs.get(job.id).output)
     with pytest.raises(ResultExpired):
         jobs.open_result(job.id)
@@ -114,7 +114,7 @@ def test_cancelled_and_asked_for_again(jobs, helpers):
     assert (cancelled.state, cancelled.events[-1]) == ("cancelled", Event("cancelled"))
     assert helpers.all_files(jobs.folder) == []
     assert jobs.cancel(job.id) == cancelled
-    assert jobs.runs.begin(job.id, "c-1") is None
+    assert jobs.lifecycle.begin(job.id, "c-1") is None
     again = helpers.submit(jobs)
     assert again.state == "queued"
     ended = done(jobs, again)
@@ -145,7 +145,7 @@ def test_a_full_disk(jobs, helpers, monkeypatch):
         with pytest.raises(QueueUnavailable, match=r"No space left.*make room"):
             helpers.submit(jobs)
     assert helpers.all_files(jobs.folder) == []
-    assert (jobs.waiting(), jobs.queue.open.items(), jobs.queue.jobs.items()) == (0, {}, {})
+    assert (jobs.waiting(), jobs.queue.active.items(), jobs.queue.jobs.items()) == (0, {}, {})
     assert helpers.submit(jobs).state == "queued"
 
 
@@ -159,17 +159,17 @@ def test_changes(jobs, helpers):
     job = helpers.submit(jobs)
 
     async def follow():
-        assert await jobs.changes(job.id, 0) == job
-        waiting = asyncio.create_task(jobs.changes(job.id, 1))
-        run = await asyncio.to_thread(jobs.runs.begin, job.id, "c-1")
+        assert await jobs.wait_for_change(job.id, 0) == job
+        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
+        run = await asyncio.to_thread(jobs.lifecycle.begin, job.id, "c-1")
         assert await waiting == run
-        waiting = asyncio.create_task(jobs.changes(job.id, 2))
-        await asyncio.to_thread(jobs.runs.progress, run, {"stage": "map"})
+        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 2))
+        await asyncio.to_thread(jobs.lifecycle.progress, run, {"stage": "map"})
         assert (await waiting).events[-1] == Event("progress", {"stage": "map"})
         ended = await asyncio.to_thread(jobs.cancel, job.id)
-        assert await jobs.changes(job.id, 4) == ended  # nothing more can come
+        assert await jobs.wait_for_change(job.id, 4) == ended  # nothing more can come
         with pytest.raises(LookupError):
-            await jobs.changes("0" * 32, 0)
+            await jobs.wait_for_change("0" * 32, 0)
 
     asyncio.run(asyncio.wait_for(follow(), 30))
 
@@ -179,9 +179,9 @@ def test_changes_of_another_process(service, jobs, helpers):
     job = helpers.submit(jobs)
 
     async def follow():
-        waiting = asyncio.create_task(jobs.changes(job.id, 1))
+        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
         await asyncio.sleep(0)
-        run = await asyncio.to_thread(other.runs.begin, job.id, "c-1")
+        run = await asyncio.to_thread(other.lifecycle.begin, job.id, "c-1")
         assert await waiting == run
 
     asyncio.run(asyncio.wait_for(follow(), 30))
@@ -191,7 +191,7 @@ def test_whoever_waits_for_a_job_that_is_forgotten_hears_of_it(service, jobs, he
     job = helpers.submit(jobs)
 
     async def follow():
-        waiting = asyncio.create_task(jobs.changes(job.id, 1))
+        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
         await asyncio.sleep(0)
         await asyncio.to_thread(jobs.records.remove, job.id, lambda job: True)
         with pytest.raises(LookupError):

@@ -9,7 +9,7 @@ from ciir.service.jobs import jobs as module
 
 
 def test_a_job_that_was_just_taken_off_the_queue_is_put_back_too(service, jobs, pool, helpers, monkeypatch):
-    taken, stopped, begin = threading.Event(), threading.Event(), jobs.runs.begin
+    taken, stopped, begin = threading.Event(), threading.Event(), jobs.lifecycle.begin
 
     def begin_late(id_, claim):
         taken.set()
@@ -21,7 +21,7 @@ def test_a_job_that_was_just_taken_off_the_queue_is_put_back_too(service, jobs, 
             raise AssertionError("nobody told it to end")
         raise Cancelled
 
-    monkeypatch.setattr(jobs.runs, "begin", begin_late)
+    monkeypatch.setattr(jobs.lifecycle, "begin", begin_late)
     pool.work = work_until_told
     consumer = service.consumer(jobs, pool)
     job = helpers.submit(jobs)
@@ -50,7 +50,7 @@ def test_a_sweep_that_takes_long_stops_and_goes_on_later(service, helpers, monke
         return wrapper
 
     monkeypatch.setattr(jobs, "_forget", slow(jobs._forget))
-    monkeypatch.setattr(jobs.runs, "keep", slow(jobs.runs.keep))
+    monkeypatch.setattr(jobs.lifecycle, "keep", slow(jobs.lifecycle.keep))
     monkeypatch.setattr(module.time, "monotonic", lambda: now[1])
     now[0] = 2000.0 if change == "old" else 500.0
     assert jobs.sweep() is False

@@ -15,7 +15,7 @@ from ciir.errors import Error
 from ciir.service.errors import find_response, join_lines
 from ciir.service.jobs.engine import Engine
 from ciir.service.jobs.job import Problem
-from ciir.service.jobs.workers import work as works
+from ciir.service.jobs.workers import task as tasks
 from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
@@ -25,8 +25,8 @@ class ThreadPool:
     """Does the work where it is asked to."""
 
     def __init__(self, settings):
-        self.allowed = works.Allowed.by(settings)
-        self.is_ready = True
+        self.allowed = tasks.TaskLimits.from_settings(settings)
+        self.ready = True
         self.runs = 0
         self.before = lambda work, progress, cancelled: None
         """Called before each piece of work."""
@@ -35,7 +35,7 @@ class ThreadPool:
         self.runs += 1
         self.before(work, progress, cancelled)
         try:
-            made = works._made(work, self.allowed)
+            made = tasks.reconstruct(work, self.allowed)
             return replace(made, report=json.loads(work.report.read_bytes()))
         except Error as error:
             response = find_response(error)
@@ -44,14 +44,14 @@ class ThreadPool:
     def start(self):
         pass
 
-    def living(self):
+    def count_ready(self):
         return 2
 
-    def ready(self):
-        return self.is_ready
+    def is_ready(self):
+        return self.ready
 
     def close(self):
-        self.is_ready = False
+        self.ready = False
 
 
 def until(holds, seconds=30):

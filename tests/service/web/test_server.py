@@ -67,7 +67,7 @@ def test_what_runs_is_finished(web, eia, tmp_path):
         assert began.wait(30)
         with httpx2.Client(base_url=one.url) as client:
             assert client.get("/readyz").status_code == 200
-            id_ = next(iter(one.server._parts.engine.jobs.queue.open.items())).partition(".")[0]
+            id_ = next(iter(one.server._parts.engine.jobs.queue.active.items())).partition(".")[0]
             follower = threading.Thread(
                 target=lambda: streams.append(httpx2.get(f"{one.url}{POST}/{id_}/events", timeout=60).text)
             )

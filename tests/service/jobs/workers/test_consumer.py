@@ -10,10 +10,10 @@ import pytest
 
 from ciir.errors import Cancelled, WorkerDied
 from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.lifecycle import KILLER
 from ciir.service.jobs.workers import consumer as module
 from ciir.service.jobs.workers import recovery
 from ciir.service.jobs.workers.consumer import FAULT, Consumer
-from ciir.service.jobs.workers.runs import KILLER
 
 
 class Gate:
@@ -67,7 +67,7 @@ def test_jobs_are_done(service, jobs, pool, helpers):
         assert job.result == Result("png", 2, {"timings_ms": {"total": 1.0}})
         assert result(jobs, id_) == bytes([number]) * 2
     assert sorted(pool.begun) == sorted(ids)
-    helpers.until(lambda: jobs.queue.open.items() == {})
+    helpers.until(lambda: jobs.queue.active.items() == {})
     assert (jobs.waiting(), jobs.running()) == (0, 0)
     assert len(helpers.all_files(jobs.folder)) == 20
 
@@ -253,7 +253,7 @@ def test_progress_of_long_work_is_told_less_and_less_often(monkeypatch):
     told, now = [], [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     run = module._Run(None)
-    jobs = SimpleNamespace(runs=SimpleNamespace(progress=lambda _, data: told.append(data["views_done"]) or True))
+    jobs = SimpleNamespace(lifecycle=SimpleNamespace(progress=lambda _, data: told.append(data["views_done"]) or True))
     for number in range(3600 * 4):  # an hour, looked at four times a second
         now[0] = 1000.0 + number / 4
         run.tell(jobs, {"views_done": number})

@@ -21,7 +21,7 @@ from ciir.renderer.readers.pictures import encode_png
 from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers.pool import Pool
-from ciir.service.jobs.workers.work import Work
+from ciir.service.jobs.workers.task import Task
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import FileSink
@@ -36,7 +36,7 @@ LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none",
 @pytest.fixture
 def opened(monkeypatch):
     """Pools of one worker, which isn't warm: its first work loads what it needs. Closed in the end."""
-    monkeypatch.setattr(module, "warm", list)  # a function that is there in the other process, too
+    monkeypatch.setattr(module, "warm_up", list)  # a function that is there in the other process, too
     pools = []
 
     def make(**settings):
@@ -56,7 +56,7 @@ def work(tmp_path, samples):
     def make(options, form=None, name="upload.off"):
         made = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
         made.mkdir()
-        return Work("an id", Request(name, options, form), tmp_path / "input", made / "result")
+        return Task("an id", Request(name, options, form), tmp_path / "input", made / "result")
 
     return make
 
@@ -191,7 +191,7 @@ def test_a_worker_that_is_killed_while_it_waits_costs_no_work(opened, work):
     before = the_worker()
     os.kill(before, signal.SIGKILL)
     assert isinstance(run(pool, work(FAST)), Result)
-    until(lambda: pool.ready() and the_worker() != before)
+    until(lambda: pool.is_ready() and the_worker() != before)
 
 
 def test_one_workers_death_is_nothing_to_another(opened, work):
@@ -222,8 +222,8 @@ def test_memory_is_limited(opened, work, tmp_path):
     assert isinstance(problem, Problem)
     assert (problem.status, problem.title) == (413, "Over a limit")
     assert "memory" in problem.detail
-    assert not pool.ready()  # that process is not trusted any more
-    until(pool.ready)
+    assert not pool.is_ready()  # that process is not trusted any more
+    until(pool.is_ready)
 
 
 def test_the_results_size_is_limited(opened, work):
@@ -248,25 +248,25 @@ def test_a_fault_of_ours_is_told_and_logged(opened, work, caplog):
     problem = run(pool, given)
     assert (problem.status, problem.detail.count("\n")) == (500, 0)
     assert "FileNotFoundError" in caplog.text
-    assert pool.ready()
+    assert pool.is_ready()
 
 
 def test_models_that_cannot_be_loaded_are_told_and_tried_again(opened, monkeypatch, caplog):
-    monkeypatch.setattr(module, "warm", operator.index)  # raises TypeError without an argument
+    monkeypatch.setattr(module, "warm_up", operator.index)  # raises TypeError without an argument
     pool = opened()
-    assert not pool.ready()
+    assert not pool.is_ready()
     until(lambda: pool.trouble)
     assert "TypeError" in pool.trouble
     until(lambda: "TypeError" in caplog.text)  # which is written after that
-    monkeypatch.setattr(module, "warm", list)
-    until(pool.ready)
+    monkeypatch.setattr(module, "warm_up", list)
+    until(pool.is_ready)
     assert pool.trouble == ""
 
 
 def test_what_a_worker_is_not_kept_from_is_logged(opened, monkeypatch, caplog):
-    monkeypatch.setattr(module, "warm", dict.fromkeys)
+    monkeypatch.setattr(module, "warm_up", dict.fromkeys)
     monkeypatch.setattr(module._Worker, "call", with_argument(module._Worker.call, ["the network"]))
-    until(opened().ready)
+    until(opened().is_ready)
     assert "not kept in: the network" in caplog.text
 
 
@@ -279,7 +279,7 @@ def test_closing_ends_what_runs(opened, work):
     doing = Doing(pool, work(LONG))
     pool.close()
     assert isinstance(doing.end(), Cancelled)
-    assert not pool.ready()
+    assert not pool.is_ready()
     with pytest.raises(Cancelled):
         run(pool, work(FAST))
 
@@ -296,8 +296,8 @@ def test_the_clock_on_the_wall_may_be_set(opened, work, monkeypatch):
 def test_it_is_warm_before_it_is_ready():
     pool = Pool(Settings(workers=1))
     try:
-        assert not pool.ready()
-        until(pool.ready)
+        assert not pool.is_ready()
+        until(pool.is_ready)
         (worker,) = pool._warm
         loaded = worker.call(eval, "sorted({'onnxruntime', 'embreex'} & set(__import__('sys').modules))").result(60)
     finally:

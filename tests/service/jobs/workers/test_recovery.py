@@ -10,7 +10,7 @@ import pytest
 from ciir.errors import QueueUnavailable
 from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.jobs import UNKNOWN_SECONDS
-from ciir.service.jobs.workers.owner import Owner
+from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import DEAD_SECONDS, STALE_SECONDS, STRAY_SECONDS, Watch, claim_of, owner_of
 
 DIE_HOLDING_A_JOB = """
@@ -18,13 +18,13 @@ import os, sys
 from pathlib import Path
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.jobs import UNKNOWN_SECONDS
-from ciir.service.jobs.workers.owner import Owner
+from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import Watch, claim_of
 from ciir.service.settings import Settings
 jobs = Jobs(Settings(folder=sys.argv[1]))
-owner = Owner(jobs.folder)
+owner = ConsumerLock(jobs.folder)
 Watch(jobs, owner).beat()
-run = jobs.runs.begin(jobs.queue.pop(("small",), 10), claim_of(owner.name, 1))
+run = jobs.lifecycle.begin(jobs.queue.pop(("small",), 10), claim_of(owner.name, 1))
 with jobs.files.run(run.input, run.output) as place:
     place.target.write_bytes(b"half")
     os.kill(os.getpid(), 9)
@@ -45,7 +45,7 @@ def clock():
 
 @pytest.fixture
 def owner(jobs):
-    owner = Owner(jobs.folder)
+    owner = ConsumerLock(jobs.folder)
     yield owner
     owner.close()
 
@@ -63,7 +63,7 @@ def hand_in(jobs):
 
 def begin(jobs, owner="elsewhere", number=1):
     """A run of another machine's consumer, which no lock here tells of."""
-    return jobs.runs.begin(jobs.queue.pop(("small", "large"), 0.01), claim_of(owner, number))
+    return jobs.lifecycle.begin(jobs.queue.pop(("small", "large"), 0.01), claim_of(owner, number))
 
 
 def test_claims_tell_whose_they_are():
@@ -212,7 +212,7 @@ def test_a_run_of_this_consumer_that_no_thread_does(jobs, helpers, watch, owner,
 def test_an_input_that_belongs_to_nothing_goes_in_the_end(jobs, helpers, watch, clock, which):
     job = hand_in(jobs)
     stray = "0" * 32 + ".1" if which == "input without a job" else job.id + ".1"
-    jobs.queue.open.put(stray, b"{}")
+    jobs.queue.active.put(stray, b"{}")
     (jobs.folder / "files" / "inputs" / stray).write_bytes(b"x")
     (jobs.folder / "files" / "runs" / f"{stray}.partial").write_bytes(b"x")
     watch.look([])
@@ -222,17 +222,17 @@ def test_an_input_that_belongs_to_nothing_goes_in_the_end(jobs, helpers, watch, 
     clock.now += 1
     watch.look([])
     assert helpers.all_files(jobs.folder) == [f"files/inputs/{job.input}"]
-    assert list(jobs.queue.open.items()) == [job.input]
+    assert list(jobs.queue.active.items()) == [job.input]
 
 
 @pytest.mark.parametrize("is_old", [True, False])
 def test_old_files_that_no_job_knows_of_go_at_the_start(jobs, helpers, watch, is_old):
     done, waiting = hand_in(jobs), helpers.submit(jobs, b"waiting")
-    run = jobs.runs.begin(done.id, "elsewhere-1")
+    run = jobs.lifecycle.begin(done.id, "elsewhere-1")
     with jobs.files.run(run.input, run.output) as place:
         place.target.write_bytes(b"result")
         place.keep()
-    assert jobs.runs.finish(run, Result("png", 6, {}))
+    assert jobs.lifecycle.finish(run, Result("png", 6, {}))
     known = helpers.all_files(jobs.folder)
     for name in (
         f"results/{done.id}.elsewhere-2",
@@ -252,14 +252,14 @@ def test_old_files_that_no_job_knows_of_go_at_the_start(jobs, helpers, watch, is
 
 
 def test_an_end_that_was_left_half_told_is_told(jobs, helpers, watch, monkeypatch):
-    run = jobs.runs.begin(hand_in(jobs).id, "elsewhere-1")
+    run = jobs.lifecycle.begin(hand_in(jobs).id, "elsewhere-1")
     with monkeypatch.context() as patch:
-        patch.setattr(jobs.runs, "settle", lambda job: None)  # the process died here
-        assert jobs.runs.finish(run, Problem(422, "Title", "detail"))
+        patch.setattr(jobs.lifecycle, "settle", lambda job: None)  # the process died here
+        assert jobs.lifecycle.finish(run, Problem(422, "Title", "detail"))
     assert len(helpers.all_files(jobs.folder)) == 1
     watch.look([])
     assert helpers.all_files(jobs.folder) == []
-    assert jobs.queue.open.items() == {}
+    assert jobs.queue.active.items() == {}
     assert list(jobs.queue.kept.items()) == [run.input]
 
 
@@ -267,7 +267,7 @@ def test_two_watchers_run_a_job_again_once(service, jobs, helpers, watch, clock)
     job = hand_in(jobs)
     jobs.queue.beats.put("elsewhere", b"7")
     begin(jobs)
-    other_owner = Owner(jobs.folder)
+    other_owner = ConsumerLock(jobs.folder)
     other = Watch(service.jobs(), other_owner, clock)
     other.beat()
     for seconds in (0, DEAD_SECONDS):

@@ -14,16 +14,16 @@ def test_health(client):
 
 def test_not_ready_while_models_are_loaded(web, eia, tmp_path):
     with web.running(tmp_path) as client:
-        client.pool.is_ready = False
+        client.pool.ready = False
         web.problem(client.get("/readyz"), 503, "loaded")
         response = web.send(client, data=eia, lenses="6x9", model="none")
         web.problem(response, 503, "again")
         assert response.headers["retry-after"] == "1"
         assert client.head("/readyz").status_code == 503
         assert client.get("/healthz").status_code == 200
-        client.pool.is_ready = True
+        client.pool.ready = True
         assert client.get("/readyz").status_code == 200
-        client.pool.is_ready = False  # workers are being replaced: jobs wait for that in the queue
+        client.pool.ready = False  # workers are being replaced: jobs wait for that in the queue
         web.problem(client.get("/readyz"), 503, "worker")
         assert web.send(client, data=eia, lenses="6x9", model="none").status_code == 200
 

@@ -1,20 +1,20 @@
 import subprocess
 import sys
 
-from ciir.service.jobs.workers.owner import Owner
+from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 
 HOLD = """
 import sys
 from pathlib import Path
-from ciir.service.jobs.workers.owner import Owner
-owner = Owner(Path(sys.argv[1]))
+from ciir.service.jobs.workers.consumer_lock import ConsumerLock
+owner = ConsumerLock(Path(sys.argv[1]))
 print(owner.name, flush=True)
 sys.stdin.read()
 """
 
 
 def test_of_this_process(tmp_path):
-    one, other = Owner(tmp_path), Owner(tmp_path)
+    one, other = ConsumerLock(tmp_path), ConsumerLock(tmp_path)
     assert one.name != other.name
     assert set(one.names()) == {one.name, other.name}
     assert not one.is_gone(other.name)
@@ -26,7 +26,7 @@ def test_of_this_process(tmp_path):
 
 
 def test_a_process_that_is_killed_is_gone_at_once(tmp_path):
-    owner = Owner(tmp_path)
+    owner = ConsumerLock(tmp_path)
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
         name = process.stdout.readline().strip()

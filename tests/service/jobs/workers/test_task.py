@@ -7,8 +7,8 @@ import pytest
 
 from ciir.models import catalogue
 from ciir.service.jobs.job import Problem, Request, Result
-from ciir.service.jobs.workers import sandbox, work
-from ciir.service.jobs.workers.work import Allowed, Teller, Work, _is_memory, do, read_progress, warm
+from ciir.service.jobs.workers import sandbox, task
+from ciir.service.jobs.workers.task import Task, TaskLimits, Teller, _is_memory, read_progress, run_task, warm_up
 from ciir.service.pipeline import run
 from ciir.service.settings import Settings
 
@@ -18,17 +18,17 @@ FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrac
 @pytest.fixture(autouse=True)
 def this_process_stays_free(monkeypatch):
     monkeypatch.setattr(sandbox, "allow_cpu", lambda seconds: None)
-    monkeypatch.setattr(work.tempfile, "tempdir", None)
+    monkeypatch.setattr(task.tempfile, "tempdir", None)
 
 
 @pytest.fixture
 def given(tmp_path, samples):
     (tmp_path / "input").write_bytes(samples.CUBE)
-    return Work("an id", Request("upload.off", FAST, None), tmp_path / "input", tmp_path / "result")
+    return Task("an id", Request("upload.off", FAST, None), tmp_path / "input", tmp_path / "result")
 
 
 def done(given, **settings):
-    return do(given, Allowed.by(Settings(**settings)))
+    return run_task(given, TaskLimits.from_settings(Settings(**settings)))
 
 
 def raising(error):
@@ -55,7 +55,7 @@ def test_a_result_and_its_report(given):
 
 def test_temporary_files_are_put_beside_the_result(given):
     done(given)
-    assert work.tempfile.gettempdir() == str(given.target.parent)
+    assert task.tempfile.gettempdir() == str(given.target.parent)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_memory_that_libraries_speak_of_in_words():
 
 def test_each_stage_is_told_once_and_views_now_and_then(tmp_path, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(work.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(task.time, "monotonic", lambda: now[0])
     path = tmp_path / "told"
     teller = Teller(path)
     for stage in ("decode", "render", "encode", "render"):
@@ -116,7 +116,7 @@ def test_each_stage_is_told_once_and_views_now_and_then(tmp_path, monkeypatch):
             pass
     teller.views = 5
     teller.done(1)  # too soon
-    now[0] += work.PROGRESS_SECONDS
+    now[0] += task.PROGRESS_SECONDS
     teller.done(2)
     teller.done(1)  # too soon
     teller.done(1)  # the last is always told
@@ -154,5 +154,5 @@ def test_both_models_that_auto_takes_are_run_before_a_worker_is_ready(stand_in, 
     call = type(stand_in).__call__
     monkeypatch.setattr(type(stand_in), "__call__", lambda *given, **more: ran.append("ran") or call(*given, **more))
     monkeypatch.setattr(sandbox, "missing", ["a limit"])
-    assert warm() == ["a limit"]
+    assert warm_up() == ["a limit"]
     assert set(ran) == {"fast", "field", "ran"}

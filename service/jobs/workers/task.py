@@ -36,7 +36,7 @@ _WARM_MESH = b"OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2
 
 
 @dataclass(frozen=True)
-class Allowed:
+class TaskLimits:
     """What an input may hold, and its work may use."""
 
     limits: Limits
@@ -50,7 +50,7 @@ class Allowed:
     """Processor time."""
 
     @classmethod
-    def by(cls, settings: Settings) -> Allowed:
+    def from_settings(cls, settings: Settings) -> TaskLimits:
         """As the settings say."""
         return cls(
             settings.limits(),
@@ -62,7 +62,7 @@ class Allowed:
 
 
 @dataclass(frozen=True)
-class Work:
+class Task:
     """What is to be done."""
 
     id: str
@@ -94,7 +94,7 @@ class Done:
     """Memory ran out: this process may have been left with less than it needs, and is to be replaced."""
 
 
-def do(work: Work, allowed: Allowed) -> Done:
+def run_task(work: Task, allowed: TaskLimits) -> Done:
     """Reconstructs. Whatever is wrong with the input is a `Problem`, as are a limit on memory or file size, and a full
     disk; anything else that is raised is a fault of this program. A result's report is in `work.report` instead.
     """
@@ -103,7 +103,7 @@ def do(work: Work, allowed: Allowed) -> Done:
     sandbox.allow_cpu(allowed.cpu_seconds)
     tempfile.tempdir = str(work.target.parent)
     try:
-        return Done(_made(work, allowed))
+        return Done(reconstruct(work, allowed))
     except Error as error:
         response = find_response(error)
         return Done(Problem(response.status, response.title, join_lines(str(error))), _is_memory(error))
@@ -114,7 +114,7 @@ def do(work: Work, allowed: Allowed) -> Done:
         return Done(problem, _is_memory(error))
 
 
-def _of_this_machine(error: Exception, allowed: Allowed) -> Problem | None:
+def _of_this_machine(error: Exception, allowed: TaskLimits) -> Problem | None:
     """What `error` says of room on the disk or in memory; None where it speaks of something else."""
     why = getattr(error, "errno", None)
     if why == errno.EFBIG:
@@ -141,7 +141,8 @@ def _is_memory(error: BaseException) -> bool:
     )
 
 
-def _made(work: Work, allowed: Allowed) -> Result:
+def reconstruct(work: Task, allowed: TaskLimits) -> Result:
+    """Writes the result and its report; raises whatever the pipeline does."""
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline.options import Options
@@ -200,7 +201,7 @@ class Teller(Clock):
             file.write(json.dumps(data).encode() + b"\n")
 
 
-def warm() -> list[str]:
+def warm_up() -> list[str]:
     """Loads what most work needs, and runs each model that `auto` may take, for one view and for many: a second or two.
 
     Returns what this process is not kept from, in words.

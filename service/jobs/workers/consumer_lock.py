@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 OWNERS = "owners"
 
 
-class Owner:
+class ConsumerLock:
     """A new name, and a file in `folder` that is locked while this process lives: the system lets go of it in the
     moment that the process ends, however it does. Raises `OSError` where that can't be made.
     """

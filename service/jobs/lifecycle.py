@@ -32,7 +32,7 @@ INTERRUPTED = Problem(
 _log = logging.getLogger("ciir.jobs")
 
 
-class Runs:
+class Lifecycle:
     """The steps. All raise `QueueUnavailable`; all but `settle` change nothing where the claim is no longer the
     job's."""
 
@@ -122,7 +122,7 @@ class Runs:
         """
         self.touch(job)
         self._files.remove(INPUTS, job.input)
-        self._queue.open.remove(job.input)
+        self._queue.active.remove(job.input)
 
     def touch(self, job: Job) -> None:
         """Notes that a finished job was asked for just now."""

@@ -1,6 +1,6 @@
 import logging
 
-from ciir.service.jobs.workers.error_log import Trouble
+from ciir.service.jobs.error_log import Trouble
 
 
 def test_told_once_and_once_when_it_is_over(caplog):
