@@ -7,7 +7,7 @@
 one process; times are medians, and how much faster is the median over rounds of the ratio of the two.
 `covered` is the share of the view with alpha > 0, `box` that of the object's bounding box, `seen` that which went
 through the network, halo included. `differs`: levels of 255, at most; 0 for int8 networks. `full`: views without
-background, of which nothing can be left out: with corners that differ, which tells at once, and with corners alike;
+background, of which nothing can be left out: with corners that differ, found at once, and with corners alike;
 `costs` is how much longer they took.
 
 `culling`: one view and five (`cross`) of each mesh by both backends, with and without culling, which is counted; the

@@ -251,8 +251,8 @@ def png(eia: Path, rounds: int) -> Iterator[str]:
             "ours": partial(pictures.encode_png, picture),
         }
         times = in_turns({way: partial(timed, code) for way, code in both.items()}, 10 * rounds, reference="libpng")
-        told = ", ".join(f"{times[way].median:.2f} ms {len(code()) / 1e3:.0f} kB" for way, code in both.items())
-        yield f"  {name} {picture.shape[1]}x{picture.shape[0]}: {told}; {times['ours'].ratio:.1f} times faster"
+        both_ways = ", ".join(f"{times[way].median:.2f} ms {len(code()) / 1e3:.0f} kB" for way, code in both.items())
+        yield f"  {name} {picture.shape[1]}x{picture.shape[0]}: {both_ways}; {times['ours'].ratio:.1f} times faster"
 
 
 def memory(eia: Path) -> Iterator[str | Checked]:
@@ -261,8 +261,8 @@ def memory(eia: Path) -> Iterator[str | Checked]:
     given = {"lenses": (200, 200), "pixels": PIXELS, "views": "all"}
     for source in ("scene:vase", str(eia)):
         peak = alone(source, given).peak_mib
-        told = "not told by this system" if peak is None else f"{peak:.0f} MiB"
-        yield f"  {Path(source).name}: {told}, at most {MOST_MIB:.0f} asked for", peak is not None and peak <= MOST_MIB
+        shown = "unknown on this system" if peak is None else f"{peak:.0f} MiB"
+        yield f"  {Path(source).name}: {shown}, at most {MOST_MIB:.0f} asked for", peak is not None and peak <= MOST_MIB
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -9,7 +9,7 @@ from tests.load.server import serving
 
 @pytest.fixture(scope="session")
 def hostile_server(tmp_path_factory):
-    """Its port; at the end it must have gone as it came: told to, and in time."""
+    """A running server, which must stop in time and without a traceback."""
     folder = tmp_path_factory.mktemp("hostile")
     with serving(folder, folder / "log") as server:
         yield server

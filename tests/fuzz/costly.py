@@ -188,18 +188,18 @@ CASES: dict[str, Callable[[int], Costly]] = {
 
 
 def read(case: str, size: int, out: Connection) -> None:
-    """Makes and reads the case, and tells of it. Runs in a process of its own."""
+    """Makes and reads the case, and sends what it took. Runs in a process of its own."""
     memory = Settings().worker_memory_bytes
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     costly = CASES[case](size)
     begun = time.perf_counter()
     try:
         content = inputs.read(Bundle.from_upload(costly.name, costly.data), lenses=None, pixels=(1, 1))
-        said = f"read: a {type(content).__name__}"
+        result = f"read: a {type(content).__name__}"
     except (InputError, MemoryError) as error:
-        said = f"{type(error).__name__}: {error}"
+        result = f"{type(error).__name__}: {error}"
     took = time.perf_counter() - begun
-    out.send((len(costly.data), took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, said))
+    out.send((len(costly.data), took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, result))
 
 
 def main() -> int:
@@ -214,8 +214,8 @@ def main() -> int:
         process = context.Process(target=read, args=(case, given.mebibytes * MIB, sender))
         process.start()
         if receiver.poll(most + 60):  # making it takes time, too
-            size, seconds, memory, said = receiver.recv()
-            line = f"{size / MIB:5.1f} MiB {seconds:7.2f} s {memory / MIB:6.0f} MiB  {said[:100]}"
+            size, seconds, memory, result = receiver.recv()
+            line = f"{size / MIB:5.1f} MiB {seconds:7.2f} s {memory / MIB:6.0f} MiB  {result[:100]}"
             holds = holds and seconds <= most
         else:
             line, holds = f"takes more than {most:.0f} s", False

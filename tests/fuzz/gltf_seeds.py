@@ -1,4 +1,4 @@
-"""Small glTF files of every kind that is read, for `tests.fuzz.seeds` and for whoever makes others of them."""
+"""Small glTF files of every kind that is read, as seeds and as parts of larger ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading what strangers send opens no file and no connection and starts no program: an audit hook that says so."""
+"""An audit hook that notes every file, connection and program that is opened while untrusted input is read."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@
 A third each: the seeds of all targets, edited, as the file of a whole form; edited forms; and edited requests from the
 first byte of the head on. Starts `ciir serve` with a folder of its own.
 
-Every answer must be one that the API declares (no 500), every fault a line of problem+json, each within
+Every answer must be one that the API declares (no 500), every error a line of problem+json, each within
 `ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these doesn't hold.
 """
 
@@ -46,12 +46,12 @@ DECLARED = {200, 202, 204, 304, 400, 401, 404, 405, 408, 409, 410, 413, 415, 422
 _FORM = {"Content-Type": f"multipart/form-data; boundary={seeds.BOUNDARY.decode()}"}
 
 
-class Said(NamedTuple):
+class Answer(NamedTuple):
     """An answer, as far as there was one."""
 
     status: int
     """0: the connection was closed without a word, which only a broken head may bring about."""
-    fault: str = ""
+    error: str = ""
     """What is wrong with the answer; empty for nothing."""
 
 
@@ -69,7 +69,7 @@ class Attacker:
             for file in target.seeds()
         ]
 
-    def send(self) -> Said:
+    def send(self) -> Answer:
         """One input; `OSError` where no answer came in time."""
         return self._random.choice((self._file, self._broken_form, self._broken_request))()
 
@@ -77,7 +77,7 @@ class Attacker:
         """No more is sent."""
         self._http.close()
 
-    def _file(self) -> Said:
+    def _file(self) -> Answer:
         suffix, file = self._random.choice(self._files)
         options = {"lenses": "4x4", "pixels": "3x3", "model": "none"}
         given = dict(self._random.sample(sorted(options.items()), self._random.randint(0, 3)))
@@ -85,16 +85,16 @@ class Attacker:
         boundary = body[2 : body.index(b"\r\n")].decode()
         return self._asked(body, {"Content-Type": f"multipart/form-data; boundary={boundary}"})
 
-    def _broken_form(self) -> Said:
+    def _broken_form(self) -> Answer:
         return self._asked(mutated(self._random.choice(seeds.multipart()), self._random), _FORM)
 
-    def _asked(self, body: bytes, headers: dict[str, str]) -> Said:
+    def _asked(self, body: bytes, headers: dict[str, str]) -> Answer:
         prefer = self._random.choice(({}, {}, {"Prefer": "respond-async"}))
         self._http.request("POST", PATH, body, headers | prefer)
         answer = self._http.getresponse()
         return _judged(answer, answer.read())
 
-    def _broken_request(self) -> Said:
+    def _broken_request(self) -> Answer:
         body = self._random.choice(seeds.multipart())
         head = (
             self._random.choice(HEADS).encode() + f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n".encode()
@@ -107,21 +107,21 @@ class Attacker:
                     answer.begin()
                     return _judged(answer, answer.read())
             except (http.client.HTTPException, ConnectionError):
-                return Said(0)
+                return Answer(0)
 
 
-def _judged(answer: http.client.HTTPResponse, body: bytes) -> Said:
+def _judged(answer: http.client.HTTPResponse, body: bytes) -> Answer:
     if answer.status not in DECLARED:
-        return Said(answer.status, f"{answer.status} is no declared answer: {body[:200]!r}")
+        return Answer(answer.status, f"{answer.status} is no declared answer: {body[:200]!r}")
     if answer.status >= 400 and answer.headers["Content-Type"] != "application/problem+json":
-        return Said(answer.status, f"{answer.status} without a problem: {body[:200]!r}")
+        return Answer(answer.status, f"{answer.status} without a problem: {body[:200]!r}")
     if answer.status >= 400 and body and not json.loads(body)["detail"].isprintable():
-        return Said(answer.status, f"{answer.status} whose detail is no line: {body[:200]!r}")
-    return Said(answer.status)
+        return Answer(answer.status, f"{answer.status} whose detail is no line: {body[:200]!r}")
+    return Answer(answer.status)
 
 
-def attack(host: str, port: int, *, inputs: int, seconds: float, connections: int, seed: int) -> list[Said]:
-    """What was said to each input, in no order."""
+def attack(host: str, port: int, *, inputs: int, seconds: float, connections: int, seed: int) -> list[Answer]:
+    """The answers, in no order."""
     end, lock, left = time.monotonic() + seconds, threading.Lock(), inputs
 
     def take() -> bool:
@@ -130,12 +130,12 @@ def attack(host: str, port: int, *, inputs: int, seconds: float, connections: in
             left -= 1
             return left >= 0 and time.monotonic() < end
 
-    def work(number: int) -> list[Said]:
+    def work(number: int) -> list[Answer]:
         with closing(Attacker(host, port, f"{seed}-{number}")) as attacker:
             return [attacker.send() for _ in iter(take, False)]
 
     with ThreadPoolExecutor(connections) as pool:
-        return [said for part in pool.map(work, range(connections)) for said in part]
+        return [answers for part in pool.map(work, range(connections)) for answers in part]
 
 
 def main() -> int:
@@ -148,18 +148,18 @@ def main() -> int:
     given = parser.parse_args()
     host = "127.0.0.1"
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder), Path(folder, "log")) as (port, _):
-        said = attack(
+        answers = attack(
             host, port, inputs=given.inputs, seconds=given.seconds, connections=given.connections, seed=given.seed
         )
         with closing(http.client.HTTPConnection(host, port, timeout=ANSWER_SECONDS)) as connection:
             connection.request("GET", "/healthz")
             is_alive = connection.getresponse().status == 200
-    counts = collections.Counter(one.status for one in said)
-    faults = [one.fault for one in said if one.fault]
-    print(f"{len(said):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items())))
-    print(f"{len(faults)} answers that are not as declared", *faults[:10], sep="\n")
+    counts = collections.Counter(one.status for one in answers)
+    errors = [one.error for one in answers if one.error]
+    print(f"{len(answers):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items())))
+    print(f"{len(errors)} answers that are not as declared", *errors[:10], sep="\n")
     print(f"/healthz answers at the end: {is_alive}")
-    return 0 if is_alive and not faults else 1
+    return 0 if is_alive and not errors else 1
 
 
 if __name__ == "__main__":

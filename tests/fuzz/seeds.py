@@ -194,9 +194,9 @@ def multipart() -> list[bytes]:
     head = b'--bound\r\nContent-Disposition: form-data; name="%b"%b\r\n\r\n%b\r\n'
     file = head % (b"file", b'; filename="a.off"\r\nContent-Type: application/octet-stream', off()[0])
     fields = head % (b"lenses", b"", b"4x4") + head % (b"views", b"", b"0,0;1,1") + head % (b"format", b"", b"npz")
-    strange = head % (b"file", b"; filename*=UTF-8''%e2%82%ac.obj; filename=\"=?utf-8?q?a?=.obj\"", b"v 0 0 0\n")
+    encoded = head % (b"file", b"; filename*=UTF-8''%e2%82%ac.obj; filename=\"=?utf-8?q?a?=.obj\"", b"v 0 0 0\n")
     return [
         file + fields + b"--bound--\r\n",
         fields + head % (b"model", b"", b"") + file + b"--bound--\r\nepilogue",
-        strange + b"--bound--",
+        encoded + b"--bound--",
     ]

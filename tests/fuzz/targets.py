@@ -1,7 +1,7 @@
-"""Each door that strangers' bytes come in by, as a function of bytes that holds it to its word.
+"""Entry points for untrusted input, each as a function of bytes that checks what it promises.
 
-A target returns whether the bytes were read. It raises where a door does anything but give what it promises, or refuse
-in one line by a `ciir.errors.Error`: `python -m tests.fuzz.run` looks for bytes that make it.
+A target returns whether the bytes were read. It raises where an entry point neither gives what it promises
+nor refuses in one line by a `ciir.errors.Error`: `python -m tests.fuzz.run` looks for bytes that make it.
 """
 
 from __future__ import annotations
@@ -43,29 +43,29 @@ if TYPE_CHECKING:
 LIMITS = Limits(files=64, bytes=2**24, pixels=2**20, set_bytes=2**22, triangles=20_000, views=64)
 """Under the service's own, so that inputs at a limit are found, and cost little."""
 LONGEST_LINE = 600
-"""Characters of a message: two names of 80, and words."""
+"""Characters of a message: two names of 80, and a sentence."""
 
 
 class BrokenPromise(AssertionError):  # noqa: N818 - the cause is the name
-    """A door did what it says that it doesn't."""
+    """An entry point broke its promise."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """A door, and inputs to begin with."""
+    """An entry point, and its seeds."""
 
     check: Callable[[bytes], object]
-    """Raises a fault where it refuses."""
+    """Raises an error where it refuses."""
     seeds: Callable[[], list[bytes]]
 
     def __call__(self, data: bytes) -> bool:
-        """Whether `data` was read; `BrokenPromise`, or whatever the door raised, where it broke its word."""
+        """Whether `data` was read; `BrokenPromise`, or what the entry point raised, where it broke its promise."""
         try:
             self.check(data)
-        except (Error, HTTPException) as fault:
-            line = str(fault.detail) if isinstance(fault, HTTPException) else str(fault)
+        except (Error, HTTPException) as error:
+            line = str(error.detail) if isinstance(error, HTTPException) else str(error)
             if not line.isprintable() or not 10 <= len(line) <= LONGEST_LINE:
-                raise BrokenPromise(f"no line of 10 to {LONGEST_LINE} characters: {line[:1000]!r}") from fault
+                raise BrokenPromise(f"no line of 10 to {LONGEST_LINE} characters: {line[:1000]!r}") from error
             return False
         return True
 
@@ -110,7 +110,7 @@ def archive(data: bytes) -> None:
 
 
 def anything(data: bytes) -> None:
-    """A file without a suffix: its content alone tells what it is."""
+    """A file without a suffix: its kind follows from its content."""
     _check_content(inputs.read(Bundle.from_upload("upload", data, LIMITS), lenses=(1, 1), pixels=None))
 
 
@@ -214,4 +214,4 @@ TARGETS: dict[str, Target] = {
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
     "multipart": Target(form, seeds.multipart),
 }
-"""Name -> door."""
+"""Name -> entry point."""

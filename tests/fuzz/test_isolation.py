@@ -21,7 +21,7 @@ from ciir.service.jobs.job import Problem, Request
 from ciir.service.jobs.workers.task import Task, TaskLimits, run_task
 from ciir.service.settings import Settings
 
-folder, allowed, told = Path(sys.argv[1]), TaskLimits.from_settings(Settings()), {}
+folder, allowed, statuses = Path(sys.argv[1]), TaskLimits.from_settings(Settings()), {}
 guard = Guard(folder)
 for is_armed in (False, True):  # what is imported late is by then
     for file in sorted((folder / "uploads").iterdir()):
@@ -31,8 +31,8 @@ for is_armed in (False, True):  # what is imported late is by then
             guard.arm()
         outcome = run_task(Task(file.stem, request, file, folder / "result"), allowed).outcome
         guard.disarm()
-        told[file.name] = outcome.status if isinstance(outcome, Problem) else 200
-print(json.dumps([told, guard.seen]))
+        statuses[file.name] = outcome.status if isinstance(outcome, Problem) else 200
+print(json.dumps([statuses, guard.seen]))
 """
 
 
@@ -80,7 +80,7 @@ def uploads(names, secret):
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
-    """What was expected and told of each upload, what the guard saw, and whether anyone called."""
+    """The expected and the actual status of each upload, what the guard saw, and whether anyone called."""
     outside, folder = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("work")
     secret = outside / "secret.png"
     secret.write_bytes(pictures.encode_png(seeds.noise(4, 4, 3)))
@@ -97,13 +97,13 @@ def outcome(tmp_path_factory):
         assert done.returncode == 0, done.stderr
         with pytest.raises(BlockingIOError):  # nobody called
             listener.accept()
-    told, seen = json.loads(done.stdout)
-    return {name: status for name, (_, status) in made.items()}, told, seen
+    statuses, seen = json.loads(done.stdout)
+    return {name: status for name, (_, status) in made.items()}, statuses, seen
 
 
 def test_every_upload_is_answered_as_if_what_it_names_were_not_there(outcome):
-    expected, told, _ = outcome
-    assert told == expected
+    expected, statuses, _ = outcome
+    assert statuses == expected
 
 
 def test_nothing_else_is_opened(outcome):

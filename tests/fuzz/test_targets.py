@@ -1,4 +1,4 @@
-"""Each door is held to its word here on a few hundred inputs; `python -m tests.fuzz.run` does it on millions."""
+"""A few hundred inputs for each target; `python -m tests.fuzz.run` tries millions."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -49,7 +49,7 @@ def test_hostile_bytes_are_read_or_refused_in_one_line(name):
 
 
 @pytest.mark.parametrize(
-    ("fault", "broken"),
+    ("error", "broken"),
     [
         (Unreadable("a: cut short; give it again"), False),
         (HTTPException(400, "the form is cut short"), False),
@@ -59,9 +59,9 @@ def test_hostile_bytes_are_read_or_refused_in_one_line(name):
         (Unreadable("long " * 200), True),
     ],
 )
-def test_a_refusal_is_a_line(fault, broken):
+def test_a_refusal_is_a_line(error, broken):
     def check(_):
-        raise fault
+        raise error
 
     target = Target(check, list)
     if broken:

@@ -55,7 +55,7 @@ def origin(number: int) -> tuple[str, int]:
 def asked(number: int) -> Asked:
     """Request `number`, the same each time."""
     kind, first = origin(number)
-    return MAKERS[kind](first)
+    return KINDS[kind](first)
 
 
 def small(number: int) -> Asked:
@@ -111,19 +111,19 @@ def bad(number: int) -> Asked:
     return Asked("bad", *choices[number // 3 % len(choices)])
 
 
-MAKERS = {"small": small, "mesh": mesh, "array": array, "bad": bad}
+KINDS = {"small": small, "mesh": mesh, "array": array, "bad": bad}
 
 
 @dataclass(frozen=True)
 class Answered:
-    """What the server said to a request in the end."""
+    """What the server answered to a request in the end."""
 
     status: int
     ms: float
     """From the first byte sent to the last one received, of all rounds together."""
     pipeline_ms: float | None
-    """The pipeline's own time, as the answer tells it."""
-    said: tuple[int, ...]
+    """The pipeline's own time, from the answer's `Server-Timing`."""
+    statuses: tuple[int, ...]
     """Every status, in order."""
 
 
@@ -140,13 +140,13 @@ class Connection:
         """
         method, path = "POST", PATH
         headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}"}
-        said: list[int] = []
+        statuses: list[int] = []
         begun = time.perf_counter()
         while True:
             self._http.request(method, path, body if method == "POST" else None, headers if method == "POST" else {})
             answer = self._http.getresponse()
             content = answer.read()
-            said.append(answer.status)
+            statuses.append(answer.status)
             if answer.status == 202:
                 method, path = "GET", f"{answer.headers['Location']}/result"
             elif answer.status not in LATER or "Retry-After" not in answer.headers:
@@ -156,7 +156,7 @@ class Connection:
             time.sleep(float(answer.headers.get("Retry-After", 1)))
         took = 1000 * (time.perf_counter() - begun)
         timing = re.search(r"\btotal;dur=([\d.]+)", answer.headers.get("Server-Timing", ""))
-        return Answered(answer.status, took, float(timing[1]) if timing else None, tuple(said)), content
+        return Answered(answer.status, took, float(timing[1]) if timing else None, tuple(statuses)), content
 
     def close(self) -> None:
         """No more is asked."""

@@ -102,17 +102,17 @@ def loaded(server: Server, requests: int, connections: int, seconds: float, fold
     if watcher.exitcode != 0:
         yield Line("the watch on /healthz failed", holds=False)
         return
-    yield from told(done, requests, took)
+    yield from summarised(done, requests, took)
     yield from watched(json.loads(seen_file.read_text()))
 
 
-def told(done: dict[int, Answered], requests: int, seconds: float) -> Iterator[Line]:
+def summarised(done: dict[int, Answered], requests: int, seconds: float) -> Iterator[Line]:
     """Answers by status, and times by kind."""
     rate = len(done) / seconds
     yield Line(f"{len(done):,} of {requests:,} requests answered, {rate:.1f} a second", len(done) == requests)
-    said = collections.Counter(status for answer in done.values() for status in answer.said)
-    yield Line("statuses: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(said.items())))
-    undeclared = sum(count for status, count in said.items() if status >= 500 and status != 503)
+    counts = collections.Counter(status for answer in done.values() for status in answer.statuses)
+    yield Line("statuses: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items())))
+    undeclared = sum(count for status, count in counts.items() if status >= 500 and status != 503)
     undeclared += sum(answer.status == 503 for answer in done.values())
     yield Line(f"answers of 500 and above, but for 503 with a time to come again: {undeclared}", undeclared == 0)
     for kind in sorted({origin(number)[0] for number in done}):
@@ -193,13 +193,15 @@ def _difference(number: int, answers: Path, folder: Path) -> str:
     file, out = folder / f"{number}-{given.name}", folder / str(number)
     file.write_bytes(given.data)
     options = [word for name, value in given.options.items() for word in (f"--{name}", value)]
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
         ended = cli.main(["reconstruct", str(file), "-o", str(out), *options])
     file.unlink()
     what = f"request {number}, {given.kind} {given.name}"
     if ended != 0:
         is_refused = ended == 2 and 400 <= status < 500 and status not in LATER
-        return "" if is_refused else f"{what}: answered {status}, the command line ends with {ended}: {said.getvalue()}"
+        return (
+            "" if is_refused else f"{what}: answered {status}, the command line ends with {ended}: {errors.getvalue()}"
+        )
     if status != 200:
         return f"{what}: answered {status}, the command line makes it: {answer.read_bytes()[:300]!r}"
     made = {path.name: path.read_bytes() for path in out.glob("*.png")}

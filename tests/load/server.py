@@ -35,7 +35,7 @@ class Server(NamedTuple):
 
 @contextlib.contextmanager
 def serving(folder: Path, log: Path) -> Iterator[Server]:
-    """The server on a free port, ready; it is told to end, and must, within `STOP_SECONDS`."""
+    """The server on a free port, ready; at the end it must stop within `STOP_SECONDS`."""
     command = [sys.executable, "-m", "ciir", "serve", "--port", "0"]
     environment = os.environ | {"CIIR_FOLDER": str(folder / "jobs"), "CIIR_CACHE": str(folder / "cache")}
     with log.open("wb") as output:

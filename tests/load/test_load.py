@@ -4,22 +4,24 @@ from ciir.service.cli import main
 from tests.load import requests, run
 
 
-def answered(status=200, said=None):
-    return requests.Answered(status, 10.0, 5.0, said or (status,))
+def answered(status=200, statuses=None):
+    return requests.Answered(status, 10.0, 5.0, statuses or (status,))
 
 
 @pytest.mark.parametrize(
     ("answer", "holds"),
     [
         (answered(), True),
-        (answered(200, (503, 429, 200)), True),  # it said when to come again
+        (answered(200, (503, 429, 200)), True),  # with Retry-After
         (answered(500), False),
         (answered(200, (502, 200)), False),
-        (answered(503), False),  # it did not
+        (answered(503), False),  # without
     ],
 )
-def test_undeclared_faults_are_counted(answer, holds):
-    all_answered, undeclared = [line for line in run.told({0: answered(), 1: answer}, 2, 1.0) if line.holds is not None]
+def test_undeclared_errors_are_counted(answer, holds):
+    all_answered, undeclared = [
+        line for line in run.summarised({0: answered(), 1: answer}, 2, 1.0) if line.holds is not None
+    ]
     assert (all_answered.holds, undeclared.holds) == (True, holds)
 
 

@@ -96,14 +96,3 @@ def test_peak_memory_is_this_process_own():
         pytest.skip("the system doesn't tell a process's peak memory")
     block = np.ones(64 * 2**20, np.uint8)
     assert peak_mib() - before > 32 or before > 64 + block.nbytes / 2**20
-
-
-def test_pictures_are_drawn(tmp_path):
-    work = next(works("vase", "vase", lenses=(24,), array=Options()))
-    methods = [Method(name, "", {"model": name}, None, "interpolation") for name in ("nearest", "bicubic")]
-    result = measured(work, methods, 1)
-    some = [*points([result], methods), Point("direct-rays", figures.DIRECT, "pinhole", 24, 9.0, 0.0)]
-    figures.pareto(some, tmp_path / "pareto.png", title="t")
-    figures.growth([Line("n", "w", (1, 2, 3), (1.0, 2.0, 3.0))], tmp_path / "growth.png", title="t")
-    figures.crops([result], tmp_path / "crops.png", lenses=24, methods=["nearest", "bicubic"])
-    assert all((tmp_path / name).stat().st_size > 5000 for name in ("pareto.png", "growth.png", "crops.png"))
