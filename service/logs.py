@@ -48,6 +48,6 @@ def configure(form: Literal["text", "json"]) -> None:
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(logging.WARNING)
-    for name in ("ciir", "service", "uvicorn", "uvicorn.error"):
+    for name in ("ciir", "uvicorn", "uvicorn.error"):
         logging.getLogger(name).setLevel(logging.INFO)
     logging.captureWarnings(capture=True)

@@ -30,7 +30,7 @@ from tests.fuzz import seeds
 from tests.fuzz.mutate import mutated
 from tests.fuzz.targets import TARGETS
 from tests.load.requests import PATH, Asked, form
-from tests.load.server import serving
+from tests.support.servers import run_server
 
 ANSWER_SECONDS = 60
 SUFFIXES = {"png-sealed": ".png", "jpeg": ".jpg", "tiff": ".tif", "draco": ".glb", "any": "", "views": ".zip"}
@@ -147,11 +147,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
     given = parser.parse_args()
     host = "127.0.0.1"
-    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), Path(folder, "log")) as (port, _):
-        answers = attack(
-            host, port, inputs=given.inputs, seconds=given.seconds, connections=given.connections, seed=given.seed
-        )
-        with closing(http.client.HTTPConnection(host, port, timeout=ANSWER_SECONDS)) as connection:
+    with tempfile.TemporaryDirectory() as folder, run_server(Path(folder, "log"), CIIR_CACHE=folder) as server:
+        options = {name: getattr(given, name) for name in ("inputs", "seconds", "connections", "seed")}
+        answers = attack(host, server.port, **options)
+        with closing(http.client.HTTPConnection(host, server.port, timeout=ANSWER_SECONDS)) as connection:
             connection.request("GET", "/healthz")
             is_alive = connection.getresponse().status == 200
     counts = collections.Counter(one.status for one in answers)

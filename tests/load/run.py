@@ -36,7 +36,8 @@ import numpy as np
 from ciir.benchmarks import machine
 from ciir.service.cli import main as cli
 from tests.load.requests import LATER, Answered, Connection, asked, form, origin, small
-from tests.load.server import Seen, Server, serving, watch
+from tests.load.server import Seen, watch
+from tests.support.servers import Server, run_server
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -236,7 +237,9 @@ def main(argv: list[str] | None = None) -> int:
         folder = Path(name)
 
         def run() -> Iterator[Line]:
-            with serving(folder, given.log or folder / "log") as server:
+            with run_server(
+                given.log or folder / "log", CIIR_FOLDER=str(folder / "jobs"), CIIR_CACHE=str(folder / "cache")
+            ) as server:
                 yield from loaded(server, given.requests, given.connections, given.seconds, folder)
                 yield from alone(server)
             yield from compared(folder, processes=2)

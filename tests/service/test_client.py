@@ -20,14 +20,15 @@ from ciir.service.client import (
     Unauthorized,
     Unavailable,
 )
+from tests.support.inputs import EIA, EIA_PNG
 
 FIELDS = {"lenses": "6x9", "model": "none"}
 
 
 @pytest.fixture
-def eia(samples, tmp_path):
+def eia(tmp_path):
     path = tmp_path / "eia.png"
-    path.write_bytes(samples.encode_png(samples.EIA))
+    path.write_bytes(EIA_PNG)
     return path
 
 
@@ -54,16 +55,16 @@ def problem(status, headers=None):
     return httpx2.Response(status, headers=head, content=json.dumps(body))
 
 
-def test_a_result(client, samples, eia, tmp_path):
+def test_a_result(client, eia, tmp_path):
     result = client.reconstruct(eia, views="1,2", scale=None, **FIELDS)
-    assert np.array_equal(decode(result.content, name="x"), samples.EIA[1::4, 2::4])
+    assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
     assert (result.format, len(result.id)) == ("png", 32)
     assert result.timings_ms["total"] > 0
     result.save(tmp_path / "view.png")
     assert (tmp_path / "view.png").read_bytes() == result.content
 
 
-def test_a_job(client, samples, eia):
+def test_a_job(client, eia):
     job = client.submit(eia, views="all", format="npz", **FIELDS)
     told = list(job.events())
     assert [event.number for event in told] == list(range(len(told)))

@@ -1,11 +1,14 @@
 """The web process does no work itself: what the work needs is not loaded there, and it stays small."""
 
 import platform
-import re
 from pathlib import Path
 
 import httpx2
 import pytest
+
+from ciir.renderer.readers.pictures import encode_png
+from tests.support.inputs import make_picture
+from tests.support.servers import run_server
 
 MOST_MIB = 150
 """Resident memory of the web process without workers."""
@@ -13,20 +16,20 @@ HEAVY = ("onnxruntime", "embree", "libEGL", "OpenGL", "PIL/", "imagecodecs", "tr
 
 
 @pytest.mark.skipif(platform.system() != "Linux", reason="looks into /proc")
-def test_the_web_process_without_workers(tmp_path, samples):
+def test_the_web_process_without_workers(tmp_path):
     log = tmp_path / "log"
-    with samples.serving(log, CIIR_WORKERS="0", CIIR_FOLDER=str(tmp_path / "jobs")) as url:
+    with run_server(log, CIIR_WORKERS="0", CIIR_FOLDER=str(tmp_path / "jobs")) as server:
         for number in range(20):
             answer = httpx2.post(
-                f"{url}/v1/reconstructions",
-                files={"file": (f"{number}.png", samples.encode_png(samples.picture(200, 200, seed=number)))},
+                f"{server.url}/v1/reconstructions",
+                files={"file": (f"{number}.png", encode_png(make_picture(200, 200, seed=number)))},
                 data={"lenses": "50x50"},
                 headers={"Prefer": "respond-async"},
             )
             assert answer.status_code == 202, answer.text
         for path in ("/docs", "/openapi.json", "/v1/models", "/metrics", "/readyz"):
-            assert httpx2.get(url + path).status_code == 200
-        web = Path("/proc", re.search(r"server process \[(\d+)\]", log.read_text())[1])
+            assert httpx2.get(server.url + path).status_code == 200
+        web = Path("/proc", str(server.pid))
         status = (web / "status").read_text()
         mapped = (web / "maps").read_text()
     resident = int(status.partition("VmRSS:")[2].split()[0]) / 1024

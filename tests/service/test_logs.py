@@ -34,7 +34,7 @@ def test_text(root, capsys):
     lines = told(capsys, "text", tell)
     assert [line.split(" ", 2)[2] for line in lines] == [
         "INFO ciir.access [r-1] hello",
-        "INFO service.jobs [-] of none",
+        "INFO ciir.service.jobs [-] of none",
         "WARNING huey [-] which is heard",
     ]
 

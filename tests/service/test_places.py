@@ -9,17 +9,19 @@ from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import encode_png
 from ciir.service.cli import output_path
 from ciir.service.cli.main import main
+from tests.support.inputs import CUBE, make_picture
+from tests.support.servers import run_python
 
 SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace", "--model", "none"]
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, samples):
+def folder(tmp_path, monkeypatch):
     """The working folder, `here`, with a mesh, a picture and a folder of pictures beside it."""
-    (tmp_path / "cube.off").write_bytes(samples.CUBE)
-    (tmp_path / "p.png").write_bytes(encode_png(samples.picture(5, 6)))
+    (tmp_path / "cube.off").write_bytes(CUBE)
+    (tmp_path / "p.png").write_bytes(encode_png(make_picture(5, 6)))
     (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "p.png").write_bytes(encode_png(samples.picture(5, 6)))
+    (tmp_path / "in" / "p.png").write_bytes(encode_png(make_picture(5, 6)))
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
@@ -169,14 +171,14 @@ def test_what_is_read_stays(folder):
 
 TERMINATED = """
 import os, signal, sys
-import ciir.service.pipeline.outputs
 from ciir.service.cli.main import main
-service.pipeline.outputs._png = lambda pixels: os.kill(os.getpid(), signal.SIGTERM)
+from ciir.service.pipeline import outputs
+outputs._png = lambda pixels: os.kill(os.getpid(), signal.SIGTERM)
 sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_sigterm_leaves_nothing(samples, folder):
-    done = samples.python("-c", TERMINATED, *COMMANDS["reconstruct"], "-o", "out")
+def test_sigterm_leaves_nothing(folder):
+    done = run_python("-c", TERMINATED, *COMMANDS["reconstruct"], "-o", "out")
     assert (done.returncode, done.stdout, done.stderr) == (143, "", "ciir: terminated\n")
     assert list(folder.iterdir()) == []

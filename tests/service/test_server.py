@@ -14,7 +14,9 @@ import pytest
 
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
-from ciir.renderer.readers.pictures import decode
+from ciir.renderer.readers.pictures import decode, encode_png
+from tests.support.inputs import CUBE, EIA_PNG, make_picture
+from tests.support.servers import run_python, run_server
 
 POST = "/v1/reconstructions"
 
@@ -23,14 +25,14 @@ def send(url, name, data, **fields):
     return httpx2.post(url + POST, files={"file": (name, data)}, data=fields, timeout=120)
 
 
-def test_eight_at_once(server, samples):
-    eias = [samples.picture(24, 36, 3, np.uint8, seed) for seed in range(8)]
+def test_eight_at_once(server):
+    eias = [make_picture(24, 36, 3, np.uint8, seed) for seed in range(8)]
 
     def ask(index):
         if index % 2:
             fields = {"lenses": "20x20", "backend": "raytrace", "views": "cross"}
-            return send(server, "cube.off", samples.CUBE, **fields)
-        return send(server, "eia.png", samples.encode_png(eias[index]), lenses="6x9", views="1,2", model="none")
+            return send(server, "cube.off", CUBE, **fields)
+        return send(server, "eia.png", encode_png(eias[index]), lenses="6x9", views="1,2", model="none")
 
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(ask, range(8)))
@@ -44,7 +46,7 @@ def test_eight_at_once(server, samples):
             assert np.array_equal(decode(answer.content, name="x"), eias[index][1::4, 2::4])
 
 
-def test_eight_at_once_on_the_one_thread_that_owns_the_context(server, samples):
+def test_eight_at_once_on_the_one_thread_that_owns_the_context(server):
     try:
         open_backend("raster")
     except BackendUnavailable as error:
@@ -58,7 +60,7 @@ def test_eight_at_once_on_the_one_thread_that_owns_the_context(server, samples):
             "views": "all",
             "format": "npz",
         }
-        return send(server, "cube.off", samples.CUBE, **fields)
+        return send(server, "cube.off", CUBE, **fields)
 
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(ask, range(8)))
@@ -69,7 +71,7 @@ def test_eight_at_once_on_the_one_thread_that_owns_the_context(server, samples):
         assert np.array_equal(other, views[index % 2])
 
 
-def test_alive_while_it_works(server, samples):
+def test_alive_while_it_works(server):
     busy = threading.Event()
     seen = []
 
@@ -83,7 +85,7 @@ def test_alive_while_it_works(server, samples):
     begun = len(seen)
     with ThreadPoolExecutor(3) as pool:
         asked = [
-            pool.submit(send, server, "cube.off", samples.CUBE, lenses="200x200", backend="raytrace", model="paper")
+            pool.submit(send, server, "cube.off", CUBE, lenses="200x200", backend="raytrace", model="paper")
             for _ in range(3)  # the slowest network: half a second of work and more
         ]
         answers = [future.result() for future in asked]
@@ -96,9 +98,9 @@ def test_alive_while_it_works(server, samples):
 
 
 @pytest.fixture(scope="module")
-def small_server(samples, tmp_path_factory):
-    with samples.serving(tmp_path_factory.mktemp("small") / "log", CIIR_MAX_BODY_BYTES="100000") as url:
-        yield url
+def small_server(tmp_path_factory):
+    with run_server(tmp_path_factory.mktemp("small") / "log", CIIR_MAX_BODY_BYTES="100000") as server:
+        yield server.url
 
 
 def check_too_large(response):
@@ -165,8 +167,8 @@ def test_the_connection_of_a_refused_body_is_closed(small_server, framing):
     assert b"\r\nconnection: close" in head
 
 
-def test_both_shapes_below_the_limit(small_server, samples):
-    data = samples.encode_png(samples.EIA)
+def test_both_shapes_below_the_limit(small_server):
+    data = EIA_PNG
     declared = send(small_server, "a.png", data, lenses="6x9", model="none")
     head = b'--b\r\nContent-Disposition: form-data; name="%s"%s\r\n\r\n%s\r\n'
     body = head % (b"lenses", b"", b"6x9") + head % (b"model", b"", b"none")
@@ -195,11 +197,11 @@ def test_a_client_that_stalls_is_not_waited_for(small_server):
 
 
 @pytest.fixture(scope="module")
-def impatient_server(samples, tmp_path_factory):
+def impatient_server(tmp_path_factory):
     """One worker, and clients have a second or three for their part."""
     log = tmp_path_factory.mktemp("impatient") / "log"
-    with samples.serving(log, CIIR_WORKERS="1", CIIR_BODY_SECONDS="3", CIIR_CLIENT_SECONDS="1") as url:
-        yield url
+    with run_server(log, CIIR_WORKERS="1", CIIR_BODY_SECONDS="3", CIIR_CLIENT_SECONDS="1") as server:
+        yield server.url
 
 
 def connected(url):
@@ -213,14 +215,14 @@ def drip(connection, text):
         time.sleep(0.1)
 
 
-def test_a_client_that_sends_a_byte_at_a_time_is_cut_off_and_holds_no_worker(impatient_server, samples):
+def test_a_client_that_sends_a_byte_at_a_time_is_cut_off_and_holds_no_worker(impatient_server):
     with connected(impatient_server) as connection:
         connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 90000\r\n{FORM}\r\n\r\n".encode())
         part = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
         for byte in part[:8]:
             connection.sendall(bytes([byte]))
         fields = {"lenses": "6x9", "model": "none"}
-        assert send(impatient_server, "a.png", samples.encode_png(samples.EIA), **fields).status_code == 200
+        assert send(impatient_server, "a.png", EIA_PNG, **fields).status_code == 200
         connection.settimeout(0.1)
         answer = b""
         for byte in part[8:]:  # which takes longer than it has
@@ -237,32 +239,32 @@ def test_a_client_that_sends_a_byte_at_a_time_is_cut_off_and_holds_no_worker(imp
     assert b"not whole after 3 s" in answer
 
 
-def test_a_client_that_stops_reading_is_cut_off_and_holds_no_worker(impatient_server, samples):
+def test_a_client_that_stops_reading_is_cut_off_and_holds_no_worker(impatient_server):
     """Its result is larger than what the kernel takes off the server's hands."""
-    noise = samples.picture(1500, 1500, 3, np.uint8, 7)
+    noise = make_picture(1500, 1500, 3, np.uint8, 7)
     fields = {"lenses": "1500x1500", "model": "nearest", "scale": "3", "format": "npz"}
-    whole = send(impatient_server, "a.png", samples.encode_png(noise), **fields)
+    whole = send(impatient_server, "a.png", encode_png(noise), **fields)
     assert whole.status_code == 200, whole.text
     assert len(whole.content) > 2**24
     with connected(impatient_server) as connection:
         path = whole.headers["content-location"]
         connection.sendall(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
         other = {"lenses": "6x9", "model": "none"}
-        assert send(impatient_server, "a.png", samples.encode_png(samples.EIA), **other).status_code == 200
+        assert send(impatient_server, "a.png", EIA_PNG, **other).status_code == 200
         with pytest.raises(ConnectionError):  # it is reset: the rest can't be sent
             drip(connection, b"\r\n" * 150)
     assert httpx2.get(impatient_server + path, timeout=60).content == whole.content
 
 
-def test_a_port_that_is_taken(server, samples):
-    done = samples.python("-m", "ciir", "serve", "--port", server.rpartition(":")[2])
+def test_a_port_that_is_taken(server):
+    done = run_python("-m", "ciir", "serve", "--port", server.rpartition(":")[2])
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "already in use" in done.stderr
 
 
 @pytest.mark.parametrize(("name", "value"), [("CIIR_WORKERS", "65"), ("CIIR_MAX_BODY_BYTES", "many")])
-def test_a_setting_out_of_range(samples, monkeypatch, name, value):
+def test_a_setting_out_of_range(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
-    done = samples.python("-m", "ciir", "serve", "--port", "0", timeout=60)
+    done = run_python("-m", "ciir", "serve", "--port", "0", timeout=60)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert name in done.stderr

@@ -119,7 +119,7 @@ def test_a_misspelt_name_is_told(monkeypatch, caplog):
 def test_the_folder_of_jobs(monkeypatch, tmp_path):
     monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
     assert Settings().place() == tmp_path / "service"
-    monkeypatch.setattr(settings.cache, "folder", lambda: None)
+    monkeypatch.setattr(settings.cache_folder, "folder", lambda: None)
     with pytest.raises(InvalidOption, match=r"CIIR_FOLDER: .*; name a folder"):
         Settings().place()
 

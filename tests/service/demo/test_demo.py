@@ -4,6 +4,7 @@ import pytest
 from ciir.renderer.readers.pictures import decode
 from ciir.service.cli.main import main
 from ciir.service.demo import contact_sheet, demo
+from tests.support.inputs import make_picture
 
 
 @pytest.fixture
@@ -31,8 +32,8 @@ def test_demo(small, tmp_path, capsys):
     )
 
 
-def test_contact_sheet_shows_the_pictures_themselves(samples):
-    small, *large = (samples.picture(20, 20), *(samples.picture(40, 40, seed=seed) for seed in range(3)))
+def test_contact_sheet_shows_the_pictures_themselves():
+    small, *large = (make_picture(20, 20), *(make_picture(40, 40, seed=seed) for seed in range(3)))
     sheet = contact_sheet.draw([contact_sheet.Row("noise", small, *large)], network="paper")
     for column, picture in enumerate((small, *large)):
         step = 80 // len(picture)

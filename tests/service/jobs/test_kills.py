@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import decode
+from ciir.renderer.readers.pictures import decode, encode_png
 from ciir.service.jobs.job import Request
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import FileSink
 from ciir.service.settings import Settings
+from tests.support.inputs import make_picture
 
 OPTIONS = {"lenses": "100x100", "pixels": "5x5", "views": "all", "backend": "raytrace", "model": "bicubic"}
 ASYNC = {"Prefer": "respond-async"}
@@ -199,14 +200,14 @@ def worker_of(process):
     raise LookupError(process.pid)
 
 
-def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(serve, helpers, samples):
-    eias = [samples.picture(12, 15, 3, np.uint8, seed) for seed in range(51)]
+def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(serve, helpers):
+    eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(51)]
     process, url = serve()
     os.kill(worker_of(process), signal.SIGSTOP)  # the first job doesn't end, and all others wait
     with httpx2.Client() as client:
         places = []
         for eia in eias:
-            files = {"file": ("eia.png", samples.encode_png(eia))}
+            files = {"file": ("eia.png", encode_png(eia))}
             answered = client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=ASYNC)
             assert answered.status_code == 202
             places.append(answered.headers["location"])
@@ -223,15 +224,15 @@ def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(serve, helpe
             assert np.array_equal(decode(made, name="x"), eia[1::3, 1::3])
 
 
-def test_a_redis_that_is_restarted_loses_no_job(serve, redis_server, helpers, samples):
+def test_a_redis_that_is_restarted_loses_no_job(serve, redis_server, helpers):
     process, url = serve(CIIR_QUEUE=redis_server.url)
     worker = worker_of(process)
     os.kill(worker, signal.SIGSTOP)
-    eias = [samples.picture(12, 15, 3, np.uint8, seed) for seed in range(4)]
+    eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(4)]
     with httpx2.Client(timeout=60) as client:
 
         def post(eia, headers):
-            files = {"file": ("eia.png", samples.encode_png(eia))}
+            files = {"file": ("eia.png", encode_png(eia))}
             return client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=headers)
 
         def ready():

@@ -8,12 +8,13 @@ import pytest
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import decode
 from ciir.service.pipeline.outputs import FileSink, FolderSink, file_name
+from tests.support.inputs import EIA, make_picture
 
 VIEWS = [(0, 1), (14, 0), (100, 7)]
 
 
-def fill(sink, samples, dtype=np.uint8):
-    pictures = [samples.picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
+def fill(sink, dtype=np.uint8):
+    pictures = [make_picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
     sink.begin(len(VIEWS))
     names = [sink.add(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
     sink.finish({"answer": 42, "notes": []})
@@ -25,26 +26,26 @@ def test_names():
     assert [file_name(view) for view in VIEWS] == ["view_00_01.png", "view_14_00.png", "view_100_07.png"]
 
 
-def test_folder(tmp_path, samples):
+def test_folder(tmp_path):
     with FolderSink(tmp_path / "out") as sink:
-        names, pictures = fill(sink, samples)
+        names, pictures = fill(sink)
     for name, picture in zip(names, pictures, strict=True):
         assert np.array_equal(decode((tmp_path / "out" / name).read_bytes(), name=name), picture)
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == {"answer": 42, "notes": []}
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_a_folder_that_is_not_finished_leaves_nothing(tmp_path, samples):
+def test_a_folder_that_is_not_finished_leaves_nothing(tmp_path):
     with FolderSink(tmp_path / "out") as sink:
         sink.begin(1)
-        sink.add((0, 0), samples.EIA)
+        sink.add((0, 0), EIA)
         assert len(list(tmp_path.iterdir())) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_zip(samples):
+def test_zip():
     file = io.BytesIO()
-    names, pictures = fill(FileSink(file, "zip"), samples)
+    names, pictures = fill(FileSink(file, "zip"))
     with zipfile.ZipFile(file) as archive:
         assert archive.namelist() == [*names, "report.json"]
         for name, picture in zip(names, pictures, strict=True):
@@ -53,9 +54,9 @@ def test_zip(samples):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_npz(samples, dtype):
+def test_npz(dtype):
     file = io.BytesIO()
-    _, pictures = fill(FileSink(file, "npz"), samples, dtype)
+    _, pictures = fill(FileSink(file, "npz"), dtype)
     file.seek(0)
     with np.load(file, allow_pickle=False) as arrays:
         assert arrays["views"].dtype == dtype
@@ -64,15 +65,15 @@ def test_npz(samples, dtype):
         assert json.loads(str(arrays["report"])) == {"answer": 42, "notes": []}
 
 
-def test_png_holds_one_view(samples):
+def test_png_holds_one_view():
     file = io.BytesIO()
     sink = FileSink(file, "png")
     with pytest.raises(InvalidOption, match=r"png.*3"):
         sink.begin(3)
     sink.begin(1)
-    sink.add((0, 0), samples.EIA)
+    sink.add((0, 0), EIA)
     sink.finish({})
-    assert np.array_equal(decode(file.getvalue(), name="x"), samples.EIA)
+    assert np.array_equal(decode(file.getvalue(), name="x"), EIA)
 
 
 @pytest.mark.parametrize(("count", "chosen"), [(1, "png"), (2, "zip")])

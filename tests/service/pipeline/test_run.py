@@ -18,6 +18,7 @@ from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import PngSink
 from ciir.service.pipeline.run import elemental, reconstruct
+from tests.support.inputs import BAD_INPUTS, CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
 
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
@@ -52,8 +53,8 @@ def run(source, **options):
 
 
 @pytest.fixture
-def cube(samples):
-    return Bundle.from_upload("cube.off", samples.CUBE)
+def cube():
+    return Bundle.from_upload("cube.off", CUBE)
 
 
 def eia_bundle(eia):
@@ -64,8 +65,8 @@ SMALL = {"lenses": (12, 10), "pixels": (3, 5), "backend": "raytrace"}
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (2, np.uint16), (3, np.uint16), (4, np.uint8)])
-def test_without_a_model_views_are_the_eia_bit_for_bit(samples, channels, dtype):
-    eia = samples.picture(24, 36, channels, dtype)
+def test_without_a_model_views_are_the_eia_bit_for_bit(channels, dtype):
+    eia = make_picture(24, 36, channels, dtype)
     views, report = run(eia_bundle(eia), lenses=(6, 9), views="all", model="none")
     assert set(views) == {(v, u) for v in range(4) for u in range(4)}
     for (v, u), pixels in views.items():
@@ -81,7 +82,7 @@ def test_without_a_model_views_are_the_eia_bit_for_bit(samples, channels, dtype)
     assert set(report["timings_ms"]) == {"decode", "plan", "map", "encode", "total"}
 
 
-def test_what_was_skipped_is_a_reason(samples):
+def test_what_was_skipped_is_a_reason():
     plain = np.zeros((64 * 3, 64 * 3, 3), np.uint8)
     plain[90:100, 90:100] = 200
     _, report = run(eia_bundle(plain), lenses=(64, 64), model="fast")
@@ -90,41 +91,41 @@ def test_what_was_skipped_is_a_reason(samples):
     assert report["plan"]["reasons"][-1] == (
         f"skipped: the model for {100 * skipped['plain']:.0f} % of its pixels (plain {100 * skipped['plain']:.0f} %)"
     )
-    _, report = run(eia_bundle(samples.EIA), lenses=(6, 9), model="fast", skip="none")
+    _, report = run(eia_bundle(EIA), lenses=(6, 9), model="fast", skip="none")
     assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
 
 
-def test_pitch_and_delta_that_are_known_are_told(samples):
-    _, report = run(eia_bundle(samples.EIA), pixels=(4, 4), model="none", pitch=0.5, delta=0.01)
+def test_pitch_and_delta_that_are_known_are_told():
+    _, report = run(eia_bundle(EIA), pixels=(4, 4), model="none", pitch=0.5, delta=0.01)
     assert (report["lens_array"]["pitch"], report["lens_array"]["delta"]) == (0.5, 0.01)
     assert (report["lens_array"]["rows"], report["lens_array"]["cols"]) == (6, 9)
 
 
-def test_an_optical_pickup_is_turned_back(samples):
-    turned = LightField.from_eia(samples.EIA, rows=6, cols=9).to_eia(pickup="optical")
+def test_an_optical_pickup_is_turned_back():
+    turned = LightField.from_eia(EIA, rows=6, cols=9).to_eia(pickup="optical")
     views, _ = run(eia_bundle(turned), lenses=(6, 9), views="0,3", model="none", pickup="optical")
-    assert np.array_equal(views[0, 3], samples.EIA[0::4, 3::4])
+    assert np.array_equal(views[0, 3], EIA[0::4, 3::4])
 
 
-def test_upscaled_views_are_what_the_model_makes_of_them(samples):
-    views, report = run(eia_bundle(samples.EIA), lenses=(6, 9), views="cross", model="bicubic", scale=3)
+def test_upscaled_views_are_what_the_model_makes_of_them():
+    views, report = run(eia_bundle(EIA), lenses=(6, 9), views="cross", model="bicubic", scale=3)
     assert len(views) == 5
     for (v, u), pixels in views.items():
-        mapped = np.ascontiguousarray(samples.EIA[v::4, u::4])[np.newaxis]
+        mapped = np.ascontiguousarray(EIA[v::4, u::4])[np.newaxis]
         assert np.array_equal(pixels, models.upscale_pixels(models.load("bicubic", scale=3), mapped)[0])
     assert report["model"] == {"name": "bicubic", "scale": 3, "sha256": None}
     assert report["views"][0] == {"v": 0, "u": 2, "file": "name", "height": 18, "width": 27}
 
 
-def test_the_network_is_told_by_its_hash(samples):
-    _, report = run(eia_bundle(samples.EIA), lenses=(6, 9), model=models.DEFAULT)
+def test_the_network_is_told_by_its_hash():
+    _, report = run(eia_bundle(EIA), lenses=(6, 9), model=models.DEFAULT)
     card = next(entry.card for entry in models.entries() if entry.name == models.DEFAULT)
     assert report["model"] == {"name": models.DEFAULT, "scale": 2, "sha256": card.sha256}
     assert "onnxruntime" in report["versions"]
 
 
-def test_batches_change_nothing(samples, cube, monkeypatch):
-    for source, options in ((eia_bundle(samples.EIA), {"lenses": (6, 9)}), (cube, SMALL)):
+def test_batches_change_nothing(cube, monkeypatch):
+    for source, options in ((eia_bundle(EIA), {"lenses": (6, 9)}), (cube, SMALL)):
         whole, _ = run(source, views="all", model="bicubic", **options)
         counts = []
         with monkeypatch.context() as patch:
@@ -162,12 +163,12 @@ def test_a_mesh_rendered_by_hand_through_the_reported_transform(cube):
     assert report["plan"]["sampling"] == "pinhole"
 
 
-def test_parallax_follows_depth(samples):
+def test_parallax_follows_depth():
     """A point at distance d moves by delta*d/pitch pixels from view to view: left as u grows, up as v grows."""
     corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
     depths = {"left": (0.0, 0.0), "right": (8.0, -6.0)}  # x, z of two squares of side 1
     vertices = [(x + a, b, z) for x, z in depths.values() for a, b in corners]
-    mesh = samples.off(vertices, [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
+    mesh = make_off(vertices, [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
     options = {"lenses": (96, 120), "pixels": (7, 9), "backend": "raytrace", "model": "none", "sampling": "lenslet"}
     views, report = run(Bundle.from_upload("squares.off", mesh), views="all", **options)
     array, matrix = report["lens_array"], np.array(report["scene_transform"])
@@ -212,8 +213,8 @@ def test_an_optical_elemental_image_array(cube):
     assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").to_eia(), kept[0])
 
 
-def test_elemental_wants_a_mesh(samples):
-    for source in (eia_bundle(samples.EIA), Bundle("set", None, {"view_00_00.png": encode_png(samples.EIA)})):
+def test_elemental_wants_a_mesh():
+    for source in (eia_bundle(EIA), Bundle("set", None, {"view_00_00.png": EIA_PNG})):
         with pytest.raises(InvalidOption, match="holds pictures"):
             elemental(source, Options(), pytest.fail)
 
@@ -246,10 +247,10 @@ def test_a_scene_by_name():
         run("teapot")
 
 
-def test_a_set_of_views_equals_its_eia(samples):
-    files = {f"view_{v:02d}_{u:02d}.png": encode_png(samples.EIA[v::4, u::4]) for v in range(4) for u in range(4)}
+def test_a_set_of_views_equals_its_eia():
+    files = {f"view_{v:02d}_{u:02d}.png": encode_png(EIA[v::4, u::4]) for v in range(4) for u in range(4)}
     from_set, report = run(Bundle("set", None, files), views="cross", model="bicubic")
-    from_eia, _ = run(eia_bundle(samples.EIA), lenses=(6, 9), views="cross", model="bicubic")
+    from_eia, _ = run(eia_bundle(EIA), lenses=(6, 9), views="cross", model="bicubic")
     assert report["input"]["kind"] == "views"
     assert report["input"]["files"] == 16
     assert from_set.keys() == from_eia.keys()
@@ -257,9 +258,9 @@ def test_a_set_of_views_equals_its_eia(samples):
 
 
 @pytest.mark.parametrize("options", [{"lenses": (5, 5)}, {"pickup": "optical"}])
-def test_what_is_for_an_eia_is_refused_for_a_set(samples, options):
+def test_what_is_for_an_eia_is_refused_for_a_set(options):
     with pytest.raises(InvalidOption, match=next(iter(options))):
-        run(Bundle("set", None, {"view_00_00.png": encode_png(samples.EIA)}), **options)
+        run(Bundle("set", None, {"view_00_00.png": EIA_PNG}), **options)
 
 
 def test_notes_of_the_reader_are_passed_on():
@@ -275,9 +276,9 @@ def test_a_mesh_that_no_view_shows_is_told(cube, options):
     assert [note for note in report["notes"] if "shows the object" in note]
 
 
-def test_a_black_mesh_is_seen(samples):
+def test_a_black_mesh_is_seen():
     """By what it covers, not by its colour; and one view of several is enough."""
-    black = samples.CUBE.replace(b"4 4 5 6 7", b"4 4 5 6 7 0 0 0")
+    black = CUBE.replace(b"4 4 5 6 7", b"4 4 5 6 7 0 0 0")
     for views in ("all", "1,2"):
         _, report = run(Bundle.from_upload("cube.off", black), model="none", views=views, **SMALL)
         assert report["notes"] == []
@@ -296,16 +297,17 @@ def test_the_sink_refuses_before_a_backend_is_opened(cube, monkeypatch):
         reconstruct(cube, Options(views="cross", **SMALL), PngSink(io.BytesIO()))
 
 
-def test_limit_on_all_pixels_together(samples):
+def test_limit_on_all_pixels_together():
     sink = Kept()
     options = Options(lenses=(6, 9), views="all", model="bicubic")
     with pytest.raises(TooLarge, match="16 views of 12x18"):
-        reconstruct(eia_bundle(samples.EIA), options, sink, max_pixels=16 * 12 * 18 - 1)
+        reconstruct(eia_bundle(EIA), options, sink, max_pixels=16 * 12 * 18 - 1)
     assert sink.begun is None
-    reconstruct(eia_bundle(samples.EIA), options, sink, max_pixels=16 * 12 * 18)
+    reconstruct(eia_bundle(EIA), options, sink, max_pixels=16 * 12 * 18)
 
 
-def test_faults_come_before_anything_is_written(samples, bad_input):
+@pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
+def test_faults_come_before_anything_is_written(bad_input):
     name, data, texts, _, _ = bad_input
     sink = Kept()
     with pytest.raises(Error):

@@ -5,6 +5,7 @@ from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
 from ciir.renderer.readers.pictures import decode, encode
 from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
+from tests.support.inputs import EIA, make_picture
 
 
 def run(files, model="bicubic", scale=2):
@@ -25,8 +26,8 @@ def test_names():
     ("suffix", "channels", "dtype"),
     [(".png", 1, np.uint8), (".png", 4, np.uint16), (".tif", 2, np.uint16), (".tif", 3, np.uint8)],
 )
-def test_depth_and_channels_are_kept(samples, suffix, channels, dtype):
-    picture = samples.picture(5, 7, channels, dtype)
+def test_depth_and_channels_are_kept(suffix, channels, dtype):
+    picture = make_picture(5, 7, channels, dtype)
     written, report = run({f"a{suffix}": encode(picture, suffix)})
     large = decode(written[f"a{suffix}"], name="a")
     assert large.dtype == dtype
@@ -38,21 +39,21 @@ def test_depth_and_channels_are_kept(samples, suffix, channels, dtype):
     assert set(report["timings_ms"]) == {"decode", "upscale", "encode", "total"}
 
 
-def test_a_jpeg_becomes_a_png(samples):
-    written, _ = run({"a.jpg": encode(samples.picture(8, 8), ".jpg")})
+def test_a_jpeg_becomes_a_png():
+    written, _ = run({"a.jpg": encode(make_picture(8, 8), ".jpg")})
     assert written["a.png"].startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
-def test_what_the_output_can_not_hold_is_refused_before_the_work(samples, monkeypatch, channels, dtype):
+def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, channels, dtype):
     monkeypatch.setattr("ciir.service.pipeline.upscale_pictures.enlarge", pytest.fail)
-    data = encode(samples.picture(5, 7, channels, dtype), ".png")
+    data = encode(make_picture(5, 7, channels, dtype), ".png")
     with pytest.raises(InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB, not.*\.png or \.tif"):
         upscale_pictures({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
 
 
-def test_faults_name_the_file(samples):
-    good = encode(samples.EIA, ".png")
+def test_faults_name_the_file():
+    good = encode(EIA, ".png")
     with pytest.raises(InputError, match=r"b\.png"):
         run({"a.png": good, "b.png": good[:100]})
     with pytest.raises(UnsupportedScale, match="scale"):

@@ -15,6 +15,8 @@ from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import NpzSink
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.upscale_pictures import upscale_pictures
+from tests.support.inputs import CUBE, EIA_PNG, make_picture
+from tests.support.networks import upscale_as_stand_in
 
 ROUNDED = 0.55
 """Levels: rounding to nearest, and float32 at 16 bits."""
@@ -36,14 +38,14 @@ def as_array(views, grid):
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (3, np.uint16)])
 @pytest.mark.parametrize("wanted", ["center", "cross", "all", "5,5;0,1;5,4"])
-def test_pictures_take_the_views_around(samples, stand_in, channels, dtype, wanted):
-    eia = samples.picture(24, 42, channels, dtype)
+def test_pictures_take_the_views_around(stand_in, channels, dtype, wanted):
+    eia = make_picture(24, 42, channels, dtype)
     views, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views=wanted)
     field = eia.reshape(4, 6, 7, 6, channels).transpose(1, 3, 0, 2, 4)
     assert list(views) == [(view["v"], view["u"]) for view in report["views"]]
     for view, picture in views.items():
         assert picture.dtype == dtype
-        assert np.abs(picture - samples.as_the_stand_in_has_it(field, view)).max() < ROUNDED
+        assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
     field_sha256, fast_sha256 = (
         next(entry.card.sha256 for entry in catalogue.entries() if entry.name == name) for name in ("field", "fast")
     )
@@ -55,8 +57,8 @@ def test_pictures_take_the_views_around(samples, stand_in, channels, dtype, want
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])
-def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(samples, stand_in, channels, dtype):
-    eia = samples.picture(24, 42, channels, dtype)
+def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channels, dtype):
+    eia = make_picture(24, 42, channels, dtype)
     eia[..., -1] = np.iinfo(dtype).max
     views, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
     assert report["plan"]["model"] == "field"
@@ -69,21 +71,21 @@ def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(samples, stand_i
     assert report["plan"]["model"] == "fast"
 
 
-def test_a_folder_of_views_too(samples, stand_in):
-    field = samples.picture(9 * 4, 5).reshape(3, 3, 4, 5, 3)
+def test_a_folder_of_views_too(stand_in):
+    field = make_picture(9 * 4, 5).reshape(3, 3, 4, 5, 3)
     files = {f"view_{v:02d}_{u:02d}.png": encode_png(field[v, u]) for v in range(3) for u in range(3)}
     views, report = run(Bundle("set", None, files))
     assert report["plan"]["model"] == "field"
-    assert np.abs(views[1, 1] - samples.as_the_stand_in_has_it(field, (1, 1))).max() < ROUNDED
+    assert np.abs(views[1, 1] - upscale_as_stand_in(field, (1, 1))).max() < ROUNDED
 
 
 @pytest.fixture
-def cube(samples):
-    return Bundle.from_upload("cube.off", samples.CUBE)
+def cube():
+    return Bundle.from_upload("cube.off", CUBE)
 
 
 @pytest.mark.parametrize("pixels", [1, 2000, 4_000_000])
-def test_a_mesh_is_rendered_once_whatever_the_batches(samples, cube, stand_in, monkeypatch, pixels):
+def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, monkeypatch, pixels):
     plain, _ = run(cube, views="all", model="none", **MESH)
     field = as_array(plain, (5, 6))
     monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
@@ -95,7 +97,7 @@ def test_a_mesh_is_rendered_once_whatever_the_batches(samples, cube, stand_in, m
     assert report["plan"]["model"] == "field"
     assert list(views) == list(plain)
     for view, picture in views.items():
-        assert np.abs(picture - samples.as_the_stand_in_has_it(field, view)).max() < ROUNDED
+        assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
 
 
 def test_views_are_let_go_of(cube, stand_in, monkeypatch):
@@ -116,7 +118,7 @@ def test_views_are_let_go_of(cube, stand_in, monkeypatch):
     assert set(kept[30:]) == {1}
 
 
-def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(samples, cube, stand_in, monkeypatch):
+def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(cube, stand_in, monkeypatch):
     rendered = []
     make = pipeline.MeshViews.make
     monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
@@ -130,7 +132,7 @@ def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(s
     assert "8 of them" in report["plan"]["reasons"][0]
     assert [(view["v"], view["u"]) for view in report["views"]] == [(0, 5)] == list(views)
     plain, _ = run(cube, views="all", model="none", **MESH)
-    assert np.abs(views[0, 5] - samples.as_the_stand_in_has_it(as_array(plain, (5, 6)), (0, 5))).max() < ROUNDED
+    assert np.abs(views[0, 5] - upscale_as_stand_in(as_array(plain, (5, 6)), (0, 5))).max() < ROUNDED
 
 
 def test_views_that_only_help_count_for_the_limit(cube, stand_in):
@@ -145,25 +147,25 @@ def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in):
     assert (report["plan"]["strategy"], report["plan"]["model"], report["model"]) == ("direct", "none", None)
 
 
-def test_the_limits_of_the_network_are_told(samples, stand_in):
-    eia = Bundle.from_upload("eia.png", encode_png(samples.EIA))
+def test_the_limits_of_the_network_are_told(stand_in):
+    eia = Bundle.from_upload("eia.png", EIA_PNG)
     with pytest.raises(UnsupportedScale, match="field upscales by 2, not 3"):
         run(eia, lenses=(6, 9), model="field", scale=3)
     with pytest.raises(UnsuitedModel, match="field"):
-        upscale_pictures({"a.png": encode_png(samples.EIA)}, {"a.png": "a.png"}, print, model="field", scale=2)
+        upscale_pictures({"a.png": EIA_PNG}, {"a.png": "a.png"}, print, model="field", scale=2)
 
 
-def test_single_pictures_keep_their_default(samples, stand_in):
-    data, written = encode_png(samples.EIA), {}
+def test_single_pictures_keep_their_default(stand_in):
+    data, written = EIA_PNG, {}
     report = upscale_pictures({"a.png": data}, {"a.png": "a.png"}, written.__setitem__, model="auto", scale=2)
     assert report["model"]["name"] == catalogue.DEFAULT
 
 
-def test_what_was_made_from_views_alone_is_told(samples, stand_in):
-    eia = Bundle.from_upload("eia.png", encode_png(samples.EIA))
+def test_what_was_made_from_views_alone_is_told(stand_in):
+    eia = Bundle.from_upload("eia.png", EIA_PNG)
     _, report = run(eia, lenses=(6, 9))
     assert report["notes"] == []
-    stand_in.doubt = 0.9
+    stand_in.uncertainty = 0.9
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
     assert note.startswith(
@@ -171,8 +173,8 @@ def test_what_was_made_from_views_alone_is_told(samples, stand_in):
     )
 
 
-def test_the_network_that_is_shipped(samples):
-    views, report = run(Bundle.from_upload("eia.png", encode_png(samples.EIA)), lenses=(6, 9), views="0,0;1,2")
+def test_the_network_that_is_shipped():
+    views, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), views="0,0;1,2")
     assert report["plan"]["model"] == catalogue.field()
     assert report["model"]["alone"]["name"] == catalogue.default()
     assert views[1, 2].shape == (12, 18, 3)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ciir.service.pipeline.options import NAMES
 from ciir.service.pipeline.outputs import FORMATS
+from tests.support.web import check_problem, run_app
 
 POST = "/v1/reconstructions"
 ROUTES = {
@@ -26,10 +27,10 @@ ROUTES = {
 
 
 @pytest.mark.parametrize(("method", "path"), [*ROUTES, ("GET", "/docs"), ("GET", "/openapi.json")])
-def test_another_method_is_a_problem(client, web, method, path):
+def test_another_method_is_a_problem(client, method, path):
     other = "GET" if method == "POST" else "POST"
     response = client.request(other, path.format(id="0" * 32))
-    web.problem(response, 405, "method")
+    check_problem(response, 405, "method")
     assert method in response.headers["allow"]
 
 
@@ -43,8 +44,8 @@ def test_all_methods_of_a_path_are_named(client):
 
 
 @pytest.mark.parametrize("path", ["/", "/v1", "/v1/nothing", "/docs/static/gone.js", "/docs/static/../app.py"])
-def test_nothing_there_is_a_problem(client, web, path):
-    web.problem(client.get(path), 404, "/docs")
+def test_nothing_there_is_a_problem(client, path):
+    check_problem(client.get(path), 404, "/docs")
 
 
 def test_openapi_tells_every_route_and_every_status(client):
@@ -84,11 +85,11 @@ def test_docs_need_no_other_server(client):
     assert len(re.findall("'sha256-", policy)) == page.count("<script>") == 1
 
 
-def test_other_origins_are_let_in_only_where_they_are_named(client, web, tmp_path):
+def test_other_origins_are_let_in_only_where_they_are_named(client, tmp_path):
     asks = {"Origin": "https://example.org", "Access-Control-Request-Method": "POST"}
     assert "access-control-allow-origin" not in client.get("/healthz", headers=asks).headers
     assert client.options(POST, headers=asks).status_code == 405
-    with web.running(tmp_path, cors_origins="https://example.org,https://example.com") as other:
+    with run_app(tmp_path, cors_origins="https://example.org,https://example.com") as other:
         allowed = other.options(POST, headers=asks)
         assert allowed.headers["access-control-allow-origin"] == "https://example.org"
         exposed = other.get("/healthz", headers=asks).headers["access-control-expose-headers"]

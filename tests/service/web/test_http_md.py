@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.readers.pictures import decode
+from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
 
 TEXT = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
@@ -47,8 +48,8 @@ def test_the_examples_for_curl(server, tmp_path):
     assert "ciir_queue_up 1.0" in (tmp_path / "metrics.txt").read_text()
 
 
-def test_the_example_for_python(server, samples, tmp_path):
-    (tmp_path / "mesh.off").write_bytes(samples.CUBE)
+def test_the_example_for_python(server, tmp_path):
+    (tmp_path / "mesh.off").write_bytes(CUBE)
     (program,) = blocks("python")
     done = subprocess.run(  # noqa: S603 - our own
         [sys.executable, "-c", program.replace(DEFAULT, server)],

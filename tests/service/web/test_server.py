@@ -16,6 +16,8 @@ from ciir.service.settings import Settings
 from ciir.service.web import server as server_module
 from ciir.service.web.app import create_app
 from ciir.service.web.server import DrainingServer
+from tests.support.waiting import wait_until
+from tests.support.web import ThreadPool
 
 POST = "/v1/reconstructions"
 FIELDS = {"lenses": "6x9", "model": "none"}
@@ -45,12 +47,12 @@ class Served:
 
 
 @contextmanager
-def served(web, folder, **settings):
+def served(folder, **settings):
     found = Settings(folder=folder, **settings)
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        one = Served(web.ThreadPool(found), found, listener)
+        one = Served(ThreadPool(found), found, listener)
         try:
-            web.until(lambda: one.server.started)
+            wait_until(lambda: one.server.started)
             yield one
         finally:
             one.server.should_exit = True
@@ -58,10 +60,10 @@ def served(web, folder, **settings):
             assert not one.thread.is_alive()
 
 
-def test_what_runs_is_finished(web, eia, tmp_path):
+def test_what_runs_is_finished(eia, tmp_path):
     began, go = threading.Event(), threading.Event()
     answers, streams = [], []
-    with served(web, tmp_path) as one:
+    with served(tmp_path) as one:
         one.pool.before = lambda work, progress, cancelled: (began.set(), go.wait(30))
         asker = one.ask(eia, answers)
         assert began.wait(30)
@@ -88,7 +90,7 @@ def test_what_runs_is_finished(web, eia, tmp_path):
     assert "event: running" in streams[0]
 
 
-def test_what_does_not_finish_in_time_is_done_by_the_next_server(web, eia, tmp_path):
+def test_what_does_not_finish_in_time_is_done_by_the_next_server(eia, tmp_path):
     began = threading.Event()
     answers = []
 
@@ -97,7 +99,7 @@ def test_what_does_not_finish_in_time_is_done_by_the_next_server(web, eia, tmp_p
         assert cancelled.wait(30)
         raise Cancelled
 
-    with served(web, tmp_path, drain_seconds=0) as one:
+    with served(tmp_path, drain_seconds=0) as one:
         one.pool.before = before
         asker = one.ask(eia, answers)
         assert began.wait(30)
@@ -106,16 +108,16 @@ def test_what_does_not_finish_in_time_is_done_by_the_next_server(web, eia, tmp_p
         assert not one.thread.is_alive()
         asker.join(30)
     assert answers[0].status_code == 202
-    with served(web, tmp_path) as one, httpx2.Client(base_url=one.url) as client:
+    with served(tmp_path) as one, httpx2.Client(base_url=one.url) as client:
         place = answers[0].headers["location"]
-        web.until(lambda: client.get(place).json()["state"] == "done")
+        wait_until(lambda: client.get(place).json()["state"] == "done")
         assert client.get(f"{place}/result").status_code == 200
         assert one.pool.runs == 1
 
 
-def test_a_second_signal_does_not_wait(web, tmp_path, monkeypatch):
+def test_a_second_signal_does_not_wait(tmp_path, monkeypatch):
     killed = []
-    with served(web, tmp_path) as one:
+    with served(tmp_path) as one:
         monkeypatch.setattr(one.server._parts.engine, "drain", threading.Event().wait)
         monkeypatch.setattr(server_module.signal, "signal", lambda *given: killed.append(given))
         monkeypatch.setattr(server_module.os, "kill", lambda *given: killed.append(given))

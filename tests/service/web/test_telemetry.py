@@ -6,6 +6,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import httpx2
 import pytest
 
+from tests.support.inputs import EIA_PNG
+from tests.support.servers import run_server
+from tests.support.web import run_app
+
 
 @pytest.fixture
 def collector():
@@ -30,13 +34,13 @@ def collector():
         thread.join()
 
 
-def test_traces_go_to_the_collector(collector, samples, tmp_path):
+def test_traces_go_to_the_collector(collector, tmp_path):
     pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="fastapi[opentelemetry] is not installed")
     url, received = collector
     settings = {"OTEL_EXPORTER_OTLP_ENDPOINT": url, "OTEL_EXPORTER_OTLP_COMPRESSION": "none", "CIIR_WORKERS": "0"}
-    with samples.serving(tmp_path / "log", **settings, CIIR_SYNC_SECONDS="0") as server:
-        files = {"file": ("a.png", samples.encode_png(samples.EIA))}
-        answer = httpx2.post(f"{server}/v1/reconstructions", files=files, data={"lenses": "6x9"}, timeout=60)
+    with run_server(tmp_path / "log", **settings, CIIR_SYNC_SECONDS="0") as server:
+        files = {"file": ("a.png", EIA_PNG)}
+        answer = httpx2.post(f"{server.url}/v1/reconstructions", files=files, data={"lenses": "6x9"}, timeout=60)
         assert answer.status_code == 202
     traces = b"".join(body for path, body in received if path == "/v1/traces")
     assert b"POST /v1/reconstructions" in traces
@@ -44,9 +48,9 @@ def test_traces_go_to_the_collector(collector, samples, tmp_path):
     assert any(path == "/v1/metrics" for path, _ in received)
 
 
-def test_where_that_can_not_be_the_log_says_so(web, monkeypatch, tmp_path, caplog):
+def test_where_that_can_not_be_the_log_says_so(monkeypatch, tmp_path, caplog):
     monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", "http://127.0.0.1:9")
     monkeypatch.setenv("OTEL_EXPORTER_OTLP_PROTOCOL", "grpc")
-    with web.running(tmp_path) as client:
+    with run_app(tmp_path) as client:
         assert client.get("/healthz").status_code == 200
     assert "automatic telemetry configuration failed" in caplog.text

@@ -12,42 +12,44 @@ import pytest
 from ciir.renderer.readers.pictures import decode
 from ciir.service.cli.main import main
 from tests.load.server import descendants
+from tests.support.inputs import EIA, EIA_PNG
+from tests.support.servers import run_ciir, run_python, run_server
 
 
-def test_a_worker_does_what_a_server_without_workers_takes_in(samples, tmp_path):
+def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     folder = str(tmp_path / "shared")
     worker = {"CIIR_FOLDER": folder, "CIIR_WORKERS": "1", "CIIR_METRICS_PORT": str(port), "CIIR_LOG_FORMAT": "json"}
     with (
-        samples.launched(tmp_path / "worker.log", "worker", **worker),
-        samples.serving(tmp_path / "web.log", CIIR_FOLDER=folder, CIIR_WORKERS="0", CIIR_SYNC_SECONDS="60") as url,
+        run_ciir(tmp_path / "worker.log", "worker", **worker),
+        run_server(tmp_path / "web.log", CIIR_FOLDER=folder, CIIR_WORKERS="0", CIIR_SYNC_SECONDS="60") as server,
     ):
         fields = {"lenses": "6x9", "views": "1,2", "model": "none"}
-        files = {"file": ("a.png", samples.encode_png(samples.EIA))}
-        answer = httpx2.post(f"{url}/v1/reconstructions", files=files, data=fields, timeout=60)
+        files = {"file": ("a.png", EIA_PNG)}
+        answer = httpx2.post(f"{server.url}/v1/reconstructions", files=files, data=fields, timeout=60)
         assert answer.status_code == 200, answer.text
-        assert np.array_equal(decode(answer.content, name="x"), samples.EIA[1::4, 2::4])
+        assert np.array_equal(decode(answer.content, name="x"), EIA[1::4, 2::4])
         counted = httpx2.get(f"http://127.0.0.1:{port}/metrics").text
         assert re.search(r'^ciir_jobs_ended_total\{status="200"\} 1\.0$', counted, re.MULTILINE)
         assert re.search(r"^ciir_workers 1\.0$", counted, re.MULTILINE)
-        assert "ciir_jobs_ended_total{" not in httpx2.get(f"{url}/metrics").text
+        assert "ciir_jobs_ended_total{" not in httpx2.get(f"{server.url}/metrics").text
     told = (tmp_path / "worker.log").read_text()
     assert '"message": "1 worker processes take jobs' in told
     assert '"message": "stopping' in told
 
 
-def test_the_queues_password_is_in_no_log(samples, tmp_path):
+def test_the_queues_password_is_in_no_log(tmp_path):
     log = tmp_path / "log"
-    with samples.launched(log, "worker", CIIR_QUEUE="redis://:swordfish@127.0.0.1:1/0", CIIR_WORKERS="1"):
+    with run_ciir(log, "worker", CIIR_QUEUE="redis://:swordfish@127.0.0.1:1/0", CIIR_WORKERS="1"):
         until(lambda: "take jobs from redis://...@127.0.0.1:1/0" in log.read_text())
     assert "swordfish" not in log.read_text()
 
 
 @pytest.mark.parametrize("words", [("worker",), ("serve", "--port", "0")])
-def test_worker_processes_are_started_without_the_servers_secrets(samples, tmp_path, words):
+def test_worker_processes_are_started_without_the_servers_secrets(tmp_path, words):
     secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0"}
-    with samples.launched(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
+    with run_ciir(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
         (worker,) = until(lambda: workers_of(process.pid))
         environment = (worker / "environ").read_bytes()
     assert b"CIIR_WORKERS=1" in environment
@@ -80,10 +82,10 @@ def test_settings_that_make_no_sense(monkeypatch, capsys, settings, words):
     assert (told.count("\n"), words in told) == (1, True), told
 
 
-def test_a_port_for_metrics_that_is_taken(samples, monkeypatch, tmp_path):
+def test_a_port_for_metrics_that_is_taken(monkeypatch, tmp_path):
     monkeypatch.setenv("CIIR_FOLDER", str(tmp_path))
     with socket.create_server(("0.0.0.0", 0)) as taken:  # noqa: S104 - as it listens
         monkeypatch.setenv("CIIR_METRICS_PORT", str(taken.getsockname()[1]))
-        done = samples.python("-m", "ciir", "worker", timeout=60)
+        done = run_python("-m", "ciir", "worker", timeout=60)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "CIIR_METRICS_PORT" in done.stderr

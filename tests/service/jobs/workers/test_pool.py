@@ -26,7 +26,9 @@ from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import FileSink
 from ciir.service.settings import Settings
+from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
+from tests.support.servers import run_python
 
 FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
 LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
@@ -50,8 +52,8 @@ def opened(monkeypatch):
 
 
 @pytest.fixture
-def work(tmp_path, samples):
-    (tmp_path / "input").write_bytes(samples.CUBE)
+def work(tmp_path):
+    (tmp_path / "input").write_bytes(CUBE)
 
     def make(options, form=None, name="upload.off"):
         made = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
@@ -103,14 +105,14 @@ class Doing:
         return self.came
 
 
-def test_it_makes_what_the_pipeline_makes_and_tells_how_far_it_is(opened, work, samples):
+def test_it_makes_what_the_pipeline_makes_and_tells_how_far_it_is(opened, work):
     options = FAST | {"views": "all"}
     told = []
     given = work(options, "zip")
     outcome = run(opened(), given, told.append)
     file = io.BytesIO()
     with FileSink(file, "zip") as sink:
-        report = pipeline.reconstruct(Bundle.from_upload("upload.off", samples.CUBE), Options.parse(options), sink)
+        report = pipeline.reconstruct(Bundle.from_upload("upload.off", CUBE), Options.parse(options), sink)
     assert pictures_in(file) == pictures_in(given.target)
     assert isinstance(outcome, Result)
     assert (outcome.format, outcome.size) == ("zip", given.target.stat().st_size)
@@ -305,10 +307,10 @@ def test_it_is_warm_before_it_is_ready():
     assert loaded == ["embreex", "onnxruntime"]
 
 
-def test_who_asks_for_work_loads_nothing_of_what_does_it(samples):
+def test_who_asks_for_work_loads_nothing_of_what_does_it():
     heavy = (
         "{'onnxruntime', 'embreex', 'pyrender', 'OpenGL', 'PIL', 'imagecodecs', 'trimesh', 'renderer.readers.meshes'}"
     )
     code = f"import sys, service.jobs.workers.pool; print(sorted({heavy} & set(sys.modules)))"
-    done = samples.python("-c", code, cwd=ROOT)
+    done = run_python("-c", code, cwd=ROOT)
     assert done.stdout.strip() == "[]"

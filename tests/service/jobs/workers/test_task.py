@@ -11,6 +11,7 @@ from ciir.service.jobs.workers import sandbox, task
 from ciir.service.jobs.workers.task import Task, TaskLimits, Teller, _is_memory, read_progress, run_task, warm_up
 from ciir.service.pipeline import run
 from ciir.service.settings import Settings
+from tests.support.inputs import CUBE
 
 FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
 
@@ -22,8 +23,8 @@ def this_process_stays_free(monkeypatch):
 
 
 @pytest.fixture
-def given(tmp_path, samples):
-    (tmp_path / "input").write_bytes(samples.CUBE)
+def given(tmp_path):
+    (tmp_path / "input").write_bytes(CUBE)
     return Task("an id", Request("upload.off", FAST, None), tmp_path / "input", tmp_path / "result")
 
 

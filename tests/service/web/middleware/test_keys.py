@@ -1,11 +1,13 @@
 import pytest
 
+from tests.support.web import check_problem, run_app
+
 POST = "/v1/reconstructions"
 
 
 @pytest.fixture(scope="module")
-def guarded(web, tmp_path_factory):
-    with web.running(tmp_path_factory.mktemp("guarded"), api_keys="first,zweiter-schlüssel") as client:
+def guarded(tmp_path_factory):
+    with run_app(tmp_path_factory.mktemp("guarded"), api_keys="first,zweiter-schlüssel") as client:
         yield client
 
 
@@ -39,7 +41,7 @@ def test_with_a_key(guarded, headers):
         ({"Authorization": "Bearer first,zweiter-schlüssel"}, "not known"),
     ],
 )
-def test_without_one(guarded, web, headers, words):
+def test_without_one(guarded, headers, words):
     given = {name: value.encode() for name, value in headers.items()}
     for method, path in [
         ("GET", "/v1/models"),
@@ -51,7 +53,7 @@ def test_without_one(guarded, web, headers, words):
         ("GET", f"{POST}/{'0' * 32}/events"),
     ]:
         response = guarded.request(method, path, headers=given)
-        web.problem(response, 401, words, "Bearer KEY")
+        check_problem(response, 401, words, "Bearer KEY")
         assert response.headers["www-authenticate"].startswith("Bearer")
 
 
@@ -60,7 +62,7 @@ def test_what_load_balancers_and_readers_ask_is_open(guarded):
         assert guarded.get(path).status_code == 200
 
 
-def test_it_is_checked_before_the_body_is_read(guarded, web):
+def test_it_is_checked_before_the_body_is_read(guarded):
     read = []
 
     def body():
@@ -68,5 +70,5 @@ def test_it_is_checked_before_the_body_is_read(guarded, web):
         yield b"x" * 100
 
     headers = {"content-type": "multipart/form-data; boundary=b"}
-    web.problem(guarded.post(POST, content=body(), headers=headers), 401)
-    web.problem(guarded.post(POST, content=b"nonsense", headers=headers | {"X-API-Key": "first"}), 400)
+    check_problem(guarded.post(POST, content=body(), headers=headers), 401)
+    check_problem(guarded.post(POST, content=b"nonsense", headers=headers | {"X-API-Key": "first"}), 400)

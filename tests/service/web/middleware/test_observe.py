@@ -5,6 +5,7 @@ import pytest
 
 from ciir.service import logs
 from ciir.service.web.middleware.observe import SECURITY
+from tests.support.web import check_problem, post_file
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def test_every_request_is_one_line(client, lines):
     assert second.startswith("GET /v1/%0aforged%20line 404 ")
 
 
-def test_lines_as_json(client, lines, web, eia):
+def test_lines_as_json(client, lines, eia):
     form = logs._Json()
     told = []
     handler = logging.Handler()
@@ -49,7 +50,7 @@ def test_lines_as_json(client, lines, web, eia):
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
-        answer = web.send(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
+        answer = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
@@ -66,12 +67,12 @@ def test_lines_as_json(client, lines, web, eia):
     assert answer.headers["x-reconstruction-id"] in job["message"]
 
 
-def test_what_nobody_foresaw_is_a_problem_with_an_id(client, web, eia, monkeypatch):
+def test_what_nobody_foresaw_is_a_problem_with_an_id(client, eia, monkeypatch):
     def broken(*_, **__):
         raise KeyError("secret")
 
     monkeypatch.setattr(client.engine.jobs, "submit", broken)
-    response = web.send(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-2"})
-    assert "secret" not in web.problem(response, 500, "log")
+    response = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-2"})
+    assert "secret" not in check_problem(response, 500, "log")
     assert response.headers["x-request-id"] == "r-2"
     assert response.headers["x-content-type-options"] == "nosniff"

@@ -2,6 +2,7 @@ import re
 
 from ciir.errors import BadCard
 from ciir.models import catalogue
+from tests.support.web import check_problem, post_file, run_app
 
 
 def test_health(client):
@@ -12,40 +13,40 @@ def test_health(client):
         assert (head.status_code, head.headers["content-type"]) == (200, "application/json")
 
 
-def test_not_ready_while_models_are_loaded(web, eia, tmp_path):
-    with web.running(tmp_path) as client:
+def test_not_ready_while_models_are_loaded(eia, tmp_path):
+    with run_app(tmp_path) as client:
         client.pool.ready = False
-        web.problem(client.get("/readyz"), 503, "loaded")
-        response = web.send(client, data=eia, lenses="6x9", model="none")
-        web.problem(response, 503, "again")
+        check_problem(client.get("/readyz"), 503, "loaded")
+        response = post_file(client, data=eia, lenses="6x9", model="none")
+        check_problem(response, 503, "again")
         assert response.headers["retry-after"] == "1"
         assert client.head("/readyz").status_code == 503
         assert client.get("/healthz").status_code == 200
         client.pool.ready = True
         assert client.get("/readyz").status_code == 200
         client.pool.ready = False  # workers are being replaced: jobs wait for that in the queue
-        web.problem(client.get("/readyz"), 503, "worker")
-        assert web.send(client, data=eia, lenses="6x9", model="none").status_code == 200
+        check_problem(client.get("/readyz"), 503, "worker")
+        assert post_file(client, data=eia, lenses="6x9", model="none").status_code == 200
 
 
-def test_a_server_that_drains(web, eia, tmp_path):
-    with web.running(tmp_path) as client:
+def test_a_server_that_drains(eia, tmp_path):
+    with run_app(tmp_path) as client:
         assert client.get("/readyz").status_code == 200
         client.engine.drain()
-        web.problem(client.get("/readyz"), 503, "stopping")
-        web.problem(web.send(client, data=eia, lenses="6x9", model="none"), 503, "stopping", "again")
+        check_problem(client.get("/readyz"), 503, "stopping")
+        check_problem(post_file(client, data=eia, lenses="6x9", model="none"), 503, "stopping", "again")
         assert client.get("/healthz").status_code == 200
 
 
-def test_a_server_without_workers_takes_jobs_in(web, eia, tmp_path):
-    with web.running(tmp_path, workers=0, sync_seconds=0) as client:
+def test_a_server_without_workers_takes_jobs_in(eia, tmp_path):
+    with run_app(tmp_path, workers=0, sync_seconds=0) as client:
         assert client.get("/readyz").status_code == 200
-        response = web.send(client, data=eia, lenses="6x9", model="none")
+        response = post_file(client, data=eia, lenses="6x9", model="none")
         assert (response.status_code, response.json()["state"]) == (202, "queued")
         assert "ciir_queue_waiting 1.0" in client.get("/metrics").text
 
 
-def test_models(client, web, monkeypatch):
+def test_models(client, monkeypatch):
     listed = client.get("/v1/models").json()
     assert [model["name"] for model in listed] == catalogue.names()
     assert {"name", "kind", "scales", "takes", "default", "card"} == set(listed[0])
@@ -54,14 +55,14 @@ def test_models(client, web, monkeypatch):
         raise BadCard("/secret/path: broken")
 
     monkeypatch.setattr("ciir.models.catalogue.entries", bad_card)
-    assert "secret" not in web.problem(client.get("/v1/models"), 500, "log")
+    assert "secret" not in check_problem(client.get("/v1/models"), 500, "log")
 
 
-def test_metrics(web, samples, eia, tmp_path):
-    with web.running(tmp_path) as client:
+def test_metrics(eia, tmp_path):
+    with run_app(tmp_path) as client:
         for _ in range(2):
-            web.send(client, data=eia, lenses="6x9", model="bicubic")
-        web.send(client, data=b"nothing")
+            post_file(client, data=eia, lenses="6x9", model="bicubic")
+        post_file(client, data=b"nothing")
         client.get("/v1/reconstructions/nothing/result")
         client.request("HACK", "/")
         response = client.get("/metrics")

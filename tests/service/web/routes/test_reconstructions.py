@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from ciir.errors import QueueFull, QueueUnavailable
-from ciir.renderer.readers.pictures import decode
+from ciir.renderer.readers.pictures import decode, encode_png
 from ciir.service.web import multipart
 from ciir.service.web.routes import results
+from tests.support.inputs import BAD_INPUTS, CUBE, EIA, contains_all
+from tests.support.networks import upscale_as_stand_in
+from tests.support.waiting import wait_until
+from tests.support.web import check_problem, post_file, run_app
 
 POST = "/v1/reconstructions"
 
@@ -29,9 +33,9 @@ def slow(client):
 
 
 @pytest.fixture
-def own(web, tmp_path):
+def own(tmp_path):
     """A server of the test's own."""
-    with web.running(tmp_path) as client:
+    with run_app(tmp_path) as client:
         yield client
 
 
@@ -45,18 +49,18 @@ def events(response):
     return found
 
 
-def test_one_view_is_a_png(client, web, samples, eia):
-    response = web.send(client, data=eia, lenses="6x9", views="1,2", model="none")
+def test_one_view_is_a_png(client, eia):
+    response = post_file(client, data=eia, lenses="6x9", views="1,2", model="none")
     assert response.status_code == 200
     assert response.headers["content-type"] == "image/png"
-    assert np.array_equal(decode(response.content, name="x"), samples.EIA[1::4, 2::4])
+    assert np.array_equal(decode(response.content, name="x"), EIA[1::4, 2::4])
     stages = [part.split(";dur=") for part in response.headers["server-timing"].split(", ")]
     assert [stage for stage, _ in stages] == ["decode", "plan", "map", "encode", "total"]
     assert all(float(ms) >= 0 for _, ms in stages)
 
 
-def test_several_views_are_a_zip_with_a_report(client, web, eia):
-    response = web.send(client, data=eia, lenses="6x9", views="cross", model="bicubic")
+def test_several_views_are_a_zip_with_a_report(client, eia):
+    response = post_file(client, data=eia, lenses="6x9", views="cross", model="bicubic")
     assert response.headers["content-type"] == "application/zip"
     with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
         report = json.loads(archive.read("report.json"))
@@ -67,32 +71,32 @@ def test_several_views_are_a_zip_with_a_report(client, web, eia):
     assert response.headers["server-timing"] == ", ".join(timings)
 
 
-def test_npz(client, web, eia):
-    response = web.send(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
+def test_npz(client, eia):
+    response = post_file(client, data=eia, lenses="6x9", views="all", model="none", format="npz")
     with np.load(io.BytesIO(response.content), allow_pickle=False) as arrays:
         assert arrays["views"].shape == (16, 6, 9, 3)
         assert arrays["positions"][7].tolist() == [1, 3]
         assert json.loads(str(arrays["report"]))["plan"]["model"] == "none"
 
 
-def test_a_mesh(client, web, samples):
+def test_a_mesh(client):
     fields = {"lenses": "12x10", "pixels": "3x5", "backend": "raytrace", "model": "bicubic"}
-    response = web.send(client, "cube.off", samples.CUBE, **fields)
+    response = post_file(client, "cube.off", CUBE, **fields)
     assert decode(response.content, name="x").shape == (24, 20, 3)
 
 
-def test_a_large_result_goes_out_in_pieces(client, web, eia, monkeypatch):
+def test_a_large_result_goes_out_in_pieces(client, eia, monkeypatch):
     fields = {"lenses": "6x9", "views": "all", "model": "none", "format": "npz"}
-    whole = web.send(client, data=eia, **fields)
+    whole = post_file(client, data=eia, **fields)
     monkeypatch.setattr(results, "CHUNK", 37)
-    pieces = web.send(client, data=eia, **fields)
+    pieces = post_file(client, data=eia, **fields)
     assert pieces.content == whole.content
     assert pieces.headers["content-length"] == whole.headers["content-length"] == str(len(whole.content))
 
 
-def test_the_id_follows_what_the_result_depends_on(client, web, samples, eia):
+def test_the_id_follows_what_the_result_depends_on(client, eia):
     def ids(**fields):
-        response = web.send(client, **({"data": eia, "lenses": "6x9", "model": "none"} | fields))
+        response = post_file(client, **({"data": eia, "lenses": "6x9", "model": "none"} | fields))
         assert response.status_code == 200, response.text
         return response.headers["x-reconstruction-id"], response.headers["etag"]
 
@@ -102,34 +106,34 @@ def test_the_id_follows_what_the_result_depends_on(client, web, samples, eia):
     assert ids(name="other name.png") == (one, tag)
     other, weak = ids(format="zip")
     assert weak == f'W/"{other}"'
-    others = [ids(views="0,0"), ids(model="bicubic"), ids(data=samples.encode_png(samples.EIA[::-1]))]
+    others = [ids(views="0,0"), ids(model="bicubic"), ids(data=encode_png(EIA[::-1]))]
     assert len({one, other, *(id_ for id_, _ in others)}) == 5
 
 
-def test_what_was_asked_for_before_is_not_made_again(own, web, eia):
+def test_what_was_asked_for_before_is_not_made_again(own, eia):
     fields = {"lenses": "6x9", "views": "cross", "model": "bicubic"}
-    first, again = (web.send(own, data=eia, **fields) for _ in range(2))
+    first, again = (post_file(own, data=eia, **fields) for _ in range(2))
     assert own.pool.runs == 1
     assert again.content == first.content
     for header in ("x-reconstruction-id", "etag", "content-type", "content-location"):
         assert first.headers[header] == again.headers[header]
     assert "stored;dur=" in again.headers["server-timing"]
     assert "stored" not in first.headers["server-timing"]
-    assert web.send(own, data=eia, **fields | {"model": "nearest"}).status_code == 200
+    assert post_file(own, data=eia, **fields | {"model": "nearest"}).status_code == 200
     assert own.pool.runs == 2
 
 
-def test_two_at_once_do_the_work_once(own, web, eia):
+def test_two_at_once_do_the_work_once(own, eia):
     began, go = slow(own)
     answers = []
     askers = [
-        threading.Thread(target=lambda: answers.append(web.send(own, data=eia, lenses="6x9", model="none")))
+        threading.Thread(target=lambda: answers.append(post_file(own, data=eia, lenses="6x9", model="none")))
         for _ in range(2)
     ]
     askers[0].start()
     assert began.wait(30)
     askers[1].start()
-    web.until(lambda: own.engine.metrics.submitted.labels("accepted")._value.get() == 2)
+    wait_until(lambda: own.engine.metrics.submitted.labels("accepted")._value.get() == 2)
     go.set()
     for asker in askers:
         asker.join(30)
@@ -138,24 +142,24 @@ def test_two_at_once_do_the_work_once(own, web, eia):
     assert own.pool.runs == 1
 
 
-def test_a_client_that_has_the_result_is_told_so(own, web, eia, tmp_path):
+def test_a_client_that_has_the_result_is_told_so(own, eia, tmp_path):
     fields = {"data": eia, "lenses": "6x9", "model": "none"}
-    tag = web.send(own, **fields).headers["etag"]
+    tag = post_file(own, **fields).headers["etag"]
     for given in (tag, f'"x", W/{tag}'):
-        again = web.send(own, headers={"If-None-Match": given}, **fields)
+        again = post_file(own, headers={"If-None-Match": given}, **fields)
         assert (again.status_code, again.content, again.headers["etag"].removeprefix("W/")) == (304, b"", tag)
         result = own.get(again.headers["content-location"], headers={"If-None-Match": given})
         assert (result.status_code, result.content, result.headers["etag"].removeprefix("W/")) == (304, b"", tag)
-    assert web.send(own, headers={"If-None-Match": '"another"'}, **fields).status_code == 200
+    assert post_file(own, headers={"If-None-Match": '"another"'}, **fields).status_code == 200
     assert own.pool.runs == 1
-    with web.running(tmp_path / "another") as other:  # which needn't make what the client has
-        assert web.send(other, headers={"If-None-Match": tag}, **fields).status_code == 304
+    with run_app(tmp_path / "another") as other:  # which needn't make what the client has
+        assert post_file(other, headers={"If-None-Match": tag}, **fields).status_code == 304
         assert other.pool.runs == 0
 
 
-def test_a_client_that_does_not_wait(own, web, samples, eia):
+def test_a_client_that_does_not_wait(own, eia):
     began, go = slow(own)
-    response = web.send(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", views="1,2", model="none")
+    response = post_file(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", views="1,2", model="none")
     assert response.status_code == 202
     assert response.headers["preference-applied"] == "respond-async"
     assert response.headers["retry-after"] == "1"
@@ -168,43 +172,43 @@ def test_a_client_that_does_not_wait(own, web, samples, eia):
     assert told.headers["cache-control"] == "no-store"
     assert "result" not in told.json()
     early = own.get(f"{place}/result")
-    web.problem(early, 409, "running", "/events")
+    check_problem(early, 409, "running", "/events")
     assert early.headers["retry-after"] == "1"
     go.set()
-    web.until(lambda: own.get(place).json()["state"] == "done")
+    wait_until(lambda: own.get(place).json()["state"] == "done")
     told = own.get(place).json()
     assert told["options"] == {"lenses": "6x9", "views": "1,2", "model": "none"}
     assert (told["format"], told["input"]) == ("png", "upload.png")
     assert told["report"]["plan"]["model"] == "none"
     result = own.get(told["result"]["url"])
-    assert np.array_equal(decode(result.content, name="x"), samples.EIA[1::4, 2::4])
+    assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
     assert len(result.content) == told["result"]["size"]
     assert own.head(told["result"]["url"]).headers["etag"] == result.headers["etag"]
 
 
-def test_a_client_that_waits_for_a_while(own, web, eia):
+def test_a_client_that_waits_for_a_while(own, eia):
     began, go = slow(own)
-    response = web.send(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none")
+    response = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none")
     assert (response.status_code, response.headers["preference-applied"]) == (202, "wait=0")
     assert began.wait(30)
     go.set()
-    response = web.send(own, data=eia, headers={"Prefer": "respond-async, wait=10"}, lenses="6x9", model="none")
+    response = post_file(own, data=eia, headers={"Prefer": "respond-async, wait=10"}, lenses="6x9", model="none")
     assert (response.status_code, response.headers["preference-applied"]) == (200, "respond-async, wait=10")
 
 
-def test_what_takes_longer_than_the_server_waits(web, eia, tmp_path):
-    with web.running(tmp_path, sync_seconds=0) as client:
+def test_what_takes_longer_than_the_server_waits(eia, tmp_path):
+    with run_app(tmp_path, sync_seconds=0) as client:
         began, go = slow(client)
-        response = web.send(client, data=eia, lenses="6x9", model="none")
+        response = post_file(client, data=eia, lenses="6x9", model="none")
         assert response.status_code == 202
         assert "preference-applied" not in response.headers
         assert began.wait(30)
         go.set()
 
 
-def test_events_are_told_and_told_again(own, web, eia):
+def test_events_are_told_and_told_again(own, eia):
     began, go = slow(own)
-    place = web.send(
+    place = post_file(
         own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", views="all", model="none"
     ).headers["location"]
     assert began.wait(30)
@@ -223,69 +227,72 @@ def test_events_are_told_and_told_again(own, web, eia):
     assert events(own.get(f"{place}/events", headers={"Last-Event-ID": "0"})) == live[1:]
     end = own.get(f"{place}/events", headers={"Last-Event-ID": str(live[-1][0])})
     assert (end.status_code, end.content) == (204, b"")
-    web.problem(own.get(f"{place}/events", headers={"Last-Event-ID": "x"}), 400, "'x'", "leave it out")
+    check_problem(own.get(f"{place}/events", headers={"Last-Event-ID": "x"}), 400, "'x'", "leave it out")
 
 
-def test_a_job_that_is_cancelled(own, web, eia):
+def test_a_job_that_is_cancelled(own, eia):
     began, go = slow(own)
-    place = web.send(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", model="none").headers["location"]
+    place = post_file(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", model="none").headers[
+        "location"
+    ]
     assert began.wait(30)
     assert own.delete(place).json()["state"] == "cancelled"
     assert own.delete(place).json()["state"] == "cancelled"
     go.set()
-    web.problem(own.get(f"{place}/result"), 409, "cancelled", "again")
+    check_problem(own.get(f"{place}/result"), 409, "cancelled", "again")
     assert events(own.get(f"{place}/events"))[-1][1] == "cancelled"
-    assert web.send(own, data=eia, lenses="6x9", model="none").status_code == 200
+    assert post_file(own, data=eia, lenses="6x9", model="none").status_code == 200
     assert own.delete(place).json()["state"] == "done"  # it stays
 
 
-def test_a_client_that_leaves_does_not_take_the_job_with_it(own, web, eia):
+def test_a_client_that_leaves_does_not_take_the_job_with_it(own, eia):
     """What was admitted is kept: the same client or another asks again and gets it."""
-    place = web.send(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none").headers["location"]
-    web.until(lambda: own.get(place).json()["state"] == "done")
+    place = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none").headers["location"]
+    wait_until(lambda: own.get(place).json()["state"] == "done")
     assert own.pool.runs == 1
-    assert web.send(own, data=eia, lenses="6x9", model="none").status_code == 200
+    assert post_file(own, data=eia, lenses="6x9", model="none").status_code == 200
     assert own.pool.runs == 1
 
 
 @pytest.mark.parametrize("id_", ["0" * 32, "x", "0" * 33, "%2e%2e", "A" * 32])
-def test_a_job_that_is_not_there(client, web, id_):
+def test_a_job_that_is_not_there(client, id_):
     for path in ("", "/result", "/events"):
-        web.problem(client.get(f"{POST}/{id_}{path}"), 404, "post")
-    web.problem(client.delete(f"{POST}/{id_}"), 404)
+        check_problem(client.get(f"{POST}/{id_}{path}"), 404, "post")
+    check_problem(client.delete(f"{POST}/{id_}"), 404)
 
 
-def test_a_result_that_is_gone(own, web, eia):
+def test_a_result_that_is_gone(own, eia):
     fields = {"data": eia, "lenses": "6x9", "model": "none"}
-    place = web.send(own, **fields).headers["content-location"]
+    place = post_file(own, **fields).headers["content-location"]
     job = own.engine.jobs.get(place.split("/")[-2])
     own.engine.jobs.files.remove("results", job.output)
-    web.problem(own.get(place), 410, "again")
-    assert web.send(own, **fields).status_code == 200
+    check_problem(own.get(place), 410, "again")
+    assert post_file(own, **fields).status_code == 200
     assert own.get(place).status_code == 200
 
 
-def test_client_file_names_give_a_suffix_and_no_more(client, web):
-    detail = web.problem(web.send(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
+def test_client_file_names_give_a_suffix_and_no_more(client):
+    detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
     assert "upload.txt" in detail
     assert "pass" not in detail
 
 
-def test_fields_that_a_web_form_left_empty_are_not_given(client, web, eia):
-    assert web.send(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
+def test_fields_that_a_web_form_left_empty_are_not_given(client, eia):
+    assert post_file(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
 
 
-def test_bad_input(client, web, samples, bad_input):
+@pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
+def test_bad_input(client, bad_input):
     name, data, texts, status, words = bad_input
     for _ in range(2):
         runs = client.pool.runs
-        detail = web.problem(web.send(client, name, data, **texts), status)
-        assert samples.holds(detail, words), detail
+        detail = check_problem(post_file(client, name, data, **texts), status)
+        assert contains_all(detail, words), detail
     assert client.pool.runs == runs  # what failed by the input's fault isn't tried again
 
 
-def test_bad_forms(client, web, eia):
-    problem, send = web.problem, web.send
+def test_bad_forms(client, eia):
+    problem, send = check_problem, post_file
     problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
     problem(send(client, data=eia, lenses="6x9", views="all", format="png"), 422, "16", "zip")
     problem(send(client, data=eia, lenses="6x9", format="gif"), 422, "gif", "npz")
@@ -304,61 +311,63 @@ def test_bad_forms(client, web, eia):
     problem(client.post(POST, files=long_field), 400, "Part")
 
 
-def test_a_charset_that_is_none_is_the_clients_fault(client, web):
+def test_a_charset_that_is_none_is_the_clients_fault(client):
     body = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n\xff\r\n--b--\r\n'
     for charset in ("undefined", "UNDEFINED"):
         headers = {"Content-Type": f"multipart/form-data; boundary=b; charset={charset}"}
-        web.problem(client.post(POST, content=body, headers=headers), 400, "UTF-8")
+        check_problem(client.post(POST, content=body, headers=headers), 400, "UTF-8")
 
 
-def test_faults_of_the_server_are_problems_without_details(own, web, eia, monkeypatch, caplog):
+def test_faults_of_the_server_are_problems_without_details(own, eia, monkeypatch, caplog):
     def broken(*_, **__):
         raise KeyError("secret")
 
     monkeypatch.setattr("ciir.service.pipeline.run.reconstruct", broken)
-    assert "secret" not in web.problem(web.send(own, data=eia, lenses="6x9"), 500, "log")
+    assert "secret" not in check_problem(post_file(own, data=eia, lenses="6x9"), 500, "log")
     assert "secret" in caplog.text
     monkeypatch.undo()
-    assert web.send(own, data=eia, lenses="6x9").status_code == 200  # it is tried again
+    assert post_file(own, data=eia, lenses="6x9").status_code == 200  # it is tried again
 
 
-def test_a_full_queue(own, web, eia, monkeypatch):
+def test_a_full_queue(own, eia, monkeypatch):
     def submit(*_, **__):
         raise QueueFull(7)
 
     monkeypatch.setattr(own.engine.jobs, "submit", submit)
-    response = web.send(own, data=eia, lenses="6x9")
-    web.problem(response, 429, "again in 7 s")
+    response = post_file(own, data=eia, lenses="6x9")
+    check_problem(response, 429, "again in 7 s")
     assert response.headers["retry-after"] == "7"
 
 
-def test_without_its_queue(own, web, eia, monkeypatch):
+def test_without_its_queue(own, eia, monkeypatch):
     def gone(*_, **__):
         raise QueueUnavailable("the queue can't be reached; start it")
 
     for name in ("submit", "get", "waiting"):
         monkeypatch.setattr(own.engine.jobs, name, gone)
-    for response in (web.send(own, data=eia, lenses="6x9"), own.get(f"{POST}/{'0' * 32}"), own.get("/readyz")):
-        web.problem(response, 503, "start it")
+    for response in (post_file(own, data=eia, lenses="6x9"), own.get(f"{POST}/{'0' * 32}"), own.get("/readyz")):
+        check_problem(response, 503, "start it")
         assert response.headers["retry-after"] == "1"
     assert "ciir_queue_up 0.0" in own.get("/metrics").text
     assert own.get("/healthz").status_code == 200
 
 
-def test_limit_on_output_pixels(web, eia, tmp_path):
-    with web.running(tmp_path, max_output_pixels=1000) as client:
-        web.problem(web.send(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
+def test_limit_on_output_pixels(eia, tmp_path):
+    with run_app(tmp_path, max_output_pixels=1000) as client:
+        check_problem(post_file(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
 
 
-def test_views_of_a_grid_help_one_another_where_no_model_is_named(client, web, samples, eia, stand_in):
-    response = web.send(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip")
+def test_views_of_a_grid_help_one_another_where_no_model_is_named(client, eia, stand_in):
+    response = post_file(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip")
     with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
         report = json.loads(archive.read("report.json"))
         picture = decode(archive.read("view_03_03.png"), name="x")
     assert (report["plan"]["model"], report["options"]["model"]) == ("field", "auto")
     assert "upscale;dur=" in response.headers["server-timing"]
-    field = samples.EIA.reshape(6, 4, 9, 4, 3).transpose(1, 3, 0, 2, 4)
-    assert np.abs(picture - samples.as_the_stand_in_has_it(field, (3, 3))).max() < 0.55  # rounded
-    other = web.send(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip", model="fast")
+    field = EIA.reshape(6, 4, 9, 4, 3).transpose(1, 3, 0, 2, 4)
+    assert np.abs(picture - upscale_as_stand_in(field, (3, 3))).max() < 0.55  # rounded
+    other = post_file(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip", model="fast")
     assert other.headers["x-reconstruction-id"] != response.headers["x-reconstruction-id"]
-    web.problem(web.send(client, data=eia, lenses="6x9", model="field", scale="3"), 422, "field upscales by 2, not 3")
+    check_problem(
+        post_file(client, data=eia, lenses="6x9", model="field", scale="3"), 422, "field upscales by 2, not 3"
+    )

@@ -1,0 +1,108 @@
+"""Small meshes, pictures and zips as bytes, and inputs that every entry point must refuse."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+
+from ciir.renderer.readers.pictures import encode_png
+
+CUBE = b"""OFF
+8 6 0
+-1 -1 -1\n1 -1 -1\n1 1 -1\n-1 1 -1\n-1 -1 1\n1 -1 1\n1 1 1\n-1 1 1
+4 4 5 6 7\n4 1 0 3 2\n4 5 1 2 6\n4 0 4 7 3\n4 7 6 2 3\n4 0 1 5 4
+"""
+
+
+def make_picture(height, width, channels=3, dtype=np.uint8, seed=0):
+    """Noise, so that two pixels that change places show."""
+    top = np.iinfo(dtype).max
+    return np.random.default_rng(seed).integers(0, top, (height, width, channels), dtype, endpoint=True)
+
+
+def make_zip(files):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return buffer.getvalue()
+
+
+def make_png_header(height, width):
+    """A PNG whose header claims a size and that has no pixels."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+
+
+def make_off(vertices, faces):
+    lines = [f"OFF\n{len(vertices)} {len(faces)} 0"]
+    lines += [" ".join(map(str, v)) for v in vertices] + [f"3 {a} {b} {c}" for a, b, c in faces]
+    return "\n".join(lines).encode() + b"\n"
+
+
+def make_glb(extension):
+    """A GLB without content that requires `extension`."""
+    body = json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": [extension], "extensionsUsed": [extension]})
+    chunk = body.encode().ljust(-(-len(body) // 4) * 4)
+    return struct.pack("<4sII", b"glTF", 2, 20 + len(chunk)) + struct.pack("<I4s", len(chunk), b"JSON") + chunk
+
+
+EIA = make_picture(24, 36, seed=1)  # 6x9 lenses of 4x4 pixels
+EIA_PNG = encode_png(EIA)
+SQUARE = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]
+TWO = [(0, 1, 2), (1, 2, 3)]
+
+BAD_INPUTS = {
+    "text": ("notes.txt", b"hello", {}, 415, ["notes.txt|upload.txt", "glb"]),
+    "text named as a mesh": ("a.obj", b"hello\n", {}, 415, ["a.obj|upload.obj"]),
+    "empty file": ("a.png", b"", {}, 422, ["empty"]),
+    "png named glb": ("a.glb", EIA_PNG, {}, 415, ["PNG", "GLB"]),
+    "truncated png": ("a.png", EIA_PNG[:200], {"lenses": "6x9"}, 422, ["truncated|corrupt|too early"]),
+    "truncated glb": ("a.glb", make_glb("x")[:30], {}, 422, ["a.glb|upload.glb"]),
+    "unknown extension": ("a.glb", make_glb("EXT_unknown"), {}, 415, ["EXT_unknown"]),
+    "no faces": ("a.off", make_off(SQUARE, []), {}, 422, ["a.off|upload.off"]),
+    "nan vertex": (
+        "a.off",
+        make_off([*SQUARE[:3], ("nan", 0, 0)], [(0, 1, 2), (1, 2, 3)]),
+        {},
+        422,
+        ["finite|nan|NaN"],
+    ),
+    "huge vertex": ("a.off", make_off([*SQUARE[:3], (1e30, 0, 0)], TWO), {}, 422, ["1e"]),
+    "zero area": ("a.off", make_off([(0, 0, 0), (1, 1, 1), (2, 2, 2)], [(0, 1, 2)]), {}, 422, ["area|surface"]),
+    "wide png": ("a.png", make_png_header(10, 1_000_000), {"lenses": "1x1"}, 413, ["1000000|1,000,000", "limit"]),
+    "escaping zip": ("a.zip", make_zip({"../evil.obj": b"v 0 0 0\n"}), {}, 422, ["evil.obj"]),
+    "swelling zip": ("a.zip", make_zip({"a.obj": bytes(2**24)}), {}, 413, ["times its size|limit|at most"]),
+    "empty zip": ("a.zip", make_zip({}), {}, 422, ["a.zip|upload.zip"]),
+    "grid that doesn't divide": ("a.png", EIA_PNG, {"lenses": "5x9"}, 422, ["5x9", "24x36"]),
+    "no grid": ("a.png", EIA_PNG, {}, 422, ["lenses"]),
+    "scale 0": ("a.off", CUBE, {"scale": "0"}, 422, ["scale", "1 to 8"]),
+    "scale of the model": ("a.off", CUBE, {"scale": "3", "model": "paper"}, 422, ["scale", "2"]),
+    "unknown model": ("a.off", CUBE, {"model": "gpt"}, 422, ["gpt", "bicubic"]),
+    "no lenses": ("a.off", CUBE, {"lenses": "0x5"}, 422, ["lenses"]),
+    "too many pixels": ("a.off", CUBE, {"pixels": "99999x5"}, 422, ["99999", "1 to"]),
+    "view that isn't there": ("a.off", CUBE, {"views": "99,0"}, 422, ["99,0", "14"]),
+    "views not understood": ("a.off", CUBE, {"views": "some"}, 422, ["some", "center"]),
+    "negative pitch": ("a.off", CUBE, {"pitch": "-1"}, 422, ["pitch"]),
+    "infinite delta": ("a.off", CUBE, {"delta": "inf"}, 422, ["delta"]),
+    "direct picture": ("a.png", EIA_PNG, {"lenses": "6x9", "strategy": "direct"}, 422, ["direct", "mesh"]),
+    "picture with a backend": ("a.png", EIA_PNG, {"lenses": "6x9", "backend": "raytrace"}, 422, ["backend"]),
+    "optical mesh": ("a.off", CUBE, {"pickup": "optical"}, 422, ["pickup"]),
+    "too many samples": ("a.off", CUBE, {"lenses": "4000x4000", "strategy": "direct"}, 413, ["8000x8000", "samples"]),
+    "too large a view": ("a.off", CUBE, {"lenses": "4096x4096", "model": "bicubic", "scale": "8"}, 413, ["limit"]),
+}
+"""Description -> (file name, bytes, options, HTTP status, what the one line of the message must contain)."""
+
+
+def contains_all(line, words):
+    """Whether `line` contains each of `words`, in which `|` separates alternatives."""
+    return all(any(option in line for option in word.split("|")) for word in words)

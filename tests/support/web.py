@@ -1,0 +1,82 @@
+"""The HTTP API in this process, with jobs done in its threads in place of worker processes."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+
+from fastapi.testclient import TestClient
+
+from ciir.errors import Error
+from ciir.service.errors import find_response, join_lines
+from ciir.service.jobs.engine import Engine
+from ciir.service.jobs.job import Problem
+from ciir.service.jobs.workers import task as tasks
+from ciir.service.metrics import Metrics
+from ciir.service.settings import Settings
+from ciir.service.web.app import create_app
+
+
+class ThreadPool:
+    """Does the work in the calling thread."""
+
+    def __init__(self, settings):
+        self.allowed = tasks.TaskLimits.from_settings(settings)
+        self.ready = True
+        self.runs = 0
+        self.before = lambda work, progress, cancelled: None
+        """Called before each piece of work."""
+
+    def run(self, work, *, progress, cancelled):
+        self.runs += 1
+        self.before(work, progress, cancelled)
+        try:
+            made = tasks.reconstruct(work, self.allowed)
+            return replace(made, report=json.loads(work.report.read_bytes()))
+        except Error as error:
+            response = find_response(error)
+            return Problem(response.status, response.title, join_lines(str(error)))
+
+    def start(self):
+        pass
+
+    def count_ready(self):
+        return 2
+
+    def is_ready(self):
+        return self.ready
+
+    def close(self):
+        self.ready = False
+
+
+@contextmanager
+def run_app(folder, **settings):
+    """A client of the application with `settings`; `client.pool` does its work."""
+    found = Settings(folder=folder, **settings)
+    pool = ThreadPool(found)
+    engine = Engine(found, Metrics(), pool if found.workers else None)
+    with TestClient(create_app(found, engine), raise_server_exceptions=False) as client:
+        client.pool, client.engine = pool, engine
+        yield client
+
+
+def check_problem(response, status, *words):
+    """Checks that `response` is a problem of that status whose `detail` has `words`; returns `detail`."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    body = response.json()
+    assert set(body) == {"type", "title", "status", "detail", "instance"}
+    assert body["status"] == status
+    assert body["instance"] == response.request.url.path
+    assert body["type"] == "about:blank" or body["type"].startswith("urn:ciir:")
+    assert body["title"]
+    assert "\n" not in body["detail"]
+    for word in words:
+        assert word in body["detail"]
+    return body["detail"]
+
+
+def post_file(client, name="eia.png", data=b"", headers=None, **fields):
+    return client.post("/v1/reconstructions", files={"file": (name, data)}, data=fields, headers=headers)
