@@ -1,4 +1,4 @@
-"""What was given to read: one file, a folder, or a zip, as names and bytes, with nothing outside it in reach."""
+"""The input as names and bytes: one file, a folder or a zip. Nothing outside it can be reached."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pathlib import Path, PurePosixPath
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULTS, Limits
-from ciir.renderer.readers.file_types import Kind, claimed, identify
-from ciir.renderer.readers.names import inside, is_hidden, shown
+from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
+from ciir.renderer.readers.registry import ZIP, identify
 
-_ZIP_FAULTS = (
+_ZIP_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
     EOFError,
@@ -52,7 +52,7 @@ class Bundle:
         if path.is_dir():
             return cls(path.resolve().name, None, Folder(path, limits), limits)
         data = read_file(path, limits)
-        if identify(path.name, data) is Kind.ZIP:
+        if identify(path.name, data) is ZIP:
             return cls(path.name, None, unpack(path.name, data, limits), limits)
         return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
 
@@ -65,10 +65,10 @@ class Bundle:
         own = PurePosixPath(name.replace("\\", "/")).name
         if len(data) > limits.bytes:
             raise TooLarge(_too_large(own, len(data), limits))
-        kind = identify(own, data)
-        if kind is Kind.ZIP:
+        found = identify(own, data)
+        if found is ZIP:
             return cls(own, None, unpack(own, data, limits), limits)
-        key = inside(own) or f"input.{kind.value}"
+        key = resolve_key(own) or f"input.{found.extension}"
         return cls(own, key, {key: data}, limits)
 
 
@@ -104,7 +104,8 @@ class Folder(Mapping[str, bytes]):
             keys.add(key)
             if len(keys) > self._limits.files:
                 raise TooLarge(
-                    f"{shown(self._path.name)}: more than {self._limits.files:,} files; give a folder that holds fewer"
+                    f"{clean_text(self._path.name)}: more than {self._limits.files:,} files; "
+                    "give a folder that holds fewer"
                 )
         yield from sorted(keys)
 
@@ -112,7 +113,7 @@ class Folder(Mapping[str, bytes]):
         return sum(1 for _ in self)
 
     def _find(self, key: str) -> Path | None:
-        if inside(key) != key:
+        if resolve_key(key) != key:
             return None
         path = self._path / key
         try:
@@ -131,17 +132,18 @@ def read_file(path: Path, limits: Limits) -> bytes:
         if size > limits.bytes:
             raise TooLarge(_too_large(path.name, size, limits))
         if not path.is_file():
-            raise Unreadable(f"{shown(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
+            raise Unreadable(f"{clean_text(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         if isinstance(error, (TooLarge, Unreadable)):
             raise
         why = getattr(error, "strerror", None) or str(error)
-        raise Unreadable(f"{shown(str(path))}: {why}; give a file that can be read") from error
+        raise Unreadable(f"{clean_text(str(path))}: {why}; give a file that can be read") from error
 
 
 def _too_large(name: str, size: int, limits: Limits) -> str:
-    return f"{shown(name)}: {size:,} bytes; at most {limits.bytes:,} are read; decimate the mesh or scale pictures down"
+    name = clean_text(name)
+    return f"{name}: {size:,} bytes; at most {limits.bytes:,} are read; decimate the mesh or scale pictures down"
 
 
 def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
@@ -150,18 +152,18 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
     Raises `Unreadable` for a corrupt or an encrypted zip and for names that escape, `UnsupportedType` for links,
     zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before anything is unpacked.
     """
-    name = shown(name)
+    name = clean_text(name)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _checked(name, archive.infolist(), limits)
             files = {key: archive.read(member) for key, member in members.items()}
-    except _ZIP_FAULTS as error:
+    except _ZIP_ERRORS as error:
         if isinstance(error, (Unreadable, UnsupportedType, TooLarge)):
             raise
-        raise Unreadable(f"{name}: corrupt or truncated zip ({shown(str(error))}); pack it again") from error
+        raise Unreadable(f"{name}: corrupt or truncated zip ({clean_text(str(error))}); pack it again") from error
     for key, content in files.items():
         if content.startswith(b"PK\x03\x04"):
-            raise UnsupportedType(f"{name}: holds another zip, {shown(key)}; pack the files themselves")
+            raise UnsupportedType(f"{name}: holds another zip, {clean_text(key)}; pack the files themselves")
     return files
 
 
@@ -179,8 +181,8 @@ def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[
         raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked")
     found: dict[str, zipfile.ZipInfo] = {}
     for member in members:
-        key = inside(member.orig_filename)
-        what = shown(member.orig_filename)
+        key = resolve_key(member.orig_filename)
+        what = clean_text(member.orig_filename)
         if key is None:
             raise Unreadable(f"{name}: the name {what} leads out of the zip; pack relative names with / only")
         if stat.S_ISLNK(member.external_attr >> 16):
@@ -194,11 +196,3 @@ def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[
         if not is_hidden(key):
             found[key] = member
     return found
-
-
-def is_kind(name: str, kinds: frozenset[Kind]) -> bool:
-    """Whether the suffix of `name` claims one of `kinds`; False for suffixes that are not known."""
-    try:
-        return claimed(name) in kinds
-    except UnsupportedType:
-        return False

@@ -1,4 +1,4 @@
-"""What was given, to a scene or a light field: by what it is, not by what anyone says that it is."""
+"""Reads any input as a scene or a light field. Its content decides how it is read, not options."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField, Pickup
 from ciir.renderer.readers import meshes, pictures, view_set
-from ciir.renderer.readers.bundle import is_kind
-from ciir.renderer.readers.file_types import MESHES, PICTURES, Kind, claimed, identify
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.registry import Format, MeshFormat, PictureFormat, identify, is_mesh, is_picture
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
@@ -31,33 +30,33 @@ def read(
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` where the input is at fault.
     """
-    found = chosen(bundle)
+    found = find_main(bundle)
     if found is None:
-        return view_set.read(bundle.files, name=shown(bundle.name), grid=pixels, limits=bundle.limits)
-    kind, key = found
-    if kind in MESHES:
-        return meshes.read(replace(bundle, main=key), kind)
+        return view_set.read(bundle.files, name=clean_text(bundle.name), grid=pixels, limits=bundle.limits)
+    format_, key = found
+    if isinstance(format_, MeshFormat):
+        return meshes.read(replace(bundle, main=key), format_)
     return _eia(bundle, key, lenses, pixels, pickup)
 
 
-def chosen(bundle: Bundle) -> tuple[Kind, str] | None:
-    """What `read` reads of the bundle: the kind and the key of its mesh or its picture; None for a set of views.
+def find_main(bundle: Bundle) -> tuple[Format, str] | None:
+    """The format and the key of the mesh or the picture that `read` reads; None for a set of views.
 
     Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh.
     """
-    name = shown(bundle.name)
+    name = clean_text(bundle.name)
     if bundle.main is not None:
-        kind = identify(bundle.name, bundle.files[bundle.main])
-        if kind not in MESHES | PICTURES:
-            raise UnsupportedType(f"{name}: {kind.name} is neither a mesh nor a picture; give one of them")
-        return kind, bundle.main
+        format_ = identify(bundle.name, bundle.files[bundle.main])
+        if not isinstance(format_, MeshFormat | PictureFormat):
+            raise UnsupportedType(f"{name}: {format_.name} is neither a mesh nor a picture; give one of them")
+        return format_, bundle.main
     names = sorted(bundle.files)
-    views = [key for key in names if is_kind(key, PICTURES)]
-    found = [key for key in names if is_kind(key, MESHES)]
-    if len(views) > 1:  # sets of views come with a point cloud beside them, which wants no textures
-        found = [key for key in found if claimed(key) is not Kind.PLY]
+    views = [key for key in names if is_picture(key)]
+    found = [key for key in names if is_mesh(key)]
+    if len(views) > 1:  # a PLY beside a set of views is a point cloud
+        found = [key for key in found if not key.lower().endswith(".ply")]
     if len(found) > 1:
-        listed = ", ".join(shown(key) for key in found[:3])
+        listed = ", ".join(clean_text(key) for key in found[:3])
         raise Unreadable(
             f"{name}: holds {len(found)} meshes ({listed}{', ...' if found[3:] else ''}); give one of them"
         )
@@ -73,10 +72,10 @@ def _eia(
 ) -> LightField:
     if lenses is None and pixels is None:
         raise InvalidOption(
-            f"{shown(bundle.name)}: a picture is read as an elemental image array; say how many lenses took it, "
+            f"{clean_text(bundle.name)}: a picture is read as an elemental image array; say how many lenses took it, "
             "as in lenses 50x50 (rows x columns), or how many pixels each has, as in pixels 15x15"
         )
-    eia = pictures.decode(bundle.files[key], name=shown(bundle.name), max_pixels=bundle.limits.pixels)
+    eia = pictures.decode(bundle.files[key], name=clean_text(bundle.name), max_pixels=bundle.limits.pixels)
     height, width = eia.shape[:2]
     if pixels is not None and (min(pixels) < 1 or height % pixels[0] or width % pixels[1]):
         raise InvalidOption(

@@ -1,4 +1,4 @@
-"""File names that strangers chose: how one is shown in a message, and which key of a bundle it stands for."""
+"""File names of untrusted input: made fit for messages, and resolved to keys of a bundle."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import re
 _DRIVE_OR_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 
 
-def shown(name: str) -> str:
-    """`name` fit for one line of a message: control characters replaced, at most 80 characters."""
-    clean = "".join(c if c.isprintable() else "?" for c in name)
+def clean_text(text: str) -> str:
+    """`text` fit for one line of a message: control characters replaced, at most 80 characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in text)
     return clean if len(clean) <= 80 else f"{clean[:38]}...{clean[-39:]}"
 
 
@@ -19,10 +19,10 @@ def is_hidden(key: str) -> bool:
     return any(part.startswith((".", "__MACOSX")) for part in key.split("/"))
 
 
-def inside(name: str, folder: str = "") -> str | None:
-    """The normalised key for `name`, taken relative to `folder`, both with `/`; None where it would leave the bundle.
+def resolve_key(name: str, folder: str = "") -> str | None:
+    """The normalised key of `name` relative to `folder`, both with `/`; None where it would leave the bundle.
 
-    Refused: empty names, absolute paths, drive letters and URLs, backslashes, NUL, and any `..` that climbs out.
+    None for empty names, absolute paths, drive letters and URLs, backslashes, NUL, and any `..` that climbs out.
     """
     if not name or name.startswith("/") or "\\" in name or "\0" in name or _DRIVE_OR_SCHEME.match(name):
         return None

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULTS
-from ciir.renderer.readers import file_types
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.registry import FORMATS, PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """`(height, width, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha (not premultiplied)."""
 
-SUFFIXES = frozenset(suffix for suffix, kind in file_types.SUFFIXES.items() if kind in file_types.PICTURES)
-"""What the name of a picture that is read or written here ends with, in lower case."""
+PICTURES = tuple(entry for entry in FORMATS if isinstance(entry, PictureFormat))
+SUFFIXES = frozenset(suffix for entry in PICTURES for suffix in entry.suffixes)
+"""The suffixes of pictures that are read, in lower case."""
 MAX_SIDE = 131_072
 """Most pixels along one side of a picture."""
 
@@ -64,7 +65,11 @@ def decode(
         if check is not None:
             check(height, width)
 
-    decoder = _decoder(data, name)
+    found = [entry for entry in find_by_signature(data) if isinstance(entry, PictureFormat)]
+    if not found:
+        listed = ", ".join(entry.name for entry in PICTURES)
+        raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")
+    decoder = found[0].load_decoder()
     with _unreadable(name):
         pixels, orientation = decoder(data, name, check_size)
         pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
@@ -104,26 +109,6 @@ def _layout(pixels: Pixels) -> Pixels:
     return cast("Pixels", np.ascontiguousarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels))
 
 
-def _decoder(data: bytes, name: str) -> Callable[[bytes, str, Callable[[int, int], None]], tuple[Pixels, int]]:
-    """Who reads what starts with these bytes; the modules are loaded when first needed."""
-    kind = file_types.by_magic(data)
-    if kind is file_types.Kind.PNG:
-        from ciir.renderer.readers import png
-
-        return png.decode
-    if kind is file_types.Kind.JPEG:
-        from ciir.renderer.readers import jpeg
-
-        return jpeg.decode
-    if kind is file_types.Kind.TIFF:
-        from ciir.renderer.readers import tiff
-
-        return tiff.decode
-    raise UnsupportedType(
-        f"{name}: not a picture that is read (PNG, JPEG or TIFF, by its first bytes); convert it to PNG"
-    )
-
-
 def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
     if height < 1 or width < 1:
         raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
@@ -153,7 +138,7 @@ def _unreadable(name: str) -> Iterator[None]:
     except InputError:
         raise
     except DECODER_ERRORS as error:
-        said = shown(str(error))
+        said = clean_text(str(error))
         cause = f" ({said})" if " " in said else ""  # a KeyError says no more than its key
         raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
     except MemoryError as error:

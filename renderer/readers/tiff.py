@@ -9,7 +9,7 @@ import numpy as np
 import tifffile
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -118,4 +118,6 @@ def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None
 
 
 def _label(value: object) -> str:
-    return shown(str(getattr(value, "name", value)))  # a corrupt tag may hold thousands of numbers, or any characters
+    return clean_text(
+        str(getattr(value, "name", value))
+    )  # a corrupt tag may hold thousands of numbers, or any characters

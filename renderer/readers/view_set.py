@@ -15,9 +15,8 @@ from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULTS, Limits
 from ciir.renderer.readers import pictures
-from ciir.renderer.readers.bundle import is_kind
-from ciir.renderer.readers.file_types import PICTURES
-from ciir.renderer.readers.names import is_hidden, shown
+from ciir.renderer.readers.names import clean_text, is_hidden
+from ciir.renderer.readers.registry import is_picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -65,7 +64,7 @@ def read(
     if len(names) > limits.views:
         raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer")
     order, (pixels_v, pixels_u) = _arrange(names, name, grid)
-    first = pictures.decode(files[order[0]], name=shown(order[0]), max_pixels=limits.pixels)
+    first = pictures.decode(files[order[0]], name=clean_text(order[0]), max_pixels=limits.pixels)
     if len(order) * first.nbytes > limits.set_bytes:
         raise TooLarge(
             f"{name}: {len(order)} views of {_describe(first)} come to {len(order) * first.nbytes:,} bytes; "
@@ -75,11 +74,11 @@ def read(
     views[0] = first
 
     def fill(index: int) -> None:
-        picture = pictures.decode(files[order[index]], name=shown(order[index]), max_pixels=limits.pixels)
+        picture = pictures.decode(files[order[index]], name=clean_text(order[index]), max_pixels=limits.pixels)
         if picture.shape != first.shape or picture.dtype != first.dtype:
             raise Unreadable(
-                f"{name}: {shown(order[index])} is {_describe(picture)} but {shown(order[0])} is {_describe(first)}; "
-                "make all views alike"
+                f"{name}: {clean_text(order[index])} is {_describe(picture)} but {clean_text(order[0])} is "
+                f"{_describe(first)}; make all views alike"
             )
         views[index] = picture
 
@@ -114,9 +113,9 @@ def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
     for file in files:
         if is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES:
             continue
-        if not is_kind(file, PICTURES):
+        if not is_picture(file):
             raise UnsupportedType(
-                f"{name}: {shown(file)} is no picture that is read (.png, .jpg, .tif); convert it or take it out"
+                f"{name}: {clean_text(file)} is no picture that is read (.png, .jpg, .tif); convert it or take it out"
             )
         names.append(file)
     if not names:
@@ -165,13 +164,14 @@ def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[t
         place = (int(match[1]), int(match[2]))
         if place in places:
             raise InvalidOption(
-                f"{name}: {shown(places[place])} and {shown(file)} are both view {_place(place)}; take one of them out"
+                f"{name}: {clean_text(places[place])} and {clean_text(file)} are both view {_place(place)}; "
+                "take one of them out"
             )
         places[place] = file
     if places and others:
         raise InvalidOption(
-            f"{name}: {shown(next(iter(places.values())))} is named by row and column, {shown(others[0])} is not; "
-            "take it out of the set or rename it"
+            f"{name}: {clean_text(next(iter(places.values())))} is named by row and column, {clean_text(others[0])} is "
+            "not; take it out of the set or rename it"
         )
     return places
 
@@ -213,10 +213,10 @@ def _check_cameras(names: Sequence[str], name: str) -> None:
     for expected, (number, file) in enumerate(zip(numbers, names, strict=True), base):
         if number < 0:
             raise InvalidOption(
-                f"{name}: {shown(file)} is not named input_CamNNN as the others are; take it out of the set"
+                f"{name}: {clean_text(file)} is not named input_CamNNN as the others are; take it out of the set"
             )
         if number != expected:
-            raise InvalidOption(f"{name}: input_Cam{expected:03d} is missing before {shown(file)}; add it")
+            raise InvalidOption(f"{name}: input_Cam{expected:03d} is missing before {clean_text(file)}; add it")
 
 
 def _stem(file: str) -> str:

@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.scenes import globe, hamburger
 from ciir.renderer.scenes.modelling import curve, revolve, tilted
 from ciir.renderer.surface import Surface, assemble
@@ -40,5 +40,5 @@ SCENES: dict[str, Callable[[], Scene]] = {
 def scene(name: str) -> Scene:
     """The sample scene called `name`, made once. Raises `InvalidOption` for a name that isn't in `SCENES`."""
     if name not in SCENES:
-        raise InvalidOption(f"scene:{shown(name)}: no such scene; the scenes are {', '.join(SCENES)}")
+        raise InvalidOption(f"scene:{clean_text(name)}: no such scene; the scenes are {', '.join(SCENES)}")
     return SCENES[name]()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import DEFAULT, FIELD
 from ciir.renderer.light_field import Pickup
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -89,7 +89,7 @@ class Options:
         """Options from text, as the command line and form fields give it. Raises `InvalidOption`."""
         unknown = sorted(set(texts) - set(NAMES))
         if unknown:
-            listed = ", ".join(repr(shown(name)[:40]) for name in unknown[:5])
+            listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
             raise InvalidOption(f"{listed}: no such option; known are {', '.join(NAMES)}")
         return cls(**{name: _PARSERS[name](name, text) for name, text in texts.items()})
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.limits import DEFAULTS
-from ciir.renderer.readers.bundle import Bundle, is_kind
-from ciir.renderer.readers.file_types import PICTURES
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scene import Scene
 from ciir.service.pipeline.report import CountedFiles, Report
 
@@ -63,7 +63,7 @@ class Input:
     def read_mesh(self, options: Options) -> Scene:
         """The mesh; `InvalidOption` where the source holds pictures."""
         refusal = f"{self.name}: holds pictures; give a mesh, whose elemental image array is to be made"
-        if self._bundle is not None and self._bundle.main is not None and is_kind(self._bundle.main, PICTURES):
+        if self._bundle is not None and self._bundle.main is not None and is_picture(self._bundle.main):
             raise InvalidOption(refusal)
         content = self.read(options)
         if not isinstance(content, Scene):
@@ -88,7 +88,7 @@ class Input:
     def _kind(self) -> str:
         if self._bundle is None:
             return "scene"
-        from ciir.renderer.readers.inputs import chosen
+        from ciir.renderer.readers.inputs import find_main
 
-        read = chosen(self._bundle)
-        return "views" if read is None else read[0].value
+        found = find_main(self._bundle)
+        return "views" if found is None else found[0].extension

@@ -22,8 +22,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind, identify
 from ciir.renderer.readers.png import SIGNATURE
+from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.service.pipeline.options import NAMES, Options
 from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
@@ -91,12 +91,12 @@ def sealed_png(data: bytes) -> None:
     picture("png")(b"".join(made))
 
 
-def mesh(kind: Kind, *beside: str) -> Callable[[bytes], None]:
+def mesh(kind: Format, *beside: str) -> Callable[[bytes], None]:
     """A mesh, and the files `beside` it where the input holds several parts."""
 
     def check(data: bytes) -> None:
         main, *others = parts(data)
-        name = f"main.{kind.value}"
+        name = f"main.{kind.extension}"
         if identify(name, main) is kind:
             files = {name: main, **dict(zip(beside, others, strict=False))}
             _check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind))
@@ -202,13 +202,13 @@ TARGETS: dict[str, Target] = {
     "tiff": Target(picture("tif"), seeds.tiffs),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),
-    "glb": Target(mesh(Kind.GLB), gltf_seeds.glb),
-    "gltf": Target(mesh(Kind.GLTF, "a.bin", "x.png"), gltf_seeds.gltf),
-    "draco": Target(mesh(Kind.GLB), gltf_seeds.draco),
-    "obj": Target(mesh(Kind.OBJ, "a.mtl", "x.png"), seeds.obj),
-    "ply": Target(mesh(Kind.PLY, "x.png"), seeds.ply),
-    "stl": Target(mesh(Kind.STL), seeds.stl),
-    "off": Target(mesh(Kind.OFF), seeds.off),
+    "glb": Target(mesh(SUFFIXES[".glb"]), gltf_seeds.glb),
+    "gltf": Target(mesh(SUFFIXES[".gltf"], "a.bin", "x.png"), gltf_seeds.gltf),
+    "draco": Target(mesh(SUFFIXES[".glb"]), gltf_seeds.draco),
+    "obj": Target(mesh(SUFFIXES[".obj"], "a.mtl", "x.png"), seeds.obj),
+    "ply": Target(mesh(SUFFIXES[".ply"], "x.png"), seeds.ply),
+    "stl": Target(mesh(SUFFIXES[".stl"]), seeds.stl),
+    "off": Target(mesh(SUFFIXES[".off"]), seeds.off),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf_seeds.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),

@@ -22,7 +22,7 @@ from ciir.renderer.framing import frame
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import MESHES
+from ciir.renderer.readers.registry import MeshFormat
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_sample import Field
 from ciir.training.data.rendered import SAMPLES, SIDE, seen
@@ -52,11 +52,11 @@ def read(path: str | Path) -> Scene:
     Raises `ValueError` where there is none, or it can't be read.
     """
     bundle = Bundle.from_path(Path(path))
-    found = inputs.chosen(bundle)
-    if found is None or found[0] not in MESHES:
+    found = inputs.find_main(bundle)
+    if found is None or not isinstance(found[0], MeshFormat):
         raise ValueError(f"{path}: holds pictures, not a mesh; name mesh files only")
-    kind, key = found
-    scene = meshes.read(replace(bundle, main=key), kind)
+    format_, key = found
+    scene = meshes.read(replace(bundle, main=key), format_)
     for note in scene.notes:
         tqdm.write(f"{path}: {note}", file=sys.stderr)
     return scene

@@ -1,4 +1,4 @@
-"""A mesh file and what it refers to, to a scene: the one door through which meshes come in."""
+"""Reads mesh files of every format, and the files that they refer to, as scenes."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers.file_types import Kind
-from ciir.renderer.readers.meshes import gltf, gltf_scene, obj, off, ply, stl
 from ciir.renderer.readers.meshes.texture_files import Resolver
-from ciir.renderer.readers.names import shown
-from ciir.renderer.surface import Surface, assemble
+from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.registry import MeshFormat
+from ciir.renderer.surface import assemble
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.registry import Format
     from ciir.renderer.scene import Scene
 
-FAULTS = (
+PARSE_ERRORS = (
     ArithmeticError,
     AttributeError,
     LookupError,
@@ -27,48 +27,35 @@ FAULTS = (
     ValueError,
     struct.error,
 )
-"""What reading on raises where a file has another shape than its format's (`binascii.Error`, `UnicodeDecodeError` and
+"""What a parser raises where a file does not have the shape of its format (`binascii.Error`, `UnicodeDecodeError` and
 `JSONDecodeError` are ValueErrors, `RecursionError` is a RuntimeError, `KeyError` and `IndexError` are LookupErrors).
 """
 
 
-def read(bundle: Bundle, kind: Kind) -> Scene:
-    """The mesh `bundle.main`, whose content is of `kind`, lit and checked. Its other files are in reach by name.
+def read(bundle: Bundle, format_: Format) -> Scene:
+    """The mesh `bundle.main`, checked and with light. Its textures are looked up in the bundle by name.
 
-    What was left out or replaced, a missing texture or triangles without area, is a line in the scene's notes.
+    The scene's notes list what was left out or replaced, such as a missing texture or triangles without area.
 
-    Raises `Unreadable`, `UnsupportedType`, `TooLarge` (where memory runs out, too) or `InvalidGeometry`: whatever else
-    of `FAULTS` a file of another shape than its format's brings about becomes `Unreadable`.
+    Raises `Unreadable` (also for `PARSE_ERRORS`), `UnsupportedType`, `TooLarge` (also where memory runs out) or
+    `InvalidGeometry`.
     """
     if bundle.main is None:
-        raise Unreadable(f"{shown(bundle.name)}: a set of files; say which of them is the mesh")
-    name = shown(bundle.name)
+        raise Unreadable(f"{clean_text(bundle.name)}: a set of files; say which of them is the mesh")
+    name = clean_text(bundle.name)
+    if not isinstance(format_, MeshFormat):
+        raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
-    max_triangles = bundle.limits.triangles
     try:
+        reader = format_.load_reader()
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
-            surfaces = _surfaces(data, kind, name, resolver, max_triangles)
-        return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=max_triangles)
+            surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
+        return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
     except MemoryError as error:
         raise TooLarge(f"{name}: reading it takes more memory than there is; decimate the mesh") from error
-    except FAULTS as error:
+    except PARSE_ERRORS as error:
         if isinstance(error, InputError):
             raise
-        why = shown(f"{type(error).__name__}: {error}")
-        raise Unreadable(f"{name}: not a {kind.name} that can be read ({why}); export it again") from error
-
-
-def _surfaces(data: bytes, kind: Kind, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
-    if kind in {Kind.GLB, Kind.GLTF}:
-        document = gltf.parse(data, name=name, resolver=resolver, max_triangles=max_triangles)
-        return gltf_scene.surfaces(document, max_triangles=max_triangles)
-    if kind is Kind.OBJ:
-        return obj.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
-    if kind is Kind.PLY:
-        return ply.surfaces(data, name=name, resolver=resolver, max_triangles=max_triangles)
-    if kind is Kind.STL:
-        return stl.surfaces(data, name=name, max_triangles=max_triangles)
-    if kind is Kind.OFF:
-        return off.surfaces(data, name=name, max_triangles=max_triangles)
-    raise UnsupportedType(f"{name}: {kind.name} is not a mesh")
+        why = clean_text(f"{type(error).__name__}: {error}")
+        raise Unreadable(f"{name}: not a {format_.name} that can be read ({why}); export it again") from error

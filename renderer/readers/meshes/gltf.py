@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from ciir.errors import Unreadable, UnsupportedType
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
@@ -59,7 +59,9 @@ class Document:
         """`json[kind][index]`, an object; `Unreadable` where the file has no such thing."""
         items = self.json.get(kind, [])
         if not isinstance(index, int) or not isinstance(items, list) or not 0 <= index < len(items):
-            raise Unreadable(f"{self.name}: names {kind} {shown(repr(index))}, which it doesn't have; export it again")
+            raise Unreadable(
+                f"{self.name}: names {kind} {clean_text(repr(index))}, which it doesn't have; export it again"
+            )
         item = items[index]
         if not isinstance(item, dict):
             raise Unreadable(f"{self.name}: {kind} {index} is not an object; export it again")
@@ -84,7 +86,9 @@ class Document:
                 data = self.resolver.get(unquote(uri))
             if data is None:
                 why, remedy = self.resolver.why_not(unquote(uri))
-                raise Unreadable(f"{self.name}: buffer {shown(unquote(uri))} {why}; {remedy}, or export one .glb file")
+                raise Unreadable(
+                    f"{self.name}: buffer {clean_text(unquote(uri))} {why}; {remedy}, or export one .glb file"
+                )
         if len(data) < int(entry["byteLength"]):
             raise Unreadable(f"{self.name}: buffer {index} is cut short; export it again")
         return data
@@ -116,12 +120,12 @@ def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> 
     try:
         document = json.loads(text.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise Unreadable(f"{name}: its JSON can't be read ({shown(str(error))}); export it again") from error
+        raise Unreadable(f"{name}: its JSON can't be read ({clean_text(str(error))}); export it again") from error
     if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
         raise Unreadable(f"{name}: JSON without an asset: not a glTF file; export it again")
     version = str(document["asset"].get("version"))
     if version.partition(".")[0] != "2":
-        raise UnsupportedType(f"{name}: glTF version {shown(version)}; version 2.0 is read; export it as glTF 2.0")
+        raise UnsupportedType(f"{name}: glTF version {clean_text(version)}; version 2.0 is read; export it as glTF 2.0")
     for extension in document.get("extensionsRequired", []):
         _check_extension(str(extension), name, resolver)
     return Document(name, document, binary, resolver, ELEMENTS * max_triangles)
@@ -141,10 +145,10 @@ def _check_extension(extension: str, name: str, resolver: Resolver) -> None:
     if extension in DECODED:
         return
     if extension.startswith("KHR_materials_") or extension in {"KHR_lights_punctual", "KHR_animation_pointer"}:
-        resolver.note(f"{shown(extension)} has no part in a view-independent picture and is ignored")
+        resolver.note(f"{clean_text(extension)} has no part in a view-independent picture and is ignored")
         return
     raise UnsupportedType(
-        f"{name}: requires the extension {shown(extension)}, which is not decoded here; export it again without it"
+        f"{name}: requires the extension {clean_text(extension)}, which is not decoded here; export it again without it"
     )
 
 

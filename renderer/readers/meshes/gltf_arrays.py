@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.meshes.polygons import fans, normalised
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,13 +28,13 @@ def accessor(document: Document, index: object) -> NDArray[Any]:
     entry = document.item("accessors", index)
     dtype = np.dtype(_TYPES[entry["componentType"]]).newbyteorder("<")
     width, count = _WIDTHS[entry["type"]], int(entry["count"])
-    many = shown(f"{count:,}")
+    many = clean_text(f"{count:,}")
     if count < 0:
         raise Unreadable(f"{document.name}: accessor {index} counts {many} elements; export it again")
     document.elements += count + (int(entry["sparse"]["count"]) if "sparse" in entry else 0)
     if document.elements > document.max_elements:
         raise TooLarge(
-            f"{document.name}: with accessor {index} those that are read have {shown(f'{document.elements:,}')} "
+            f"{document.name}: with accessor {index} those that are read have {clean_text(f'{document.elements:,}')} "
             f"elements; at most {document.max_elements:,} are read together; decimate the mesh"
         )
     if "bufferView" in entry:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes import gltf_arrays
+from ciir.renderer.readers.meshes import gltf, gltf_arrays
 from ciir.renderer.readers.meshes.polygons import normalised
 from ciir.renderer.shading import encode
 from ciir.renderer.surface import Surface, check_size
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.gltf import Document
+    from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.scene import Texture, Wrap
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -28,12 +30,17 @@ MAX_PRIMITIVES = 200_000
 """Most primitives in all nodes together: a file of a few bytes can name one mesh of many again and again."""
 
 
-def surfaces(document: Document, *, max_triangles: int) -> list[Surface]:
-    """All triangles of the document's scene in its world coordinates, material by material.
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
+    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, material by material.
 
-    Raises `Unreadable` where something is named that isn't there, `TooLarge` over `max_triangles`, `MAX_NODES`
-    or `MAX_PRIMITIVES`; and any of `meshes.FAULTS` where the JSON has another shape than glTF's.
+    Raises what `gltf.parse` does; `Unreadable` for references to nothing; `TooLarge` over `limits`, `MAX_NODES` or
+    `MAX_PRIMITIVES`; any of `meshes.PARSE_ERRORS` where the JSON does not have the shape of glTF.
     """
+    return build_surfaces(gltf.parse(data, name=name, resolver=resolver, max_triangles=limits.triangles), limits)
+
+
+def build_surfaces(document: Document, limits: Limits) -> list[Surface]:
+    """The surfaces of the document's scene; raises as `read` does."""
     found: list[Surface] = []
     primitives: dict[tuple[int, int], Surface | None] = {}
     seen: set[int] = set()
@@ -60,7 +67,7 @@ def surfaces(document: Document, *, max_triangles: int) -> list[Surface]:
             triangles += len(surface.faces)
             vertices += len(surface.vertices)
             # Here too: a file of a few bytes can name one mesh, or one buffer, again and again.
-            check_size(document.name, triangles, vertices, max_triangles)
+            check_size(document.name, triangles, vertices, limits.triangles)
             found.append(_placed(surface, matrix))
     return found
 

@@ -16,12 +16,13 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
 from ciir.renderer.readers.meshes.polygons import fans, numbers
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
@@ -54,23 +55,23 @@ class _Lines:
         width = min(widths)
         if width < least:
             number = self.numbers[word][widths.index(width)]
-            raise Unreadable(f"line {number + 1}: {shown(word.decode())} needs {least} numbers and has {width}")
+            raise Unreadable(f"line {number + 1}: {clean_text(word.decode())} needs {least} numbers and has {width}")
         width = min(width, most)
         return numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
 
 
-def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
     """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
-    Raises `TooLarge` over `max_triangles`; `Unreadable` or one of `meshes.FAULTS` where the text isn't what OBJ says.
+    Raises `TooLarge` over `limits`; `Unreadable` or one of `meshes.PARSE_ERRORS` where the text isn't what OBJ says.
     """
-    lines = _sorted(data, name, max_triangles)
+    lines = _sorted(data, name, limits.triangles)
     try:
         positions = lines.array(b"v", 3, 7)
         texture_coordinates = lines.array(b"vt", 1, 2)
         normals = lines.array(b"vn", 3, 3)
-        corners, face_lines = _triangles(lines, name, max_triangles)
+        corners, face_lines = _triangles(lines, name, limits.triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
     for word, what in _LEFT_OUT.items():
@@ -176,7 +177,7 @@ def _materials(
     for used in dict.fromkeys(names[i] for i in np.unique(current)):
         material = mtl.material(entries[used], resolver) if used in entries else mtl.Material()
         if used and used not in entries:
-            missing.append(shown(mtl.text(used)))
+            missing.append(clean_text(mtl.text(used)))
         by_name[used] = numbers_of.setdefault(material, len(numbers_of))
     if missing:
         listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")

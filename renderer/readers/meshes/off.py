@@ -15,17 +15,20 @@ import numpy as np
 
 from ciir.errors import Unreadable
 from ciir.renderer.readers.meshes.polygons import fans, numbers
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import PLAIN, Surface, check_size
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.meshes.texture_files import Resolver
 
-def surfaces(data: bytes, *, name: str, max_triangles: int) -> list[Surface]:
+
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001
     """The faces of an ASCII OFF or COFF as one surface. Colours of faces are left aside.
 
-    Raises `Unreadable` where it is cut short; `TooLarge` over `max_triangles`; `ValueError` where a number isn't one.
+    Raises `Unreadable` where it is cut short; `TooLarge` over the limits; `ValueError` where a number isn't one.
     """
     lines = _lines(data)
     keyword, *first = next(lines, b"").split(None, 3)
@@ -34,7 +37,7 @@ def surfaces(data: bytes, *, name: str, max_triangles: int) -> list[Surface]:
     most = data.count(b"\n") + data.count(b"\r")
     if min(vertex_count, face_count) < 0 or vertex_count + face_count > most:
         raise Unreadable(_cut_short(name, vertex_count, face_count, most))
-    check_size(name, face_count, vertex_count, max_triangles)
+    check_size(name, face_count, vertex_count, limits.triangles)
     colored = keyword == b"COFF"
     width = 6 if colored else 3
     rows = list(islice(lines, vertex_count))
@@ -51,7 +54,7 @@ def surfaces(data: bytes, *, name: str, max_triangles: int) -> list[Surface]:
         corners.extend(map(int, words[1 : length + 1]))
         lengths.append(length)
     sides = np.array(lengths, np.int64)
-    check_size(name, int(np.maximum(sides - 2, 0).sum()), vertex_count, max_triangles)
+    check_size(name, int(np.maximum(sides - 2, 0).sum()), vertex_count, limits.triangles)
     triangles = np.array(corners, np.int64)[fans(sides)[0]]
     colors = None
     if colored and vertex_count:
@@ -69,5 +72,5 @@ def _lines(data: bytes) -> Iterator[bytes]:
 
 
 def _cut_short(name: str, vertex_count: int, face_count: int, lines: int) -> str:
-    counts = f"{shown(f'{vertex_count:,}')} vertices and {shown(f'{face_count:,}')} faces"
+    counts = f"{clean_text(f'{vertex_count:,}')} vertices and {clean_text(f'{face_count:,}')} faces"
     return f"{name}: an OFF of {counts} in {lines:,} lines: cut short; give it again"

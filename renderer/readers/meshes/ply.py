@@ -14,12 +14,13 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes.polygons import fans, normalised, numbers
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import PLAIN, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.scene import Texture
 
@@ -51,7 +52,7 @@ class _Element:
     properties: list[_Property]
 
 
-def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> list[Surface]:
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
     """The faces of a PLY as one surface, with its normals, and its colours (display-referred) or texture.
 
     Raises `Unreadable` or `TooLarge`, or `ValueError` and its like where a number isn't one.
@@ -59,7 +60,7 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) 
     head, end, body = data.partition(b"end_header")
     if not end:
         raise Unreadable(f"{name}: a PLY whose header does not end; give it again")
-    elements, order, picture = _header(head.decode("latin-1"), name, max_triangles)
+    elements, order, picture = _header(head.decode("latin-1"), name, limits.triangles)
     body = body[2:] if body.startswith(b"\r\n") else body[1:]
     columns = _ascii(body, elements, name) if order == "=" else _binary(body, elements, order, name)
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
@@ -71,7 +72,7 @@ def surfaces(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) 
         lengths, corners = np.full(len(indices), indices.shape[1]), indices.ravel()
     else:
         lengths, corners = np.array([len(row) for row in indices], np.int64), np.concatenate([np.empty(0), *indices])
-    check_size(name, int(np.maximum(lengths - 2, 0).sum()), len(vertices), max_triangles)
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), len(vertices), limits.triangles)
     triangles, face_of = fans(lengths)
     surface = Surface(
         vertices=vertices.astype(np.float64),
@@ -101,10 +102,12 @@ def _header(head: str, name: str, max_triangles: int) -> tuple[list[_Element], s
                 elements.append(_Element(kind, int(count), []))
             case ["element", kind, count]:
                 if int(count) < 0:
-                    raise Unreadable(f"{name}: its PLY header counts {shown(count)} of {shown(kind)}; export it again")
+                    raise Unreadable(
+                        f"{name}: its PLY header counts {clean_text(count)} of {clean_text(kind)}; export it again"
+                    )
                 raise TooLarge(
-                    f"{name}: {shown(f'{int(count):,}')} elements {shown(kind)}; at most {3 * max_triangles:,} are "
-                    f"read, and {max_triangles:,} triangles; decimate the mesh"
+                    f"{name}: {clean_text(f'{int(count):,}')} elements {clean_text(kind)}; "
+                    f"at most {3 * max_triangles:,} are read, and {max_triangles:,} triangles; decimate the mesh"
                 )
             case ["property", "list", length, dtype, item] if elements:
                 elements[-1].properties.append(_Property(item, _TYPES[dtype], _TYPES[length]))

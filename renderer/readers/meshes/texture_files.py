@@ -10,7 +10,7 @@ import numpy as np
 from ciir.errors import InputError, TooLarge
 from ciir.renderer.limits import DEFAULTS
 from ciir.renderer.readers import pictures
-from ciir.renderer.readers.names import inside, shown
+from ciir.renderer.readers.names import clean_text, resolve_key
 from ciir.renderer.scene import Texture, Wrap
 
 if TYPE_CHECKING:
@@ -51,14 +51,14 @@ class Resolver:
         """The bytes of the file called `name`; None where it is not in reach."""
         name = _portable(name)
         # Exporters keep the path of the machine that they ran on; the file itself travels beside the mesh.
-        for candidate in (inside(name, self._folder), inside(posixpath.basename(name), self._folder)):
+        for candidate in (resolve_key(name, self._folder), resolve_key(posixpath.basename(name), self._folder)):
             if candidate is not None and candidate in self._files:
                 return self._files[candidate]
         return None
 
     def why_not(self, name: str) -> tuple[str, str]:
         """Why there is no file called `name`, and what helps."""
-        if inside(_portable(name), self._folder) is None:
+        if resolve_key(_portable(name), self._folder) is None:
             return "is outside what was given", "put it beside the mesh"
         return "is missing", "give a zip or a folder that holds it"
 
@@ -67,7 +67,7 @@ class Resolver:
         data = self.get(name)
         if data is None:
             why, remedy = self.why_not(name)
-            self.note(f"{what} {shown(name)} {why} and is left out; {remedy}")
+            self.note(f"{what} {clean_text(name)} {why} and is left out; {remedy}")
         return data
 
     def texture(self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat") -> Texture | None:
@@ -110,11 +110,11 @@ class Resolver:
             return None
         try:
             return rgba8(
-                pictures.decode(data, name=shown(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
+                pictures.decode(data, name=clean_text(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
             )
         except InputError as error:
             self._pixels_left -= len(data) // 64
-            self.note(f"texture {shown(name)} is left out: {error}")
+            self.note(f"texture {clean_text(name)} is left out: {error}")
             return None
 
 

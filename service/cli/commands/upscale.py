@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers import pictures
-from ciir.renderer.readers.bundle import is_kind
-from ciir.renderer.readers.file_types import PICTURES, SUFFIXES
+from ciir.renderer.readers.registry import READ, is_picture
 from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
@@ -34,7 +33,7 @@ def run(args: argparse.Namespace) -> None:
     options, bundle = common.options(args), _bundle(args.input)
     if bundle.main is None:
         output_path.folder(args.out, what="several pictures")
-        names = [name for name in bundle.files if is_kind(name, PICTURES) and "/" not in name]
+        names = [name for name in bundle.files if is_picture(name) and "/" not in name]
         left_out = [name for name in bundle.files if name not in names]
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
@@ -55,7 +54,7 @@ def _bundle(text: str) -> Bundle:
     try:
         return common.bundle(text)
     except UnsupportedType as error:  # whose advice lists meshes too
-        raise UnsupportedType(str(error).replace(", ".join(SUFFIXES), _TAKEN)) from error
+        raise UnsupportedType(str(error).replace(READ, _TAKEN)) from error
 
 
 def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:

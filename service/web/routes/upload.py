@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.readers.names import shown
+from ciir.renderer.readers.names import clean_text
 from ciir.service.pipeline.options import HELP, NAMES, Options
 from ciir.service.pipeline.outputs import FORMATS
 
@@ -62,20 +62,20 @@ def parse(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
     seen: set[str] = set()
     for name, value in parts:
         if name in seen:
-            raise InvalidOption(f"{shown(name)}: given twice; give it once")
+            raise InvalidOption(f"{clean_text(name)}: given twice; give it once")
         seen.add(name)
         if name == FILE:
             if not isinstance(value, UploadFile):
                 raise InvalidOption(f"{FILE}: a plain field; send it as a file, with a file name")
             upload = value
         elif isinstance(value, UploadFile):
-            raise InvalidOption(f"{shown(name)}: a file; only {FILE!r} may be one, send this as a plain field")
+            raise InvalidOption(f"{clean_text(name)}: a file; only {FILE!r} may be one, send this as a plain field")
         elif value.strip() or name not in (*NAMES, FORMAT):  # a web form sends what was left empty too
             texts[name] = value
     wanted = texts.pop(FORMAT, None)
     unknown = sorted(set(texts) - set(NAMES))
     if unknown:
-        listed = ", ".join(repr(shown(name)[:40]) for name in unknown[:5])
+        listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
         raise InvalidOption(f"{listed}: no such field; known are {', '.join((FILE, FORMAT, *NAMES))}")
     if wanted is not None and wanted not in FORMATS:
         raise InvalidOption(f"{FORMAT}: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")

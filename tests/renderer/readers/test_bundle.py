@@ -7,8 +7,7 @@ import pytest
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import Limits
-from ciir.renderer.readers.bundle import Bundle, is_kind
-from ciir.renderer.readers.file_types import MESHES
+from ciir.renderer.readers.bundle import Bundle
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -187,9 +186,3 @@ def test_a_zip_with_any_one_byte_wrong_or_cut_anywhere_is_read_or_refused() -> N
             messages.append(str(error))
     assert len(messages) > len(damaged) / 2
     assert not any("\n" in message for message in messages)
-
-
-def test_is_kind_goes_by_suffix() -> None:
-    assert is_kind("a.GLB", MESHES)
-    assert not is_kind("a.png", MESHES)
-    assert not is_kind("a.mtl", MESHES)

@@ -10,7 +10,7 @@ from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
 from tests.support.paths import ROOT
 
@@ -99,7 +99,7 @@ def test_a_set_of_views_with_a_point_cloud_beside_it() -> None:
 
 def test_reading_starts_without_what_only_some_files_need() -> None:
     heavy = "{'trimesh', 'PIL', 'DracoPy', 'pyrender', 'embreex', 'tifffile'}"
-    code = f"import sys, renderer.readers.inputs, renderer.scenes; print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, ciir.renderer.readers.inputs, ciir.renderer.scenes; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)  # noqa: S603
     assert done.stdout.strip() == "[]"
 
@@ -138,11 +138,11 @@ def test_the_captured_elemental_image_array() -> None:
 @pytest.mark.parametrize(
     ("files", "main", "expected"),
     [
-        ({"a.obj": OBJ}, "a.obj", (Kind.OBJ, "a.obj")),
-        ({"a.png": PNG}, "a.png", (Kind.PNG, "a.png")),
-        ({"a_cloud.ply": b"ply\n", "cube.obj": OBJ, "x.png": PNG, "y.png": PNG}, None, (Kind.OBJ, "cube.obj")),
+        ({"a.obj": OBJ}, "a.obj", (SUFFIXES[".obj"], "a.obj")),
+        ({"a.png": PNG}, "a.png", (SUFFIXES[".png"], "a.png")),
+        ({"a_cloud.ply": b"ply\n", "cube.obj": OBJ, "x.png": PNG, "y.png": PNG}, None, (SUFFIXES[".obj"], "cube.obj")),
         ({"a_cloud.ply": b"ply\n", "x.png": PNG, "y.png": PNG}, None, None),
     ],
 )
-def test_what_is_chosen(files: dict[str, bytes], main: str | None, expected: tuple[Kind, str] | None) -> None:
-    assert inputs.chosen(Bundle(main or "set", main, files)) == expected
+def test_the_main_file(files: dict[str, bytes], main: str | None, expected: tuple[Format, str] | None) -> None:
+    assert inputs.find_main(Bundle(main or "set", main, files)) == expected

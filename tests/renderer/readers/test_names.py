@@ -1,6 +1,6 @@
 import pytest
 
-from ciir.renderer.readers.names import inside, is_hidden, shown
+from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 
 
 @pytest.mark.parametrize(
@@ -13,7 +13,7 @@ from ciir.renderer.readers.names import inside, is_hidden, shown
     ],
 )
 def test_names_within_are_normalised(name: str, folder: str, key: str) -> None:
-    assert inside(name, folder) == key
+    assert resolve_key(name, folder) == key
 
 
 @pytest.mark.parametrize(
@@ -33,12 +33,12 @@ def test_names_within_are_normalised(name: str, folder: str, key: str) -> None:
     ],
 )
 def test_names_that_lead_out_are_refused(name: str) -> None:
-    assert inside(name) is None
+    assert resolve_key(name) is None
 
 
 def test_a_name_shown_is_one_short_line() -> None:
-    assert shown("a\nb\x1b[31m.obj") == "a?b?[31m.obj"
-    assert len(shown("x" * 1000)) == 80
+    assert clean_text("a\nb\x1b[31m.obj") == "a?b?[31m.obj"
+    assert len(clean_text("x" * 1000)) == 80
 
 
 def test_hidden_files() -> None:

@@ -13,10 +13,10 @@ from ciir.errors import InputError, InvalidGeometry, TooLarge, Unreadable, Unsup
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
 from ciir.renderer.readers.meshes import gltf, gltf_arrays, gltf_scene
 from ciir.renderer.readers.meshes.gltf_scene import local_matrix
 from ciir.renderer.readers.meshes.texture_files import Resolver
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import encode, shade
 from tests.support.paths import SHARED
@@ -95,13 +95,13 @@ class Model:
 
 
 def read(data: bytes, **files: bytes) -> Scene:
-    kind = Kind.GLB if data[:4] == b"glTF" else Kind.GLTF
-    main = f"m/a.{kind.value}"
+    kind = SUFFIXES[".glb"] if data[:4] == b"glTF" else SUFFIXES[".gltf"]
+    main = f"m/a.{kind.extension}"
     return meshes.read(Bundle("a", main, {main: data, **files}), kind)
 
 
 def read_with(data: bytes, files: dict[str, bytes]) -> Scene:
-    return meshes.read(Bundle("a", "m/a.gltf", {"m/a.gltf": data, **files}), Kind.GLTF)
+    return meshes.read(Bundle("a", "m/a.gltf", {"m/a.gltf": data, **files}), SUFFIXES[".gltf"])
 
 
 def test_a_square() -> None:
@@ -434,7 +434,7 @@ def test_what_sparse_accessors_replace_is_counted() -> None:
     model.json["meshes"][0]["primitives"] *= 50
     bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()}, Limits(triangles=200))  # 3,000 elements
     with pytest.raises(TooLarge, match="have 3,024 elements; at most 3,000 are read together"):
-        meshes.read(bundle, Kind.GLB)
+        meshes.read(bundle, SUFFIXES[".glb"])
 
 
 def test_primitives_without_a_surface_are_counted_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -458,7 +458,7 @@ def test_a_meshs_weights_are_looked_at_once() -> None:
 
     mesh = {"weights": Weights([0.0, 0.5]), "primitives": []}
     document = gltf.Document("a", {"meshes": [mesh], "nodes": [{"mesh": 0}] * 20}, None, Resolver({}, "a"), 100)
-    assert gltf_scene.surfaces(document, max_triangles=100) == []
+    assert gltf_scene.build_surfaces(document, Limits(triangles=100)) == []
     assert Weights.looks == 1
     assert document.resolver.notes == ["morph targets are left at zero"]
 
@@ -469,7 +469,7 @@ def test_a_mesh_that_is_repeated_without_end() -> None:
     model.json["scenes"] = [{"nodes": list(range(50))}]
     data = model.glb()
     with pytest.raises(TooLarge, match="62 triangles and 124 vertices; at most 60 and"):
-        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=60)), Kind.GLB)
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=60)), SUFFIXES[".glb"])
 
 
 def test_vertices_that_are_repeated_without_end() -> None:
@@ -477,7 +477,7 @@ def test_vertices_that_are_repeated_without_end() -> None:
     model.json["meshes"][0]["primitives"] *= 50
     data = model.glb()
     with pytest.raises(TooLarge, match=r"3,100 vertices; at most 1,000 and 3,000"):
-        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=1000)), Kind.GLB)
+        meshes.read(Bundle("a", "a.glb", {"a.glb": data}, Limits(triangles=1000)), SUFFIXES[".glb"])
 
 
 @pytest.mark.parametrize(
@@ -507,7 +507,7 @@ def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
     path = SHARED / "data" / "meshes" / name
     theirs = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type=path.suffix[1:])
     bundle = Bundle.from_path(path)
-    ours = meshes.read(bundle, Kind(path.suffix[1:]))
+    ours = meshes.read(bundle, SUFFIXES[path.suffix])
     assert ours.bounds() == pytest.approx(theirs.bounds, abs=1e-5)
     counts = {key: len(mesh.faces) for key, mesh in theirs.geometry.items()}
     placed = sum(counts[theirs.graph[node][1]] for node in theirs.graph.nodes_geometry)

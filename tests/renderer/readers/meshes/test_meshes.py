@@ -11,7 +11,8 @@ from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULTS, Limits
 from ciir.renderer.readers import meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind, identify
+from ciir.renderer.readers.meshes import off
+from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.scene import Scene
 from tests.support.paths import SHARED
 
@@ -30,7 +31,7 @@ def textured_glb() -> bytes:
     return data
 
 
-def samples() -> dict[Kind, tuple[bytes, dict[str, bytes]]]:
+def samples() -> dict[Format, tuple[bytes, dict[str, bytes]]]:
     """A small file of each kind, and what it refers to."""
     box = trimesh.creation.box()
     box.visual.vertex_colors = np.arange(32, dtype=np.uint8).reshape(8, 4)
@@ -39,8 +40,8 @@ def samples() -> dict[Kind, tuple[bytes, dict[str, bytes]]]:
         b"f 1/1/1 2/2/1 3/3/1\nf -4/1/1 -2/3/1 -1/2/1\n"
     )
     return {
-        Kind.GLB: (textured_glb(), {}),
-        Kind.GLTF: (
+        SUFFIXES[".glb"]: (textured_glb(), {}),
+        SUFFIXES[".gltf"]: (
             json.dumps(
                 {
                     "asset": {"version": "2.0"},
@@ -55,45 +56,45 @@ def samples() -> dict[Kind, tuple[bytes, dict[str, bytes]]]:
             ).encode(),
             {"a.bin": struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)},
         ),
-        Kind.OBJ: (obj, {"a.mtl": b"newmtl m\nKd 1 0.5 0\nmap_Kd -s 1 1 1 x.png\n", "x.png": PICTURE}),
-        Kind.PLY: (box.export(file_type="ply"), {}),
-        Kind.STL: (box.export(file_type="stl"), {}),
-        Kind.OFF: (box.export(file_type="off").encode(), {}),
+        SUFFIXES[".obj"]: (obj, {"a.mtl": b"newmtl m\nKd 1 0.5 0\nmap_Kd -s 1 1 1 x.png\n", "x.png": PICTURE}),
+        SUFFIXES[".ply"]: (box.export(file_type="ply"), {}),
+        SUFFIXES[".stl"]: (box.export(file_type="stl"), {}),
+        SUFFIXES[".off"]: (box.export(file_type="off").encode(), {}),
     }
 
 
 SAMPLES = samples()
 ASCII = {
-    Kind.PLY: trimesh.creation.box().export(file_type="ply", encoding="ascii"),
-    Kind.STL: trimesh.creation.box().export(file_type="stl_ascii").encode(),
+    SUFFIXES[".ply"]: trimesh.creation.box().export(file_type="ply", encoding="ascii"),
+    SUFFIXES[".stl"]: trimesh.creation.box().export(file_type="stl_ascii").encode(),
 }
 
 
-def read(data: bytes, kind: Kind, files: Mapping[str, bytes], limits: Limits = DEFAULTS) -> Scene:
-    main = f"main.{kind.value}"
+def read(data: bytes, kind: Format, files: Mapping[str, bytes], limits: Limits = DEFAULTS) -> Scene:
+    main = f"main.{kind.extension}"
     return meshes.read(Bundle(main, main, {main: data, **files}, limits), kind)
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
-def test_every_kind_is_read(kind: Kind) -> None:
+def test_every_kind_is_read(kind: Format) -> None:
     data, files = SAMPLES[kind]
     scene = read(data, kind, files)
     assert scene.triangles > 0
     assert scene.notes == ()
-    assert identify(f"a.{kind.value}", data) is kind
+    assert identify(f"a.{kind.extension}", data) is kind
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
-def test_too_many_triangles(kind: Kind) -> None:
+def test_too_many_triangles(kind: Format) -> None:
     data, files = SAMPLES[kind]
     with pytest.raises(TooLarge, match="; decimate the mesh"):
         read(data, kind, files, Limits(triangles=0))
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
-def test_another_kinds_bytes_are_refused_in_one_line(kind: Kind) -> None:
+def test_another_kinds_bytes_are_refused_in_one_line(kind: Format) -> None:
     for other, (data, files) in SAMPLES.items():
-        if other is not kind and {kind, other} != {Kind.GLB, Kind.GLTF}:
+        if other is not kind and {kind, other} != {SUFFIXES[".glb"], SUFFIXES[".gltf"]}:
             with pytest.raises(InputError) as caught:
                 read(data, kind, files)
             assert "\n" not in str(caught.value)
@@ -101,21 +102,21 @@ def test_another_kinds_bytes_are_refused_in_one_line(kind: Kind) -> None:
 
 def test_a_set_of_files_is_not_a_mesh() -> None:
     with pytest.raises(Unreadable, match="say which of them"):
-        meshes.read(Bundle("a", None, {}), Kind.OBJ)
+        meshes.read(Bundle("a", None, {}), SUFFIXES[".obj"])
     with pytest.raises(UnsupportedType, match="PNG is not a mesh"):
-        read(PICTURE, Kind.PNG, {})
+        read(PICTURE, SUFFIXES[".png"], {})
 
 
 CASES = [(kind, *SAMPLES[kind]) for kind in SAMPLES] + [(kind, data, {}) for kind, data in ASCII.items()]
 
 
 @pytest.mark.parametrize(
-    ("kind", "data", "files"), CASES, ids=lambda value: value.name if isinstance(value, Kind) else ""
+    ("kind", "data", "files"), CASES, ids=lambda value: value.name if isinstance(value, Format) else ""
 )
 def test_hostile_bytes_end_in_a_scene_or_in_one_line(
-    kind: Kind, data: bytes, files: dict[str, bytes], capfd: pytest.CaptureFixture[str]
+    kind: Format, data: bytes, files: dict[str, bytes], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    rng = random.Random(kind.value)  # noqa: S311 - the same each time is the point
+    rng = random.Random(kind.extension)  # noqa: S311 - the same each time is the point
     tokens = [
         b"nan",
         b"-1",
@@ -193,7 +194,7 @@ def test_real_files(
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 def test_the_ducks_colours_are_where_they_belong() -> None:
-    scene = meshes.read(Bundle.from_path(MESHES / "duck.glb"), Kind.GLB)
+    scene = meshes.read(Bundle.from_path(MESHES / "duck.glb"), SUFFIXES[".glb"])
     (part,) = scene.parts
     assert part.texture is not None
     assert part.uv is not None
@@ -211,18 +212,22 @@ def test_the_ducks_colours_are_where_they_belong() -> None:
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 def test_a_real_file_cut_short_is_refused() -> None:
-    for name, kind in (("duck.glb", Kind.GLB), ("bust-draco.glb", Kind.GLB), ("earth.gltf", Kind.GLTF)):
+    for name, kind in (
+        ("duck.glb", SUFFIXES[".glb"]),
+        ("bust-draco.glb", SUFFIXES[".glb"]),
+        ("earth.gltf", SUFFIXES[".gltf"]),
+    ):
         data = (MESHES / name).read_bytes()
         with pytest.raises(Unreadable):
             read(data[: len(data) // 2], kind, {})
 
 
-def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*args: object, **more: object) -> None:
         raise MemoryError
 
-    for name in ("_surfaces", "assemble"):
+    for owner, name in ((off, "read"), (meshes, "assemble")):
         with monkeypatch.context() as patch:
-            patch.setattr(meshes, name, full)
+            patch.setattr(owner, name, full)
             with pytest.raises(TooLarge, match="more memory than there is; decimate"):
-                read(SAMPLES[Kind.OFF][0], Kind.OFF, {})
+                read(SAMPLES[SUFFIXES[".off"]][0], SUFFIXES[".off"], {})

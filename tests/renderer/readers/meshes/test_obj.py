@@ -8,8 +8,8 @@ from ciir.errors import InputError, InvalidGeometry, TooLarge, Unreadable
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
 from ciir.renderer.readers.meshes import mtl, obj
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
 from ciir.renderer.surface import PLAIN, Surface
@@ -26,7 +26,7 @@ def read(text: bytes, **files: bytes) -> Scene:
 
 
 def read_with(text: bytes, files: dict[str, bytes]) -> Scene:
-    return meshes.read(Bundle("a.obj", "m/a.obj", {"m/a.obj": text, **files}), Kind.OBJ)
+    return meshes.read(Bundle("a.obj", "m/a.obj", {"m/a.obj": text, **files}), SUFFIXES[".obj"])
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
 
     path = SHARED / "data" / "meshes" / name
     theirs = trimesh.load_mesh(io.BytesIO(path.read_bytes()), file_type="obj", process=False)
-    ours = meshes.read(Bundle.from_path(path), Kind.OBJ)
+    ours = meshes.read(Bundle.from_path(path), SUFFIXES[".obj"])
     assert ours.bounds() == pytest.approx(theirs.bounds, abs=1e-6)
     assert abs(ours.triangles - len(theirs.faces)) <= 0.001 * len(theirs.faces)
     (part,) = ours.parts
@@ -226,13 +226,13 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 def test_lines_are_counted_before_they_are_parsed() -> None:
     for text in (SQUARE + b"f x\n" * 2, b"v x\n" * 4, b"vn x\n" * 4, b"usemtl x\n" * 4):
         with pytest.raises(TooLarge, match=r"over \d lines of .* the 1 triangles"):
-            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}, Limits(triangles=1)), Kind.OBJ)
+            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}, Limits(triangles=1)), SUFFIXES[".obj"])
 
 
 def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
     data = SQUARE + b"f" + b" 1 2 3 4" * 2 + b"\n"
     with pytest.raises(TooLarge, match="6 triangles and 4 vertices; at most 5 and 15"):
-        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}, Limits(triangles=5)), Kind.OBJ)
+        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}, Limits(triangles=5)), SUFFIXES[".obj"])
 
 
 def test_a_fan_of_many_corners_is_one_array() -> None:

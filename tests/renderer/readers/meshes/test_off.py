@@ -8,7 +8,7 @@ from ciir.errors import InputError, TooLarge
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
 
@@ -17,7 +17,7 @@ FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
 
 
 def read(data: bytes) -> Scene:
-    return meshes.read(Bundle("a.off", "a.off", {"a.off": data}), Kind.OFF)
+    return meshes.read(Bundle("a.off", "a.off", {"a.off": data}), SUFFIXES[".off"])
 
 
 @pytest.mark.parametrize(
@@ -81,4 +81,4 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 def test_counts_are_checked_before_lines_are_parsed() -> None:
     for data in (b"OFF\n4 0 0\n" + b"x\n" * 4, b"OFF\n0 2 0\n" + b"x\n" * 2, b"OFF\n1 1 0\n0 0 0\n4 0 0 0 0\n"):
         with pytest.raises(TooLarge, match="at most 1 and 3 are read"):
-            meshes.read(Bundle("a.off", "a.off", {"a.off": data}, Limits(triangles=1)), Kind.OFF)
+            meshes.read(Bundle("a.off", "a.off", {"a.off": data}, Limits(triangles=1)), SUFFIXES[".off"])

@@ -10,7 +10,7 @@ from ciir.errors import InputError, TooLarge, Unreadable
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
 from ciir.renderer.surface import PLAIN
@@ -28,7 +28,7 @@ def header(form: str, vertex: str, faces: int, face: str = FACE, comment: str = 
 
 
 def read(data: bytes) -> Scene:
-    return meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data, "x.png": PICTURE}), Kind.PLY)
+    return meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data, "x.png": PICTURE}), SUFFIXES[".ply"])
 
 
 def ascii_square(
@@ -158,7 +158,7 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
     data = header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 5 0 1 2 3 0"
     with pytest.raises(TooLarge, match="3 triangles and 4 vertices; at most 2 and 6"):
-        meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data}, Limits(triangles=2)), Kind.PLY)
+        meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data}, Limits(triangles=2)), SUFFIXES[".ply"])
 
 
 def test_counts_that_are_none() -> None:

@@ -8,7 +8,7 @@ import trimesh
 from ciir.errors import InputError
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.file_types import Kind
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 
 FACET = """facet normal 0 0 1
@@ -23,7 +23,7 @@ TRIANGLE = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0], "<f4").tobytes() + b"\
 
 
 def read(data: bytes) -> Scene:
-    return meshes.read(Bundle("a.stl", "a.stl", {"a.stl": data}), Kind.STL)
+    return meshes.read(Bundle("a.stl", "a.stl", {"a.stl": data}), SUFFIXES[".stl"])
 
 
 def binary(triangles: bytes, count: int, text: bytes = b"") -> bytes:

@@ -4,23 +4,32 @@ import tracemalloc
 import pytest
 
 from ciir.errors import Unreadable, UnsupportedType
-from ciir.renderer.readers.file_types import MESHES, PICTURES, Kind, identify
+from ciir.renderer.readers.registry import (
+    FORMATS,
+    SUFFIXES,
+    Format,
+    MeshFormat,
+    PictureFormat,
+    identify,
+    is_mesh,
+    is_picture,
+)
 
 BINARY_STL = b"solid by a careless writer".ljust(80) + struct.pack("<I", 1) + bytes(50)
 CONTENTS = {
-    "a.glb": (b"glTF\2\0\0\0", Kind.GLB),
-    "a.gltf": (b'\xef\xbb\xbf {"asset": {"version": "2.0"}}', Kind.GLTF),
-    "a.obj": (b"# made by hand\no thing\nv 0 0 0\n", Kind.OBJ),
-    "a.PLY": (b"ply\nformat ascii 1.0\n", Kind.PLY),
-    "a.stl": (b"solid thing\nfacet normal 0 0 1\n", Kind.STL),
-    "b.stl": (BINARY_STL, Kind.STL),
-    "a.off": (b"# made by hand\nOFF\n3 1 0\n", Kind.OFF),
-    "a.png": (b"\x89PNG\r\n\x1a\n", Kind.PNG),
-    "a.jpeg": (b"\xff\xd8\xff\xe0", Kind.JPEG),
-    "a.jpg": (b"\xff\xd8\xff\xe0", Kind.JPEG),
-    "a.tiff": (b"MM\0*", Kind.TIFF),
-    "a.tif": (b"II*\0", Kind.TIFF),
-    "a.zip": (b"PK\5\6" + bytes(18), Kind.ZIP),
+    "a.glb": (b"glTF\2\0\0\0", SUFFIXES[".glb"]),
+    "a.gltf": (b'\xef\xbb\xbf {"asset": {"version": "2.0"}}', SUFFIXES[".gltf"]),
+    "a.obj": (b"# made by hand\no thing\nv 0 0 0\n", SUFFIXES[".obj"]),
+    "a.PLY": (b"ply\nformat ascii 1.0\n", SUFFIXES[".ply"]),
+    "a.stl": (b"solid thing\nfacet normal 0 0 1\n", SUFFIXES[".stl"]),
+    "b.stl": (BINARY_STL, SUFFIXES[".stl"]),
+    "a.off": (b"# made by hand\nOFF\n3 1 0\n", SUFFIXES[".off"]),
+    "a.png": (b"\x89PNG\r\n\x1a\n", SUFFIXES[".png"]),
+    "a.jpeg": (b"\xff\xd8\xff\xe0", SUFFIXES[".jpg"]),
+    "a.jpg": (b"\xff\xd8\xff\xe0", SUFFIXES[".jpg"]),
+    "a.tiff": (b"MM\0*", SUFFIXES[".tif"]),
+    "a.tif": (b"II*\0", SUFFIXES[".tif"]),
+    "a.zip": (b"PK\5\6" + bytes(18), SUFFIXES[".zip"]),
 }
 
 
@@ -31,9 +40,27 @@ def test_name_and_content_agree(name: str) -> None:
     assert identify("no suffix", data) is kind
 
 
-def test_every_kind_is_a_mesh_or_a_picture_or_a_zip() -> None:
-    assert MESHES | PICTURES | {Kind.ZIP} == set(Kind)
-    assert not MESHES & PICTURES
+def test_every_reader_can_be_loaded() -> None:
+    for entry in FORMATS:
+        if isinstance(entry, MeshFormat):
+            assert callable(entry.load_reader())
+        elif isinstance(entry, PictureFormat):
+            assert callable(entry.load_decoder())
+        else:
+            assert entry is SUFFIXES[".zip"]
+
+
+def test_suffixes_are_of_one_format_each() -> None:
+    assert len(SUFFIXES) == sum(len(entry.suffixes) for entry in FORMATS)
+
+
+def test_suffixes_tell_meshes_and_pictures() -> None:
+    assert is_mesh("a.GLB")
+    assert not is_mesh("a.png")
+    assert not is_mesh("a.mtl")
+    assert is_picture("a/b.JPEG")
+    assert not is_picture("a.glb")
+    assert not is_picture("a")
 
 
 def test_a_name_that_says_otherwise_is_refused_with_both_kinds_named() -> None:
@@ -43,12 +70,12 @@ def test_a_name_that_says_otherwise_is_refused_with_both_kinds_named() -> None:
 
 def test_a_text_file_is_refused() -> None:
     for name in ("notes.obj", "notes"):
-        with pytest.raises(UnsupportedType, match="text of no known kind; give one of"):
+        with pytest.raises(UnsupportedType, match="text of no known format; give one of"):
             identify(name, b"Dear all,\nthe mesh follows tomorrow.\n")
 
 
 def test_random_bytes_are_refused() -> None:
-    with pytest.raises(UnsupportedType, match="binary data of no known kind"):
+    with pytest.raises(UnsupportedType, match="binary data of no known format"):
         identify("a.glb", bytes(range(256)))
 
 
@@ -60,20 +87,20 @@ def test_a_type_that_is_not_read_is_named() -> None:
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
-        (b"  # one\n\t#two\r\n \n  COFF 3 1 0\n", Kind.OFF),
-        (b"#OFF\nv 0 0 0\n", Kind.OBJ),
-        (b"OFFER\nv 0 0 0\n", Kind.OBJ),
-        (b"x OFF\nv 0 0 0\n", Kind.OBJ),
+        (b"  # one\n\t#two\r\n \n  COFF 3 1 0\n", SUFFIXES[".off"]),
+        (b"#OFF\nv 0 0 0\n", SUFFIXES[".obj"]),
+        (b"OFFER\nv 0 0 0\n", SUFFIXES[".obj"]),
+        (b"x OFF\nv 0 0 0\n", SUFFIXES[".obj"]),
     ],
 )
-def test_off_is_the_first_word_that_is_no_comment(text: bytes, kind: Kind) -> None:
+def test_off_is_the_first_word_that_is_no_comment(text: bytes, kind: Format) -> None:
     assert identify("a", text) is kind
 
 
 def test_comments_without_end_take_no_memory() -> None:
     data = b"#\n" * 2_000_000 + b"OFF\n3 1 0\n"
     tracemalloc.start()
-    assert identify("a.off", data) is Kind.OFF
+    assert identify("a.off", data) is SUFFIXES[".off"]
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 3 * len(data)  # two copies without the spaces before; an item for each comment would be 25 times that
@@ -85,7 +112,7 @@ def test_no_bytes_at_all() -> None:
 
 
 def test_a_binary_stl_that_is_cut_short_is_left_to_its_reader() -> None:
-    assert identify("a.stl", BINARY_STL[:-7]) is Kind.STL
+    assert identify("a.stl", BINARY_STL[:-7]) is SUFFIXES[".stl"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,192 @@
+"""The registry of input formats: suffixes, how content is recognised, and the function that reads it.
+
+To add a format, write one module with its reader and add one entry to `FORMATS`; readers are imported when first used.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ciir.errors import Unreadable, UnsupportedType
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.meshes.texture_files import Resolver
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.surface import Surface
+
+
+class MeshReader(Protocol):
+    """Reads a mesh file's bytes. Raises an `InputError`, or one of `readers.meshes.PARSE_ERRORS`."""
+
+    def __call__(self, data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
+        """The file's surfaces. `name` stands in messages; textures and other files come from `resolver`."""
+
+
+class PictureDecoder(Protocol):
+    """Decodes a picture file's bytes. Raises an `InputError`, or one of `readers.pictures.DECODER_ERRORS`."""
+
+    def __call__(self, data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
+        """Pixels as stored, and the orientation, 1 to 8.
+
+        `check_size(height, width)` must be called before anything of that size is allocated.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A file format that is read."""
+
+    name: str
+    """As messages show it."""
+    suffixes: tuple[str, ...]
+    """In lower case; the first one is the usual one."""
+    signatures: tuple[bytes, ...] = ()
+    """What its files start with, one of them; empty for formats without a signature."""
+    text: re.Pattern[bytes] | None = None
+    """For a text format without a signature: found in every file of it, from its first character that is no space."""
+
+    @property
+    def extension(self) -> str:
+        """The usual suffix without its dot."""
+        return self.suffixes[0].removeprefix(".")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshFormat(Format):
+    """A mesh format."""
+
+    reader: str
+    """`module:function` of its `MeshReader`, the module relative to `renderer.readers.meshes`."""
+
+    def load_reader(self) -> MeshReader:
+        """Imports the reader."""
+        reader: MeshReader = _load(f"meshes.{self.reader}")
+        return reader
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureFormat(Format):
+    """A picture format."""
+
+    decoder: str
+    """`module:function` of its `PictureDecoder`, the module relative to `renderer.readers`."""
+
+    def load_decoder(self) -> PictureDecoder:
+        """Imports the decoder."""
+        decoder: PictureDecoder = _load(self.decoder)
+        return decoder
+
+
+def _load(place: str) -> Any:
+    module, _, function = place.partition(":")
+    return getattr(import_module(f"ciir.renderer.readers.{module}"), function)
+
+
+ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
+STL = MeshFormat(
+    name="STL", suffixes=(".stl",), text=re.compile(rb"\A(?i:solid).*?facet", re.DOTALL), reader="stl:read"
+)
+FORMATS: tuple[Format, ...] = (
+    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf_scene:read"),
+    MeshFormat(
+        name="GLTF", suffixes=(".gltf",), text=re.compile(rb'\A\{.*?"asset"', re.DOTALL), reader="gltf_scene:read"
+    ),
+    MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read"),
+    STL,
+    # The first word of the first line that is no comment.
+    MeshFormat(
+        name="OFF", suffixes=(".off",), text=re.compile(rb"\A(?:\s*+(?:#[^\n]*+\n)?+)*+C?OFF\b"), reader="off:read"
+    ),
+    MeshFormat(
+        name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"
+    ),
+    PictureFormat(name="PNG", suffixes=(".png",), signatures=(b"\x89PNG\r\n\x1a\n",), decoder="png:decode"),
+    PictureFormat(name="JPEG", suffixes=(".jpg", ".jpeg"), signatures=(b"\xff\xd8\xff",), decoder="jpeg:decode"),
+    PictureFormat(
+        name="TIFF",
+        suffixes=(".tif", ".tiff"),
+        signatures=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),  # the last two: BigTIFF
+        decoder="tiff:decode",
+    ),
+    ZIP,
+)
+"""Every format that is read. Where content fits several, the suffix decides, and without one the order here."""
+
+SUFFIXES: dict[str, Format] = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
+"""The format of each suffix."""
+READ = ", ".join(SUFFIXES)
+"""All suffixes, for messages."""
+
+_BOM = b"\xef\xbb\xbf"
+_STL_HEADER = 84  # 80 bytes of free text, then the number of triangles as uint32
+_STL_TRIANGLE = 50
+
+
+def find_by_suffix(name: str) -> Format | None:
+    """The format that the suffix of `name` stands for; None for a name without one.
+
+    Raises `UnsupportedType` for a suffix that is not one of `SUFFIXES`.
+    """
+    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    if suffix and suffix not in SUFFIXES:
+        raise UnsupportedType(
+            f"{clean_text(name)}: files of type {clean_text(suffix)} are not read; give one of {READ}"
+        )
+    return SUFFIXES.get(suffix)
+
+
+def is_picture(name: str) -> bool:
+    """Whether `name` has the suffix of a picture format."""
+    return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), PictureFormat)
+
+
+def is_mesh(name: str) -> bool:
+    """Whether `name` has the suffix of a mesh format."""
+    return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), MeshFormat)
+
+
+def find_by_signature(data: bytes) -> list[Format]:
+    """The formats with a signature that `data` starts with."""
+    return [entry for entry in FORMATS if data.startswith(entry.signatures)]
+
+
+def identify(name: str, data: bytes) -> Format:
+    """The format of `data`, on which its content and the suffix of `name` agree; without a suffix, by content alone.
+
+    Raises `Unreadable` for empty data, `UnsupportedType` where name and content disagree or the format is unknown.
+    """
+    by_name = find_by_suffix(name)
+    if not data:
+        raise Unreadable(f"{clean_text(name)}: the file is empty (0 bytes); give it again")
+    by_content = _recognise(data, by_name)
+    if by_content is None:
+        what = "text" if _is_text(data) else "binary data"
+        raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
+    if by_name not in {None, by_content}:
+        what = f"the name says {by_name.name if by_name else ''} but the content is {by_content.name}"
+        raise UnsupportedType(f"{clean_text(name)}: {what}; rename it, or give one of {READ}")
+    return by_content
+
+
+def _recognise(data: bytes, by_name: Format | None) -> Format | None:
+    signed = find_by_signature(data)
+    if signed:
+        return by_name if by_name in signed else signed[0]
+    if _is_text(data):
+        text = data.removeprefix(_BOM).lstrip()
+        return next((entry for entry in FORMATS if entry.text is not None and entry.text.search(text)), None)
+    # A binary STL has no signature, and one that is cut short not even its size: its reader reports that.
+    size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
+    return STL if by_name is STL or (len(data) >= _STL_HEADER and len(data) == size) else None
+
+
+def _is_text(data: bytes) -> bool:
+    return b"\0" not in data[:65536]
