@@ -180,7 +180,7 @@ class Client:
             response = send()
             if response.is_success:
                 return response
-            error = fault(response)
+            error = make_error(response)
             if not left or not isinstance(error, QueueFull | Unavailable):
                 raise error
             time.sleep(error.retry_after or 1.0)
@@ -213,7 +213,7 @@ class Job:
                         return
                     if not response.is_success:
                         response.read()
-                        raise fault(response)
+                        raise make_error(response)
                     for event in _events(response.iter_lines()):
                         last, failures = event.number, 0
                         yield event
@@ -237,7 +237,7 @@ class Job:
         return found
 
 
-def fault(response: httpx2.Response) -> ServiceError:
+def make_error(response: httpx2.Response) -> ServiceError:
     """What an answer that isn't one of success tells."""
     wait = response.headers.get("retry-after", "")
     retry_after = float(wait) if wait.isdecimal() else None

@@ -7,7 +7,7 @@ from typing import Any
 from ciir.models import card, catalogue
 
 
-def models() -> list[dict[str, Any]]:
+def list_models() -> list[dict[str, Any]]:
     """Each entry of the catalogue: name, kind, scales, what it takes, whether it is the default for single pictures,
     and the card (null for none).
     """

@@ -82,7 +82,7 @@ class Metrics:
         """Everything in Prometheus' text format."""
         return generate_latest(self.registry)
 
-    def count(self, result: Result) -> None:
+    def count_result(self, result: Result) -> None:
         """Adds a finished reconstruction's stages, bytes and pixels."""
         self.written.inc(result.size)
         for stage, milliseconds in result.report["timings_ms"].items():
@@ -94,7 +94,7 @@ class Metrics:
                 self.skipped.labels(reason).inc(round(skipped["pixels"] * skipped[reason]))
 
 
-class Counted:
+class CountingPool:
     """A pool whose work is counted."""
 
     def __init__(self, pool: Runs, metrics: Metrics) -> None:
@@ -119,5 +119,5 @@ class Counted:
             self._metrics.seconds.observe(time.perf_counter() - begun)
             self._metrics.ended.labels(status).inc()
         if not isinstance(outcome, Problem):
-            self._metrics.count(outcome)
+            self._metrics.count_result(outcome)
         return outcome

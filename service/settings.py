@@ -137,7 +137,7 @@ class Settings(BaseSettings):
     """Port on which `ciir worker` shows its metrics, on all addresses; 0: it doesn't. The web process has them at
     /metrics."""
 
-    def place(self) -> Path:
+    def find_folder(self) -> Path:
         """The folder of the server's jobs. Raises `InvalidOption` where none is named and no cache folder is known."""
         if self.folder is not None:
             return self.folder
@@ -146,6 +146,7 @@ class Settings(BaseSettings):
             raise InvalidOption(f"{PREFIX}FOLDER: this user has no home to keep jobs in; name a folder")
         return kept / "service"
 
+    @property
     def limits(self) -> Limits:
         """What an input may hold, as `renderer` wants to be told."""
         return Limits(
@@ -159,7 +160,7 @@ class Settings(BaseSettings):
         )
 
 
-def read() -> Settings:
+def read_settings() -> Settings:
     """The settings of the environment; `InvalidOption` in place of what pydantic says.
 
     Names that begin as settings do and are none, most likely misspelt, are told in the log.
@@ -173,12 +174,12 @@ def read() -> Settings:
         name = str(error.errors()[0]["loc"][0])
         given = os.environ.get(f"{PREFIX}{name.upper()}", "")
         raise InvalidOption(
-            f"{PREFIX}{name.upper()}: {hidden(given)[:80]!r} is not {takes(name)}; "
+            f"{PREFIX}{name.upper()}: {hide_secrets(given)[:80]!r} is not {describe_values(name)}; "
             f"set that, or unset it for the default of {Settings.model_fields[name].default!r}"
         ) from error
 
 
-def forget_secrets() -> None:
+def unset_secrets() -> None:
     """Takes the API keys and the queue's password out of this process's environment: processes that it starts from now
     on, which read what strangers send, don't have them.
     """
@@ -186,12 +187,12 @@ def forget_secrets() -> None:
         os.environ.pop(f"{PREFIX}{name}", None)
 
 
-def hidden(address: str) -> str:
+def hide_secrets(address: str) -> str:
     """`address` to be shown: without a user's name, a password, or what stands behind a question mark."""
     return re.sub(r"(://.*\?).*", r"\1...", re.sub(r"//[^/]*@", "//...@", address))
 
 
-def takes(name: str) -> str:
+def describe_values(name: str) -> str:
     """What the setting `name` may be, in words: `a whole number from 0 to 64`."""
     field = Settings.model_fields[name]
     if get_origin(field.annotation) is Literal:

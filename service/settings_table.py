@@ -62,12 +62,12 @@ _FIXED_INTRO = """
 """
 
 
-def table() -> str:
+def format_values() -> str:
     """Name, value, default and meaning of each as the environment has it; keys and passwords are not shown.
 
     Raises `InvalidOption` where one is out of range.
     """
-    now = settings.read()
+    now = settings.read_settings()
     return "\n".join(
         f"{PREFIX}{name.upper()}={_shown(name, getattr(now, name))}  (default: {_shown(name, default) or 'none'})\n"
         + textwrap.fill(meaning, 100, initial_indent="    ", subsequent_indent="    ")
@@ -75,11 +75,11 @@ def table() -> str:
     )
 
 
-def page() -> str:
+def format_page() -> str:
     """docs/settings.md."""
     rows = [
-        f"| `{PREFIX}{name.upper()}` | {_shown(name, default) or 'none'} | {settings.takes(name)} | {meaning} |\n"
-        for name, default, meaning in _all()
+        f"| `{PREFIX}{name.upper()}` | {_shown(name, default) or 'none'} | {settings.describe_values(name)} | {doc} |\n"
+        for name, default, doc in _all()
     ]
     fixed = [f"| {_value(place):,.0f} | {what} |\n" for place, what in FIXED.items()]
     return _INTRO + "".join(rows) + _FIXED_INTRO + "".join(fixed)
@@ -103,8 +103,8 @@ def _shown(name: str, value: Any) -> str:
         return ",".join(value)
     if isinstance(value, float):
         return f"{value:g}"
-    return "" if value is None else settings.hidden(str(value))
+    return "" if value is None else settings.hide_secrets(str(value))
 
 
 if __name__ == "__main__":
-    sys.stdout.write(page())
+    sys.stdout.write(format_page())

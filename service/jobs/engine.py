@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import NotReady, QueueUnavailable
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
-from ciir.service.metrics import Counted
+from ciir.service.metrics import CountingPool
 
 if TYPE_CHECKING:
     from ciir.service.jobs.workers.pool import Pool
@@ -28,7 +28,7 @@ class Engine:
         self._settings = settings
         self._pool = pool or _pool(settings)
         self._consumer = (
-            Consumer(self.jobs, Counted(self._pool, metrics), settings.workers) if self._pool is not None else None
+            Consumer(self.jobs, CountingPool(self._pool, metrics), settings.workers) if self._pool is not None else None
         )
         self._was_ready = False
         self._draining = threading.Event()

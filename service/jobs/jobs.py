@@ -57,7 +57,7 @@ class Jobs:
 
     def __init__(self, settings: Settings) -> None:
         """Opens the places that `settings` name, and makes what isn't there. Raises `InvalidOption`."""
-        self.folder: Path = settings.place()
+        self.folder: Path = settings.find_folder()
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:

@@ -14,11 +14,11 @@ from ciir.service.jobs.engine import Engine
 from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
 from ciir.service.web import problems
+from ciir.service.web.middleware.api_keys import require_key
 from ciir.service.web.middleware.body_limit import BodyLimit
-from ciir.service.web.middleware.keys import guard
-from ciir.service.web.middleware.observe import QUIET, Observe
+from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
 from ciir.service.web.routes import docs, operations, reconstructions, results
-from ciir.service.web.routes.common import Parts
+from ciir.service.web.routes.state import ServiceState
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -41,11 +41,11 @@ EXPOSED = (
 def create_app(settings: Settings | None = None, engine: Engine | None = None) -> FastAPI:
     """The application; `settings` come from the environment where None is given, and make the engine.
 
-    With the application's lifespan the engine starts, drains and closes. `app.state.parts` holds what the routes share.
+    The application's lifespan starts and closes the engine. `app.state.service` is what the routes share.
     """
     settings = settings or Settings()
     metrics = engine.metrics if engine is not None else Metrics()
-    parts = Parts(settings, engine or Engine(settings, metrics), metrics)
+    state = ServiceState(settings, engine or Engine(settings, metrics), metrics)
     app = FastAPI(
         title="ciir",
         description="Computational integral imaging reconstruction",
@@ -54,10 +54,10 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         redoc_url=None,
         lifespan=_lifespan,
         # Exports where OTEL_EXPORTER_OTLP_ENDPOINT is set.
-        telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in QUIET},
+        telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in UNLOGGED_PATHS},
     )
     app.openapi_version = "3.0.3"  # the newest that the Swagger UI of swagger-ui-bundle shows
-    app.state.parts = parts
+    app.state.service = state
     app.add_middleware(BodyLimit, limits={results.ROOT: settings.max_body_bytes}, seconds=settings.body_seconds)
     if settings.cors_origins:
         app.add_middleware(
@@ -67,24 +67,24 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
             allow_headers=("Authorization", "X-API-Key", "Prefer", "If-None-Match", "Last-Event-ID", "X-Request-Id"),
             expose_headers=EXPOSED,
         )
-    app.add_middleware(Observe, metrics=metrics)
-    problems.install(app)
+    app.add_middleware(RequestTracking, metrics=metrics)
+    problems.add_handlers(app)
     app.add_exception_handler(reconstructions.NoNews, _no_news)
-    key = Depends(guard(key.get_secret_value() for key in settings.api_keys))
-    app.include_router(operations.health(parts))
-    app.include_router(operations.router(parts), dependencies=[key])
-    app.include_router(reconstructions.router(parts), dependencies=[key])
-    docs.add(app)
+    key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
+    app.include_router(operations.make_health_router(state))
+    app.include_router(operations.make_router(state), dependencies=[key])
+    app.include_router(reconstructions.make_router(state), dependencies=[key])
+    docs.add_docs(app)
     return app
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    parts: Parts = app.state.parts
-    await to_thread.run_sync(parts.engine.start)
+    state: ServiceState = app.state.service
+    await to_thread.run_sync(state.engine.start)
     yield
-    parts.stopped.set()
-    await to_thread.run_sync(parts.engine.close)
+    state.stopped.set()
+    await to_thread.run_sync(state.engine.close)
 
 
 class _Cors(CORSMiddleware):
@@ -98,7 +98,7 @@ class _Cors(CORSMiddleware):
         headers = {name: value for name, value in answer.headers.items() if not name.startswith("content-")}
         fault = bytes(answer.body).decode()
         detail = f"{fault}; ask from an origin that CIIR_CORS_ORIGINS names, with a method and headers that /docs names"
-        return problems.problem("", answer.status_code, detail, headers=headers)
+        return problems.respond_problem("", answer.status_code, detail, headers=headers)
 
 
 async def _no_news(request: Request, error: Exception) -> Response:  # noqa: ARG001

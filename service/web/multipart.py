@@ -29,7 +29,7 @@ _REMEDIES = {  # how a fault's text begins -> what to do
 }
 
 
-async def read(request: Request) -> FormData:
+async def read_form(request: Request) -> FormData:
     """The body's parts, of which one may be a file; to be closed. A large one goes through a temporary file.
 
     Raises `HTTPException` 400 where it is broken, and `QueueUnavailable` where the disk is full.
@@ -40,7 +40,7 @@ async def read(request: Request) -> FormData:
     try:
         return await parser.parse()
     except MultiPartException as error:
-        raise HTTPException(400, explained(error.message)) from error
+        raise HTTPException(400, add_remedy(error.message)) from error
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
@@ -50,7 +50,7 @@ async def read(request: Request) -> FormData:
         raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
 
 
-def explained(fault: str) -> str:
+def add_remedy(fault: str) -> str:
     """Starlette's text of a fault with the remedy."""
     remedy = next((remedy for start, remedy in _REMEDIES.items() if fault.startswith(start)), None)
     return fault if remedy is None else f"{fault.rstrip('.')}; {remedy}"

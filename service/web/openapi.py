@@ -41,7 +41,7 @@ _RESULT_HEADERS = {
 }
 
 
-def faults(*statuses: int) -> Responses:
+def describe_errors(*statuses: int) -> Responses:
     """Those answers, and that whatever else goes wrong is a problem, too."""
     found: Responses = {}
     for status in statuses:
@@ -51,7 +51,7 @@ def faults(*statuses: int) -> Responses:
     return found | {"default": {"description": "any other fault", "content": _PROBLEM}}
 
 
-def result() -> Responses:
+def describe_result() -> Responses:
     """200 with the result, 304 where the client has it."""
     return {
         200: {
@@ -63,26 +63,26 @@ def result() -> Responses:
     }
 
 
-def status(code: int, description: str, **headers: str) -> Responses:
+def describe_status(code: int, description: str, **headers: str) -> Responses:
     """A job's status as JSON."""
     told = {name.replace("_", "-"): _header(text) for name, text in headers.items()} | {"X-Request-Id": _ID}
     return {
         code: {
             "description": description,
-            "content": {"application/json": {"schema": results.SCHEMA}},
+            "content": {"application/json": {"schema": results.STATUS_SCHEMA}},
             "headers": told,
         }
     }
 
 
-def other(code: int, description: str, *media_types: str) -> Responses:
+def describe_response(code: int, description: str, *media_types: str) -> Responses:
     """Any other answer."""
     content: dict[str, Any] = {kind: {"schema": {"type": "string"}} for kind in media_types}
     found: dict[str, Any] = {"description": description, "headers": {"X-Request-Id": _ID}}
     return {code: found | {"content": content} if content else found}
 
 
-def header(name: str, description: str, example: str) -> dict[str, Any]:
+def describe_header(name: str, description: str, example: str) -> dict[str, Any]:
     """A request header that is read."""
     return {
         "name": name,
@@ -94,6 +94,10 @@ def header(name: str, description: str, example: str) -> dict[str, Any]:
     }
 
 
-PREFER = header("Prefer", "`respond-async`: answer 202 at once; `wait=N`: after N seconds at most", "respond-async")
-IF_NONE_MATCH = header("If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"')
-LAST_EVENT_ID = header("Last-Event-ID", "the number of the last event that was received", "3")
+PREFER = describe_header(
+    "Prefer", "`respond-async`: answer 202 at once; `wait=N`: after N seconds at most", "respond-async"
+)
+IF_NONE_MATCH = describe_header(
+    "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
+)
+LAST_EVENT_ID = describe_header("Last-Event-ID", "the number of the last event that was received", "3")

@@ -32,13 +32,13 @@ class Preference:
             wait = int(found[1]) if found and wait is None else wait
         return cls(is_async, wait)
 
-    def seconds(self, most: float) -> float:
+    def wait_seconds(self, most: float) -> float:
         """How long to wait, where the server waits for `most` seconds."""
         if self.wait is None:
             return 0.0 if self.is_async else most
         return min(float(self.wait), most)
 
-    def applied(self, most: float) -> str:
+    def format_applied(self, most: float) -> str:
         """`Preference-Applied`: what was done as it was asked for; empty for nothing."""
         done = ["respond-async"] if self.is_async else []
         if self.wait is not None and self.wait <= most:

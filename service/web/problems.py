@@ -44,7 +44,7 @@ RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
 
 
-def content(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
+def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
     """A problem at `path`, as `SCHEMA` has it; without a `title` it is HTTP's own, of the type about:blank."""
     return {
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
@@ -55,12 +55,12 @@ def content(path: str, status: int, detail: str, title: str | None = None) -> di
     }
 
 
-def content_of_job(found: Problem, path: str) -> dict[str, Any]:
+def describe_job_problem(found: Problem, path: str) -> dict[str, Any]:
     """The problem of a job that failed."""
-    return content(path, found.status, found.detail, found.title)
+    return describe_problem(path, found.status, found.detail, found.title)
 
 
-def problem(
+def respond_problem(
     path: str,
     status: int,
     detail: str,
@@ -69,33 +69,33 @@ def problem(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """`content` as an answer."""
-    return JSONResponse(content(path, status, detail, title), status, headers, MEDIA_TYPE)
+    return JSONResponse(describe_problem(path, status, detail, title), status, headers, MEDIA_TYPE)
 
 
-def of(error: Error, path: str) -> JSONResponse:
+def respond_error(error: Error, path: str) -> JSONResponse:
     """The problem that reports `error`."""
     row = find_response(error)
     detail = str(error) if row.status != 500 else _DETAILS[500]
     headers = {"Retry-After": RETRY_SECONDS} if row.status == 503 else None
     if isinstance(error, QueueFull):
         headers = {"Retry-After": str(error.retry_after)}
-    return problem(path, row.status, detail, title=row.title, headers=headers)
+    return respond_problem(path, row.status, detail, title=row.title, headers=headers)
 
 
-def of_job(found: Problem, path: str) -> JSONResponse:
+def respond_job_problem(found: Problem, path: str) -> JSONResponse:
     """The same as an answer."""
     headers = {"Retry-After": RETRY_SECONDS} if found.status == 503 else None
-    return JSONResponse(content_of_job(found, path), found.status, headers, MEDIA_TYPE)
+    return JSONResponse(describe_job_problem(found, path), found.status, headers, MEDIA_TYPE)
 
 
-def of_server(path: str) -> JSONResponse:
+def respond_server_error(path: str) -> JSONResponse:
     """The problem where nobody foresaw what went wrong: of that the log alone says more."""
-    return problem(path, 500, _DETAILS[500])
+    return respond_problem(path, 500, _DETAILS[500])
 
 
 async def _error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, Error)  # noqa: S101 - registered for no other class
-    return of(error, request.url.path)
+    return respond_error(error, request.url.path)
 
 
 async def _http(request: Request, error: Exception) -> JSONResponse:
@@ -104,7 +104,7 @@ async def _http(request: Request, error: Exception) -> JSONResponse:
     if detail == HTTPStatus(error.status_code).phrase:  # the framework's own words, which say nothing new
         detail = _DETAILS.get(error.status_code, detail)
     headers = _allow(request) if error.status_code == 405 else error.headers
-    return problem(request.url.path, error.status_code, detail, headers=headers)
+    return respond_problem(request.url.path, error.status_code, detail, headers=headers)
 
 
 def _allow(request: Request) -> dict[str, str]:
@@ -119,12 +119,12 @@ def _allow(request: Request) -> dict[str, str]:
 
 async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
     """Nobody is left to read it, and nothing went wrong here: no traceback in the log."""
-    return problem(request.url.path, 400, "the client left before its request was whole; send it again")
+    return respond_problem(request.url.path, 400, "the client left before its request was whole; send it again")
 
 
-def install(app: FastAPI) -> None:
+def add_handlers(app: FastAPI) -> None:
     """Makes `app` answer every error as a problem, but for what nobody foresaw: see
-    `service.web.middleware.observe`."""
+    `service.web.middleware.tracking`."""
     app.add_exception_handler(Error, _error)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(ClientDisconnect, _gone)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import uvicorn
 
-from ciir.service.web.middleware.protocol import within
+from ciir.service.web.middleware.protocol import make_protocol
 
 if TYPE_CHECKING:
     import socket
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from ciir.service.web.routes.common import Parts
+    from ciir.service.web.routes.state import ServiceState
 
 KEEP_ALIVE_SECONDS = 30
 CLOSING_SECONDS = 5
@@ -31,11 +31,11 @@ class DrainingServer(uvicorn.Server):
     """Goes on answering while it drains, /readyz with 503, and ends with exit status 0. A second signal kills it."""
 
     def __init__(self, app: FastAPI) -> None:
-        self._parts: Parts = app.state.parts
+        self._state: ServiceState = app.state.service
         super().__init__(
             uvicorn.Config(
                 app,
-                http=within(self._parts.settings.client_seconds),
+                http=make_protocol(self._state.settings.client_seconds),
                 ws="none",
                 timeout_keep_alive=KEEP_ALIVE_SECONDS,
                 timeout_graceful_shutdown=CLOSING_SECONDS,
@@ -55,7 +55,7 @@ class DrainingServer(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
         """Called by the signal, between two steps of the main thread."""
         if self._draining is None:
-            self._parts.engine.stop_accepting()
+            self._state.engine.stop_accepting()
             self._draining = threading.Thread(target=self._drain, name="drain", daemon=True)
             self._draining.start()
         else:
@@ -63,10 +63,10 @@ class DrainingServer(uvicorn.Server):
             os.kill(os.getpid(), sig)  # the workers die with this process, and the queue has all that it took in
 
     def _drain(self) -> None:
-        _log.info("stopping: no new jobs; what runs has %g s to finish", self._parts.settings.drain_seconds)
+        _log.info("stopping: no new jobs; what runs has %g s to finish", self._state.settings.drain_seconds)
         try:
-            self._parts.engine.drain()
+            self._state.engine.drain()
         finally:
             assert self._loop is not None  # noqa: S101 - signals are handled within `serve`
-            self._loop.call_soon_threadsafe(self._parts.stopped.set)
+            self._loop.call_soon_threadsafe(self._state.stopped.set)
             self.should_exit = True

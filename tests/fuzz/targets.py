@@ -155,9 +155,9 @@ def form(data: bytes) -> None:
 
         headers = [(b"content-type", b"multipart/form-data; boundary=" + seeds.BOUNDARY)]
         request = Request({"type": "http", "method": "POST", "path": "/", "headers": headers}, receive)
-        given = await multipart.read(request)
+        given = await multipart.read_form(request)
         try:
-            upload.parse(given.multi_items())
+            upload.parse_form(given.multi_items())
         finally:
             await given.close()
 

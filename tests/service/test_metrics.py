@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from ciir.service.jobs.job import Problem, Result
-from ciir.service.metrics import Counted, Metrics
+from ciir.service.metrics import CountingPool, Metrics
 
 REPORT = {
     "timings_ms": {"decode": 1000, "total": 3000},
@@ -27,7 +27,7 @@ def values(metrics, *names):
 
 
 def run(metrics, outcome):
-    return Counted(Pool(outcome), metrics).run("work", progress=print, cancelled=threading.Event())
+    return CountingPool(Pool(outcome), metrics).run("work", progress=print, cancelled=threading.Event())
 
 
 def test_a_result_is_counted_and_passed_on():

@@ -31,8 +31,8 @@ def test_the_environment_is_read(monkeypatch, tmp_path):
         "CIIR_CORS_ORIGINS": "https://a.example,https://b.example",
     }.items():
         monkeypatch.setenv(name, value)
-    found = settings.read()
-    assert (found.workers, found.sync_seconds, found.place()) == (3, 0.5, tmp_path)
+    found = settings.read_settings()
+    assert (found.workers, found.sync_seconds, found.find_folder()) == (3, 0.5, tmp_path)
     assert (found.queue, found.log_format) == ("redis://localhost:6379/0", "json")
     assert [key.get_secret_value() for key in found.api_keys] == ["one", "two"]
     assert found.cors_origins == ("https://a.example", "https://b.example")
@@ -42,8 +42,8 @@ def test_the_environment_is_read(monkeypatch, tmp_path):
 def test_empty_is_not_set(monkeypatch):
     for name in Settings.model_fields:
         monkeypatch.setenv(f"CIIR_{name.upper()}", "")
-    assert settings.read() == Settings()
-    assert settings.read().api_keys == ()
+    assert settings.read_settings() == Settings()
+    assert settings.read_settings().api_keys == ()
 
 
 @pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_CORS_ORIGINS"])
@@ -51,7 +51,7 @@ def test_empty_is_not_set(monkeypatch):
 def test_a_list_of_nothing_is_refused(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
     with pytest.raises(InvalidOption, match=f"{name}: {value!r} is not "):
-        settings.read()
+        settings.read_settings()
 
 
 @pytest.mark.parametrize(
@@ -65,28 +65,28 @@ def test_a_list_of_nothing_is_refused(monkeypatch, name, value):
     ],
 )
 def test_no_password_is_shown(address, shown):
-    assert settings.hidden(address) == shown
+    assert settings.hide_secrets(address) == shown
 
 
 def test_a_wrong_address_is_told_without_its_password(monkeypatch):
     monkeypatch.setenv("CIIR_QUEUE", "http://:swordfish@host")
     with pytest.raises(InvalidOption, match=r"//\.\.\.@host") as caught:
-        settings.read()
+        settings.read_settings()
     assert "swordfish" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", NUMBERS)
 def test_the_least_and_the_most_are_allowed_and_nothing_beyond(monkeypatch, name):
-    least, most = re.fullmatch(r"a (?:whole )?number from (\S+) to (\S+)", settings.takes(name)).groups()
+    least, most = re.fullmatch(r"a (?:whole )?number from (\S+) to (\S+)", settings.describe_values(name)).groups()
     for value in (least, most):
         monkeypatch.setenv(f"CIIR_{name.upper()}", value)
-        assert getattr(settings.read(), name) == float(value)
+        assert getattr(settings.read_settings(), name) == float(value)
     for value in (str(float(least) - 1), str(2 * int(float(most)) + 1), "many", "nan", "inf"):
         monkeypatch.setenv(f"CIIR_{name.upper()}", value)
         with pytest.raises(InvalidOption) as caught:
-            settings.read()
+            settings.read_settings()
         line = str(caught.value)
-        assert line.startswith(f"CIIR_{name.upper()}: '{value}' is not {settings.takes(name)}; ")
+        assert line.startswith(f"CIIR_{name.upper()}: '{value}' is not {settings.describe_values(name)}; ")
         assert "default of" in line
 
 
@@ -101,31 +101,31 @@ def test_the_least_and_the_most_are_allowed_and_nothing_beyond(monkeypatch, name
 def test_what_is_none_of_them(monkeypatch, name, value, words):
     monkeypatch.setenv(name, value)
     with pytest.raises(InvalidOption, match=words) as caught:
-        settings.read()
+        settings.read_settings()
     assert "\n" not in str(caught.value)
 
 
 def test_a_misspelt_name_is_told(monkeypatch, caplog):
     monkeypatch.setenv("CIIR_WORKER", "3")
-    settings.read()
+    settings.read_settings()
     assert "CIIR_WORKER is set" in caplog.text
     caplog.clear()
     monkeypatch.delenv("CIIR_WORKER")
     monkeypatch.setenv("CIIR_CACHE", "/tmp")  # noqa: S108 - never opened
-    settings.read()
+    settings.read_settings()
     assert caplog.text == ""
 
 
 def test_the_folder_of_jobs(monkeypatch, tmp_path):
     monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
-    assert Settings().place() == tmp_path / "service"
+    assert Settings().find_folder() == tmp_path / "service"
     monkeypatch.setattr(settings.cache_folder, "folder", lambda: None)
     with pytest.raises(InvalidOption, match=r"CIIR_FOLDER: .*; name a folder"):
-        Settings().place()
+        Settings().find_folder()
 
 
 def test_every_limit_of_the_renderer_can_be_set():
-    assert Settings().limits() == DEFAULTS
+    assert Settings().limits == DEFAULTS
     values = {
         "max_files": 2,
         "max_unpacked_bytes": 2000,
@@ -135,14 +135,14 @@ def test_every_limit_of_the_renderer_can_be_set():
         "max_triangles": 6,
         "max_views": 7,
     }
-    limits = Settings(**values).limits()
+    limits = Settings(**values).limits
     assert sorted(getattr(limits, field.name) for field in fields(Limits)) == sorted(values.values())
 
 
 @pytest.mark.parametrize("name", Settings.model_fields)
 def test_every_setting_is_documented_and_used(name):
     assert len((Settings.model_fields[name].description or "").split()) > 3
-    assert settings.takes(name)
+    assert settings.describe_values(name)
     asked = re.compile(rf"\b_?(?:settings|found)\.{name}\b")
     own = re.compile(rf"\bself\.{name}\b")
     assert any(

@@ -8,13 +8,13 @@ from tests.support.paths import ROOT
 
 def test_the_page_is_of_today():
     path = ROOT / "docs" / "settings.md"
-    assert path.read_text(encoding="utf-8") == settings_table.page(), (
+    assert path.read_text(encoding="utf-8") == settings_table.format_page(), (
         "python -m ciir.service.settings_table > docs/settings.md"
     )
 
 
 def test_every_setting_is_on_the_page_and_in_the_table():
-    for text in (settings_table.page(), settings_table.table()):
+    for text in (settings_table.format_page(), settings_table.format_values()):
         for name, field in Settings.model_fields.items():
             assert f"CIIR_{name.upper()}" in text
             assert " ".join(field.description.split())[:40] in " ".join(text.split())

@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> None:
     Beside what the service lists: `unsuited`, why this machine's processor can't run a model, empty where it can.
     """
     unsuited = {entry.name: entry.unsuited for entry in catalogue.entries()}
-    models = [model | {"unsuited": unsuited[model["name"]]} for model in listing.models()]
+    models = [model | {"unsuited": unsuited[model["name"]]} for model in listing.list_models()]
     if args.json:
         common.say(json.dumps(models, indent=2, ensure_ascii=False))
         return

@@ -19,9 +19,9 @@ _log = logging.getLogger("ciir")
 def run(args: argparse.Namespace) -> None:
     """Serves HTTP until it is told to stop, and does the jobs unless CIIR_WORKERS is 0."""
     if args.show_settings:
-        from ciir.service.settings_table import table
+        from ciir.service.settings_table import format_values
 
-        common.say(table())
+        common.say(format_values())
         return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
@@ -29,8 +29,8 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.web.app import create_app
     from ciir.service.web.server import DrainingServer
 
-    found = settings.read()
-    settings.forget_secrets()
+    found = settings.read_settings()
+    settings.unset_secrets()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. asyncio sets it on its own sockets alone; else a body waits 40 ms for its head.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -31,8 +31,8 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     from ciir.service.jobs.engine import Engine
     from ciir.service.metrics import Metrics
 
-    found = settings.read()
-    settings.forget_secrets()
+    found = settings.read_settings()
+    settings.unset_secrets()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
     logs.configure(found.log_format)
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
         if found.metrics_port:
             rest.enter_context(_showing(metrics, found.metrics_port))
         engine.start()
-        place = settings.hidden(found.queue) or engine.jobs.folder
+        place = settings.hide_secrets(found.queue) or engine.jobs.folder
         _log.info("%d worker processes take jobs from %s", found.workers, place)
         while not stop.wait(LOOK_SECONDS):
             pass

@@ -53,7 +53,7 @@ class TaskLimits:
     def from_settings(cls, settings: Settings) -> TaskLimits:
         """As the settings say."""
         return cls(
-            settings.limits(),
+            settings.limits,
             settings.max_output_pixels,
             settings.worker_memory_bytes,
             settings.worker_file_bytes,

@@ -77,7 +77,7 @@ class BodyLimit:
             await send(message)
 
         if length > limit:
-            await problems.of(_fault(limit), scope["path"])(scope, receive, answer)
+            await problems.respond_error(_fault(limit), scope["path"])(scope, receive, answer)
         else:
             await self._app(scope, counted, answer)
 

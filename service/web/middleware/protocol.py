@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import asyncio
 
 
-class PatientProtocol(H11Protocol):
+class TimeoutProtocol(H11Protocol):
     """Cuts a connection off `seconds` after a request's head was begun and is not whole, after the client stopped to
     take its answer, and after it was closed here with bytes left that nobody takes. It answers what isn't HTTP with a
     problem.
@@ -103,6 +103,6 @@ def _stop(*timers: asyncio.TimerHandle | None) -> None:
             timer.cancel()
 
 
-def within(seconds: float) -> type[PatientProtocol]:
+def make_protocol(seconds: float) -> type[TimeoutProtocol]:
     """The protocol with that much patience."""
-    return type("PatientProtocol", (PatientProtocol,), {"seconds": seconds})
+    return type("TimeoutProtocol", (TimeoutProtocol,), {"seconds": seconds})

@@ -12,7 +12,7 @@ from fastapi.responses import HTMLResponse
 from starlette.staticfiles import StaticFiles
 
 
-def add(app: FastAPI) -> None:
+def add_docs(app: FastAPI) -> None:
     """The page, and what it loads."""
     from swagger_ui_bundle import swagger_ui_path
 

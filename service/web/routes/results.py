@@ -25,7 +25,7 @@ CHUNK = 2**18
 """Bytes that are read of a result at once; one that is no larger is sent in one piece."""
 RETRY_SECONDS = "1"
 """`Retry-After` of a job that isn't done."""
-SCHEMA: dict[str, Any] = {
+STATUS_SCHEMA: dict[str, Any] = {
     "type": "object",
     "required": ["id", "state", "created", "attempts", "input", "options", "format", "events", "progress"],
     "properties": {
@@ -53,12 +53,12 @@ SCHEMA: dict[str, Any] = {
 """A job's status, for OpenAPI."""
 
 
-def url(job: Job) -> str:
+def make_url(job: Job) -> str:
     """Where a job is."""
     return f"{ROOT}/{job.id}"
 
 
-def status(job: Job) -> dict[str, Any]:
+def describe_job(job: Job) -> dict[str, Any]:
     """What `SCHEMA` describes."""
     told: dict[str, Any] = {
         "id": job.id,
@@ -68,14 +68,14 @@ def status(job: Job) -> dict[str, Any]:
         "input": job.request.name,
         "options": job.request.options,
         "format": job.result.format if job.result is not None else job.request.format,
-        "events": f"{url(job)}/events",
+        "events": f"{make_url(job)}/events",
         "progress": _progress(job),
     }
     if job.result is not None:
-        told["result"] = {"url": f"{url(job)}/result", "format": job.result.format, "size": job.result.size}
+        told["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
         told["report"] = job.result.report
     if job.problem is not None:
-        told["problem"] = problems.content_of_job(job.problem, url(job))
+        told["problem"] = problems.describe_job_problem(job.problem, make_url(job))
     return told
 
 
@@ -92,25 +92,25 @@ def _progress(job: Job) -> dict[str, Any] | None:
     return None
 
 
-def answer_status(job: Job, code: int = 200, headers: Mapping[str, str] | None = None) -> JSONResponse:
+def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | None = None) -> JSONResponse:
     """The status as an answer; one that will change says when to ask again."""
     again = {"Retry-After": RETRY_SECONDS} if job.state in ("queued", "running") else {}
     fixed = {"Cache-Control": "no-store", "X-Reconstruction-Id": job.id}
-    return JSONResponse(status(job), code, fixed | again | dict(headers or {}))
+    return JSONResponse(describe_job(job), code, fixed | again | dict(headers or {}))
 
 
-def unfinished(job: Job, path: str) -> JSONResponse:
+def respond_unfinished(job: Job, path: str) -> JSONResponse:
     """The problem of a result that was asked for and isn't there, for each state but `done`."""
     if job.problem is not None:
-        return problems.of_job(job.problem, path)
+        return problems.respond_job_problem(job.problem, path)
     if job.state == "cancelled":
-        return problems.problem(path, 409, "it was cancelled; post it again to have it made", title="Cancelled")
+        return problems.respond_problem(path, 409, "it was cancelled; post it again to have it made", title="Cancelled")
     headers = {"Retry-After": RETRY_SECONDS}
-    detail = f"it is {job.state}; ask again in a second, or follow {url(job)}/events"
-    return problems.problem(path, 409, detail, title="Not finished", headers=headers)
+    detail = f"it is {job.state}; ask again in a second, or follow {make_url(job)}/events"
+    return problems.respond_problem(path, 409, detail, title="Not finished", headers=headers)
 
 
-def matching(if_none_match: Iterable[str], id_: str) -> str | None:
+def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
     """The tag of the `If-None-Match` headers that names the result of the job `id_`; None where none does.
 
     By weak comparison (RFC 9110); `*`, which names any, is none of ours.
@@ -119,27 +119,27 @@ def matching(if_none_match: Iterable[str], id_: str) -> str | None:
     return next((tag for tag in tags if tag.removeprefix("W/") == f'"{id_}"'), None)
 
 
-def headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
+def make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
     """Of an answer that holds the result; `timings`: milliseconds by stage."""
     # A zip and an npz hold a report with timings, so two that were made of one id differ in these: a weak tag.
     tag = f'"{job.id}"' if result.format == "png" else f'W/"{job.id}"'
     return {
         "ETag": tag,
         "Cache-Control": CACHE,
-        "Content-Location": f"{url(job)}/result",
+        "Content-Location": f"{make_url(job)}/result",
         "X-Reconstruction-Id": job.id,
         "Server-Timing": ", ".join(f"{stage};dur={ms:.3f}" for stage, ms in timings.items()),
     }
 
 
-def unchanged(tag: str) -> Response:
+def respond_unchanged(tag: str) -> Response:
     """304: the client has the result that `tag` names."""
     id_ = tag.removeprefix("W/").strip('"')
     kept = {"ETag": tag, "Content-Location": f"{ROOT}/{id_}/result", "X-Reconstruction-Id": id_}
     return Response(status_code=304, headers=kept | {"Cache-Control": CACHE})
 
 
-async def answer(
+async def respond_with_result(
     jobs: Jobs, job: Job, result: Result, timings: Mapping[str, float] | None = None, *, is_head: bool = False
 ) -> Response:
     """The result of a job that is done; `timings` are its own where None is given; `is_head`: nobody reads its bytes.
@@ -147,7 +147,7 @@ async def answer(
     Raises `ResultExpired` or `QueueUnavailable`.
     """
     file, start = await to_thread.run_sync(_opened, jobs, job.id)
-    fields = headers(job, result, result.report["timings_ms"] if timings is None else timings)
+    fields = make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
     fields["Content-Disposition"] = f'attachment; filename="{job.id}.{result.format}"'
     media_type = MEDIA_TYPES[result.format]
     if len(start) == result.size:

@@ -55,7 +55,7 @@ def check_content_type(content_type: str | None) -> None:
         raise UnsupportedType(f"the body's type is {given}; send multipart/form-data with the part {FILE!r}")
 
 
-def parse(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
+def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
     """The form's parts in order. Raises `InvalidOption` where one is unknown, double, missing or out of range."""
     upload: UploadFile | None = None
     texts: dict[str, str] = {}

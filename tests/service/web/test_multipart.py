@@ -20,7 +20,7 @@ def read(body, content_type="multipart/form-data; boundary=b"):
 
     async def parts():
         scope = {"type": "http", "method": "POST", "headers": [(b"content-type", content_type.encode())]}
-        form = await multipart.read(Request(scope, receive))
+        form = await multipart.read_form(Request(scope, receive))
         names = list(form)
         await form.close()
         return names
@@ -72,4 +72,4 @@ def test_a_full_disk(monkeypatch):
 
 
 def test_what_is_not_known_is_passed_on():
-    assert multipart.explained("Something new.") == "Something new."
+    assert multipart.add_remedy("Something new.") == "Something new."

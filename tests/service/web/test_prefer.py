@@ -31,5 +31,5 @@ def test_what_is_understood(given, is_async, wait):
     ],
 )
 def test_how_long_is_waited(preference, seconds, applied):
-    assert preference.seconds(8.0) == seconds
-    assert preference.applied(8.0) == applied
+    assert preference.wait_seconds(8.0) == seconds
+    assert preference.format_applied(8.0) == applied

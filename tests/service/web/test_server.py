@@ -69,7 +69,7 @@ def test_what_runs_is_finished(eia, tmp_path):
         assert began.wait(30)
         with httpx2.Client(base_url=one.url) as client:
             assert client.get("/readyz").status_code == 200
-            id_ = next(iter(one.server._parts.engine.jobs.queue.active.items())).partition(".")[0]
+            id_ = next(iter(one.server._state.engine.jobs.queue.active.items())).partition(".")[0]
             follower = threading.Thread(
                 target=lambda: streams.append(httpx2.get(f"{one.url}{POST}/{id_}/events", timeout=60).text)
             )
@@ -118,7 +118,7 @@ def test_what_does_not_finish_in_time_is_done_by_the_next_server(eia, tmp_path):
 def test_a_second_signal_does_not_wait(tmp_path, monkeypatch):
     killed = []
     with served(tmp_path) as one:
-        monkeypatch.setattr(one.server._parts.engine, "drain", threading.Event().wait)
+        monkeypatch.setattr(one.server._state.engine, "drain", threading.Event().wait)
         monkeypatch.setattr(server_module.signal, "signal", lambda *given: killed.append(given))
         monkeypatch.setattr(server_module.os, "kill", lambda *given: killed.append(given))
         one.terminate()

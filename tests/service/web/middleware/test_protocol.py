@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 import uvicorn
 
-from ciir.service.web.middleware.protocol import within
+from ciir.service.web.middleware.protocol import make_protocol
 
 SECONDS = 0.3
 LARGE = 64 * 2**20
@@ -30,7 +30,13 @@ async def app(scope, receive, send):
 @pytest.fixture(scope="module")
 def port():
     config = uvicorn.Config(
-        app, http=within(SECONDS), ws="none", lifespan="off", log_config=None, timeout_keep_alive=1, access_log=False
+        app,
+        http=make_protocol(SECONDS),
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        timeout_keep_alive=1,
+        access_log=False,
     )
     server = uvicorn.Server(config)
     with socket.create_server(("127.0.0.1", 0)) as listener:

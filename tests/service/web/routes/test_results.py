@@ -29,14 +29,14 @@ CANCELLED = RUNNING.after(Event("cancelled"), state="cancelled")
     ],
 )
 def test_tags_that_name_a_result(given, tag):
-    assert results.matching(given, ID) == tag
+    assert results.find_matching_tag(given, ID) == tag
 
 
 @pytest.mark.parametrize("job", [QUEUED, RUNNING, DONE, FAILED, CANCELLED])
 def test_a_status_holds_what_openapi_says(job):
-    told = results.status(job)
+    told = results.describe_job(job)
     assert json.loads(json.dumps(told)) == told
-    assert set(results.SCHEMA["required"]) <= set(told) <= set(results.SCHEMA["properties"])
+    assert set(results.STATUS_SCHEMA["required"]) <= set(told) <= set(results.STATUS_SCHEMA["properties"])
     assert told["state"] == job.state
     assert told["created"] == "1970-01-01T00:00:01.500+00:00"
     assert told["progress"] == (None if job is QUEUED else PROGRESS)
@@ -46,16 +46,16 @@ def test_a_status_holds_what_openapi_says(job):
 
 def test_progress_is_of_the_newest_run_and_whole_at_the_end():
     done = RUNNING.after(Event("done"), state="done", result=Result("zip", 9, {"views": [{}] * 5}))
-    assert results.status(done)["progress"] == {"stage": "encode", "views_done": 5, "views": 5}
+    assert results.describe_job(done)["progress"] == {"stage": "encode", "views_done": 5, "views": 5}
     again = RUNNING.after(Event("queued"), state="queued")
-    assert results.status(again)["progress"] is None
-    assert results.status(again.after(Event("running"), state="running"))["progress"] is None
+    assert results.describe_job(again)["progress"] is None
+    assert results.describe_job(again.after(Event("running"), state="running"))["progress"] is None
 
 
 def test_what_a_status_says_at_the_end():
-    assert results.status(DONE)["result"] == {"url": f"{results.ROOT}/{ID}/result", "format": "zip", "size": 9}
-    assert results.status(DONE)["format"] == "zip"
-    assert results.status(FAILED)["problem"] == {
+    assert results.describe_job(DONE)["result"] == {"url": f"{results.ROOT}/{ID}/result", "format": "zip", "size": 9}
+    assert results.describe_job(DONE)["format"] == "zip"
+    assert results.describe_job(FAILED)["problem"] == {
         "type": "urn:ciir:type-not-supported",
         "title": "Type not supported",
         "status": 415,
@@ -68,21 +68,21 @@ def test_what_a_status_says_at_the_end():
     ("job", "status", "again"), [(QUEUED, 409, "1"), (RUNNING, 409, "1"), (CANCELLED, 409, None), (FAILED, 415, None)]
 )
 def test_a_result_that_is_not_there(job, status, again):
-    answer = results.unfinished(job, "/here")
+    answer = results.respond_unfinished(job, "/here")
     assert (answer.status_code, answer.headers.get("retry-after")) == (status, again)
     assert json.loads(answer.body)["instance"] == "/here"
 
 
 def test_a_status_that_will_change_says_when_to_ask_again():
-    assert results.answer_status(RUNNING).headers["retry-after"] == "1"
-    assert "retry-after" not in results.answer_status(DONE).headers
+    assert results.respond_with_status(RUNNING).headers["retry-after"] == "1"
+    assert "retry-after" not in results.respond_with_status(DONE).headers
 
 
 def test_nothing_more_is_read_of_a_large_result_whose_head_is_asked_for(monkeypatch):
     monkeypatch.setattr(results, "CHUNK", 4)
     file = io.BytesIO(b"123456789")
     jobs = SimpleNamespace(open_result=lambda id_: file)
-    answer = asyncio.run(results.answer(jobs, DONE, DONE.result, is_head=True))
+    answer = asyncio.run(results.respond_with_result(jobs, DONE, DONE.result, is_head=True))
     assert file.closed
     assert (answer.body, answer.headers["content-length"]) == (b"", "9")
     assert answer.headers["etag"] == f'W/"{ID}"'

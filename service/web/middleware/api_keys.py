@@ -17,7 +17,7 @@ _BEARER = HTTPBearer(auto_error=False, description="where the server has keys (C
 _HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same, in a header of its own")
 
 
-def guard(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
+def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
     """A dependency that raises `HTTPException` 401 unless one of `keys` was sent; with no keys it lets all pass.
 
     How long it takes says nothing of the keys: digests are compared, all of them, in constant time.

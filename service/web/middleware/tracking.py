@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ciir.service.metrics import Metrics
 
-SECURITY = {
+SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
@@ -26,13 +26,13 @@ SECURITY = {
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
 """Headers of each answer that doesn't bring its own of that name."""
-QUIET = frozenset({"/healthz", "/readyz", "/metrics"})
+UNLOGGED_PATHS = frozenset({"/healthz", "/readyz", "/metrics"})
 """Asked for again and again by machines: counted, and not logged."""
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _log = logging.getLogger("ciir.access")
 
 
-class Observe:
+class RequestTracking:
     """The outermost ASGI middleware. What nobody foresaw is answered here with 500, and raised on to the log."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
@@ -61,7 +61,7 @@ class Observe:
                 status = message["status"]
                 headers = MutableHeaders(scope=message)
                 headers["X-Request-Id"] = id_
-                for name, value in SECURITY.items():
+                for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
             sent += len(message.get("body", b""))
             await send(message)
@@ -70,7 +70,7 @@ class Observe:
             await self._app(scope, counted, answer)
         except Exception:
             if not status:
-                await problems.of_server(scope["path"])(scope, receive, answer)
+                await problems.respond_server_error(scope["path"])(scope, receive, answer)
             raise
         finally:
             self._tell(scope, status, time.perf_counter() - begun, received, sent)
@@ -83,7 +83,7 @@ class Observe:
         self._metrics.received.inc(received)
         self._metrics.sent.inc(sent)
         path = scope.get("raw_path", b"").decode("ascii", "backslashreplace")[:200]
-        if path in QUIET:
+        if path in UNLOGGED_PATHS:
             return
         milliseconds = round(1000 * seconds, 1)
         told = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"

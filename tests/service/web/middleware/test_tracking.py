@@ -4,7 +4,7 @@ import logging
 import pytest
 
 from ciir.service import logs
-from ciir.service.web.middleware.observe import SECURITY
+from ciir.service.web.middleware.tracking import SECURITY_HEADERS
 from tests.support.web import check_problem, post_file
 
 
@@ -18,7 +18,7 @@ def lines(caplog):
 def test_every_answer_has_an_id_and_security_headers(client, path):
     response = client.get(path, headers={"X-Request-Id": "mine-1"})
     assert response.headers["x-request-id"] == "mine-1"
-    for name, value in SECURITY.items():
+    for name, value in SECURITY_HEADERS.items():
         assert response.headers[name] == value
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Parts:
+class ServiceState:
     """One server's."""
 
     settings: Settings
@@ -23,7 +23,7 @@ class Parts:
     stopped: asyncio.Event = field(default_factory=asyncio.Event)
     """Set once the server is drained: nobody need wait for a job that nobody here will do."""
 
-    async def changed(self, job: Job) -> Job | None:
+    async def wait_for_change(self, job: Job) -> Job | None:
         """`job` once more has happened to it; None where the server stopped before.
 
         Raises `LookupError` where it is gone, `QueueUnavailable` where the queue is.
