@@ -1,9 +1,7 @@
-"""What rendering, upscaling and encoding cost on this machine, milliseconds: measured once and kept, to predict from.
+"""Predicts how long this machine takes to render, upscale and write views, for `--strategy auto`.
 
-Each kind of work has a linear model of a few coefficients, which a few hundred milliseconds of that work give when a
-prediction first needs them (`service.pipeline.measuring`): casting rays, drawing by OpenGL, each network, PNG. The
-file is for
-one processor, number of cores and set of packages; any other measures again.
+Times are linear in triangles, rays, pixels and views, with typical coefficients. One short run of each backend and of
+each network, when a prediction first needs it, scales them to this machine. The results are kept in the cache folder.
 """
 
 from __future__ import annotations
@@ -13,166 +11,190 @@ import math
 import platform
 import sys
 import threading
-from dataclasses import dataclass
+import time
 from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from ciir.models import catalogue, processor
+from ciir.models.light_field.views import upscale_views
 from ciir.models.session import available_cores
+from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer import backends
 from ciir.renderer.backends import culling
+from ciir.renderer.framing import frame
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scenes import scene
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.service.pipeline import cache_folder as cached
-from ciir.service.pipeline import measuring
+from ciir.service.pipeline import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from ciir.renderer.scene import Scene
-
 FILE = "costs.json"
-FORMAT = 2
-"""Of the coefficients; another number where one of the models below takes others."""
-OPENGL_START_MS, NETWORK_START_MS = 700.0, 60.0
-"""What the first view by OpenGL and the first network cost a process beside the work itself. Typical, not measured:
-nobody starts OpenGL to learn that it would have been the wrong way, and what a start takes depends on what the system
-has in memory just then. `python -m ciir.benchmarks.planning` holds both against processes of their own."""
-OPENGL_TYPICAL = measuring.OpenGL(0.8, 1.5e-4, 1e-5, 0.2, 1.2e-4, 3e-5, 5e-6, 1.0)
-"""What `measuring.opengl_cost` gives where OpenGL has not run on this machine yet."""
-PLACE_MS, LOOK_MS, MET = 1.2e-4, 3e-5, 2
-"""Where what no ray meets is left out: milliseconds for a triangle that is placed, and that is looked at for each view;
-and how many are left for each ray. Little beside the work, so that typical numbers do."""
-_COUNTS = {"rays": len(measuring.Rays._fields), "opengl": len(measuring.OpenGL._fields), "png": 2}
-"""Coefficients of each kind of work; all other names are networks."""
-_PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender")
+JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 700.0, 60.0
+"""Any job beside its stages; the first view by OpenGL and the first network of a process, which are not measured, since
+that would cost what it is to save."""
+PLACE_MS, LOOK_MS, HIT = 1e-4, 3.3e-5, 1.25
+"""Culling: for each triangle, and for each triangle in each view; how many triangles it leaves for each ray."""
+WRITE_MS = 1.2e-5
+"""For each pixel of a PNG."""
+VIEW_PIXELS, CALL_PIXELS = 200, 600
+"""Pixels that take a network as long as a view and a call do beside their pixels."""
+SIDE, VIEWS = 64, 7
+"""Pixels along a side of the views that a measurement makes, and their number."""
+ROUNDS, LEAST_MS = 5, 100.0
+"""A measurement has at least so many rounds and takes at least so long."""
 
 
-@dataclass(frozen=True)
-class Stage:
-    """What a stage of the pipeline takes."""
+class Stage(NamedTuple):
+    """Milliseconds of a stage of the pipeline."""
 
     once: float
-    """Milliseconds before its first view: nothing else runs meanwhile."""
+    """Before its first view."""
     views: float
-    """Milliseconds of all views, by itself."""
-    cores: float
-    """How many it keeps busy."""
+    """For all views, while no other stage runs."""
+    cores: int = 1
+    """Cores that it keeps busy."""
 
 
-def together(stages: Sequence[Stage], turns: int, cores: int) -> float:
-    """Milliseconds of stages that overlap in `turns` turns (`service.pipeline.prefetch`) on so many `cores`.
+class Rendering(NamedTuple):
+    """Views of a new scene, with so many rays each."""
 
-    The first turn goes through all stages; from then on one is finished as often as the slowest stage, or the work of
-    all stages shared among the cores, allows.
+    backend: str
+    triangles: int
+    rays: int
+    views: int
+    texels: int = 0
+    """Of all textures."""
+    textured: float = 0.0
+    """Share of the triangles that have a texture."""
+    culls: bool = False
+    """Whether triangles that no ray meets are left out where that pays."""
+
+    def typical(self) -> Stage:
+        """Its cost on a typical machine."""
+        triangles, looking = self.triangles, 0.0
+        if self.culls and culling.pays(self.backend, triangles=triangles, rays=self.rays, views=self.views):
+            looking = triangles * (PLACE_MS + self.views * LOOK_MS)
+            triangles = min(triangles, round(HIT * self.views * self.rays))
+        if self.backend == "raytrace":
+            once, each = 0.7 + 8.3e-4 * triangles, 0.115 + self.rays * (2.1e-4 + 2.2e-4 * self.textured)
+        else:
+            once = 1.4 + 1.3e-5 * triangles + 1.4e-5 * self.texels
+            each = 0.2 + 1.6e-4 * triangles + self.rays * (3.2e-5 + 1e-5 * self.textured)
+        return Stage(looking + once, self.views * each)
+
+
+def total(stages: Sequence[Stage], written: int, batches: int) -> float:
+    """Milliseconds of a job that writes so many pixels. The first of its batches of views goes through all stages in
+    turn; each further one takes as long as the slowest stage, or as the work of all stages shared among the cores.
     """
+    stages = [*stages, Stage(0.0, written * WRITE_MS)]
     spent = [stage.views for stage in stages]
-    shared = sum(stage.views * stage.cores for stage in stages) / cores
-    once = sum(stage.once for stage in stages)
-    return once + (sum(spent) + (turns - 1) * max(*spent, shared)) / turns
+    slowest = max(*spent, sum(stage.views * stage.cores for stage in stages) / available_cores())
+    return JOB_MS + sum(stage.once for stage in stages) + (sum(spent) + (batches - 1) * slowest) / batches
 
 
 class Costs:
-    """Coefficients by the name of the work; may be used from several threads."""
+    """Costs on this machine; safe to use from several threads."""
 
     def __init__(self, path: Path | None) -> None:
-        """Reads `path`, where that is a file for this machine; None keeps everything in memory."""
-        self._path = path
-        self._lock = threading.RLock()
-        self.trouble = "" if path is not None else "no cache folder is known; set CIIR_CACHE"
-        """Why what was measured isn't kept in the file, in words; empty where it is."""
-        self._known = _read(path) if path is not None else {}
+        """`path`: the file that keeps measurements; None keeps them in memory."""
+        self._path, self._lock, self._measured = path, threading.RLock(), _read(path)
+        self.not_kept = "" if path is not None else "there is no cache folder; set CIIR_CACHE"
+        """Why measurements are not kept in the file; empty where they are."""
 
-    def of(self, name: str, measure: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
-        """The coefficients called `name`, measured now where they are not known."""
+    def rendering(self, views: Rendering) -> Stage:
+        """Cost of rendering. OpenGL is not started only to be measured."""
+        typical, name = views.typical(), f"{views.backend}; {machine()}"
+        starts = views.backend == "raster" and not backends.is_open("raster")
+        factor = 1.0 if starts and name not in self._measured else self._get(name, lambda: _factor(views.backend))
+        return Stage(factor * typical.once + OPENGL_START_MS * starts, factor * typical.views)
+
+    def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
+        """Cost of `views` in `batches`, `pixels` of each given to a model of the catalogue."""
+        card = next(entry.card for entry in catalogue.entries() if entry.name == model)
+        name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
+        ms = self._get(name, lambda: measure(_upscaler(model, scale)) / (VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS))
+        starts = card is not None and "onnxruntime" not in sys.modules
+        cores = 1 if card is None else available_cores()
+        return Stage(NETWORK_START_MS * starts, ms * (views * (pixels + VIEW_PIXELS) + batches * CALL_PIXELS), cores)
+
+    def _get(self, name: str, measured: Callable[[], float]) -> float:
         with self._lock:
-            if name not in self._known:
-                self._known[name] = measure()
-                self._write()
-            return self._known[name]
-
-    def knows(self, name: str) -> bool:
-        """Whether these coefficients are known without measuring."""
-        return name in self._known
-
-    def rendering(self, backend: str, scene: Scene, *, rays: int, views: int, culls: bool = True) -> Stage:
-        """`views` of a new scene, `rays` points sampled for each, by `raytrace` or `raster`.
-
-        `culls`: what no ray meets is left out first, where that pays.
-        """
-        triangles, looking = scene.triangles, 0.0
-        textures = [(part.texture.pixels[..., 0].size, len(part.faces)) for part in scene.parts if part.texture]
-        textured = sum(count for _, count in textures) / scene.triangles
-        if culls and culling.pays(backend, triangles=triangles, rays=rays, views=views):
-            looking = triangles * (PLACE_MS + views * LOOK_MS)
-            triangles = min(triangles, MET * views * rays)
-        if backend == "raytrace":
-            by = measuring.Rays(*self.of("rays", measuring.rays_cost))
-            casting = by.view + rays * (by.ray + textured * by.textured)
-            return Stage(looking + by.scene + triangles * by.triangle, views * casting, 1.0)
-        is_open = backends.is_open("raster")
-        is_known = is_open or self.knows("opengl")
-        of = measuring.OpenGL(*self.of("opengl", measuring.opengl_cost)) if is_known else OPENGL_TYPICAL
-        loading = looking + of.scene + triangles * of.triangle + sum(texels for texels, _ in textures) * of.texel
-        drawing = of.view + triangles * of.drawn + rays * (of.sample + textured * of.textured)
-        return Stage(loading + (0.0 if is_open else OPENGL_START_MS), views * drawing, of.cores)
-
-    def upscaling(self, model: str, scale: int, *, pixels: int, views: int) -> Stage:
-        """`views` of `pixels` by a model of the catalogue, with nothing skipped."""
-        entry = next(entry for entry in catalogue.entries() if entry.name == model)
-        is_network = entry.card is not None
-        start = NETWORK_START_MS if is_network and "onnxruntime" not in sys.modules else 0.0
-        name = f"{model} x{scale}" + (f" {entry.card.sha256[:12]}" if entry.card is not None else "")
-        of = measuring.Network(
-            *self.of(name, lambda: measuring.network_cost(model, scale, is_light_field=entry.is_light_field))
-        )
-        if views == 1:
-            return Stage(start, of.alone + pixels * of.pixel, of.cores)
-        return Stage(start, views * (of.of_many + pixels * of.pixel_of_many), of.cores_of_many)
-
-    def encoding(self, *, pixels: int, views: int) -> Stage:
-        """`views` of `pixels`, as they are written."""
-        each, by_pixel = self.of("png", measuring.encoding_cost)
-        return Stage(0.0, views * (each + pixels * by_pixel), 1.0)
+            if name not in self._measured:
+                self._measured[name] = measured()
+                try:
+                    self._write()
+                except (OSError, ValueError) as error:  # ValueError: `replacing`, where the folder is none
+                    self.not_kept = f"{self._path} can't be written ({error})"
+            return self._measured[name]
 
     def _write(self) -> None:
-        if self._path is None:
-            return
-        try:
-            everything = _read(self._path) | self._known  # another process may have measured something else
+        if self._path is not None:
+            everything = _read(self._path) | self._measured  # another process may have measured something else
             with replacing(self._path) as file:
-                file.write(json.dumps({"machine": machine(), "ms": everything}, indent=1).encode())
-        except (OSError, ValueError) as error:  # ValueError: the project's own faults, of a place that is no folder
-            self.trouble = f"{self._path} can't be written ({error})"
-
-
-@cache
-def machine() -> str:
-    """What the coefficients hold for: processor, cores and versions."""
-    packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
-    return f"{FORMAT}: {processor.name()}, {available_cores()} cores, Python {platform.python_version()}, {packages}"
+                file.write(json.dumps(everything, indent=1).encode())
 
 
 @cache
 def costs() -> Costs:
-    """This process's, of the file in the cache folder."""
-    folder = cached.folder()
+    """This process's costs, kept in the cache folder."""
+    folder = cache_folder.folder()
     return Costs(None if folder is None else folder / FILE)
 
 
-def _read(path: Path) -> dict[str, tuple[float, ...]]:
-    """The coefficients in `path`; none where it isn't there, is broken, or is another machine's: all are measured."""
+@cache
+def machine() -> str:
+    """What measurements hold for: processor, cores and versions."""
+    packages = ", ".join(f"{name} {version(name)}" for name in ("ciir", "numpy", "onnxruntime", "embreex", "pyrender"))
+    return f"{processor.name()}, {available_cores()} cores, Python {platform.python_version()}, {packages}"
+
+
+def _read(path: Path | None) -> dict[str, float]:
+    """The measurements in a file, without damaged ones."""
     try:
-        held = json.loads(path.read_bytes())
-        if held["machine"] != machine():
-            return {}
-        known = {str(name): tuple(float(value) for value in values) for name, values in held["ms"].items()}
-    except (OSError, LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
+        content = json.loads(path.read_bytes()) if path is not None else {}
+        return {name: ms for name, ms in content.items() if isinstance(ms, float) and 0 < ms < math.inf}
+    except (OSError, ValueError, AttributeError, RecursionError):
         return {}
-    return {
-        name: values
-        for name, values in known.items()
-        if len(values) == _COUNTS.get(name, len(measuring.Network._fields))
-        and all(math.isfinite(v) and v >= 0 for v in values)
-    }
+
+
+def measure(run: Callable[[], object]) -> float:
+    """Milliseconds of `run` beside no other work: its least processor time over the most cores that a round used."""
+    run()
+    spent: list[float] = []
+    busy = 1.0
+    while len(spent) < ROUNDS or 1000 * sum(spent) < LEAST_MS:
+        begun, worked = time.perf_counter(), time.process_time()
+        run()
+        spent.append(max(time.process_time() - worked, 1e-9))
+        busy = max(busy, spent[-1] / max(time.perf_counter() - begun, 1e-9))
+    return 1000 * min(spent) / min(busy, available_cores())
+
+
+def _factor(backend: str) -> float:
+    """By how many times a backend is slower here than is typical."""
+    renderer, mesh, views = backends.open_backend(backend)[0], scene("vase"), [(0, 0), (1, 1), (2, 2)]
+    array = LensArray(SIDE, SIDE, 3, 3, 1.0, 0.05)
+    matrix = frame(mesh, array)
+    typical = Rendering(backend, mesh.triangles, 16 * SIDE**2, len(views)).typical()
+    ms = measure(lambda: list(renderer.views(mesh.transformed(matrix), array, views, samples=4)))
+    return ms / (typical.once + typical.views)
+
+
+def _upscaler(model: str, scale: int) -> Callable[[], object]:
+    """What upscales views of noise, alike but for a pixel: those of a light field match, and nothing is skipped."""
+    pictures = np.tile(np.random.default_rng(0).integers(0, 256, (SIDE, SIDE, 3), np.uint8), (49, 1, 1, 1))
+    pictures[:, 0, 0, 0] = np.arange(49)
+    if model in catalogue.singles():
+        single = catalogue.load(model, scale=scale)
+        return lambda: upscale_pixels(single, pictures[:VIEWS])
+    network, fallback = catalogue.load_light_field(model, scale=scale), catalogue.load(catalogue.default(), scale=scale)
+    views = dict(zip(np.ndindex(7, 7), pictures, strict=True))
+    wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are whole
+    return lambda: upscale_views(network, fallback, views, wanted, (7, 7))

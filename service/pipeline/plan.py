@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from ciir.errors import InvalidOption, TooLarge
+import numpy as np
+
+from ciir.errors import BackendUnavailable, InvalidOption, TooLarge
+from ciir.models import catalogue
 from ciir.models.catalogue import DEFAULT
+from ciir.models.light_field.views import needed
+from ciir.renderer import backends
+from ciir.renderer.framing import FILL, GAP
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers.pictures import MAX_SIDE
 from ciir.renderer.sampling import LENSLET_SAMPLES
+from ciir.service.pipeline import cost
 from ciir.service.pipeline.model_selection import check_model, choose
 from ciir.service.pipeline.options import NO_MODEL
+from ciir.service.pipeline.schedule import at_once
 
 if TYPE_CHECKING:
+    from ciir.models.card import Card
+    from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.model_selection import Job
     from ciir.service.pipeline.options import Options
 
+Strategy = Literal["upscale", "direct"]
 MAX_VIEW_PIXELS = 64_000_000
 """Most pixels in one view, in or out: as many as a picture may have that is read."""
 LENSES = (100, 100)
@@ -34,7 +47,7 @@ _MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", 
 class Plan:
     """What will be done."""
 
-    strategy: Literal["upscale", "direct"]
+    strategy: Strategy
     model: str
     """A name of the catalogue, or `none`."""
     enlarge: int
@@ -66,9 +79,9 @@ def make(options: Options, job: Job, *, mesh: Scene | None = None, limit: int | 
         if options.strategy == "direct":
             raise InvalidOption(f"strategy: direct renders a mesh and {job.name} holds pictures; give upscale or auto")
     check_model(options.model)
-    strategy: Literal["upscale", "direct"] = "direct" if options.strategy == "direct" else "upscale"
+    strategy: Strategy = "direct" if options.strategy == "direct" else "upscale"
     if options.strategy == "auto":
-        strategy, reason = _cheapest(options, job, mesh, limit)
+        strategy, reason = _select_strategy(options, job, mesh, limit)
         reasons.append(f"strategy auto: {reason}")
     if strategy == "direct":
         reasons.append(
@@ -91,20 +104,82 @@ def make(options: Options, job: Job, *, mesh: Scene | None = None, limit: int | 
     )
 
 
-def _cheapest(
-    options: Options, job: Job, mesh: Scene | None, limit: int | None
-) -> tuple[Literal["upscale", "direct"], str]:
-    """What `auto` comes to, and why.
+def _select_strategy(options: Options, job: Job, mesh: Scene | None, limit: int | None) -> tuple[Strategy, str]:
+    """The strategy that `auto` takes, and why: of those that are possible the one that is predicted to be faster.
 
-    For a mesh, the strategy that is cheaper by `service.pipeline.cost`.
+    OpenGL is started only where the faster one would start it; where it does not work, rays are predicted instead.
     """
     if options.model == NO_MODEL:
         return "upscale", "no model is wanted, so nothing is enlarged"
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
-    from ciir.service.pipeline import strategy
+    array, name = mesh_array(options), choose(options, job).model
+    model = next(entry for entry in catalogue.entries() if entry.name == name)
+    pixels = array.rows * array.cols
+    rays: dict[Strategy, int] = {
+        "upscale": pixels * samples(options) ** 2,
+        "direct": pixels * (options.scale * LENSLET_SAMPLES) ** 2,
+    }
+    if rays["direct"] > MAX_VIEW_SAMPLES or (limit is not None and rays["direct"] * len(job.wanted) > limit):
+        return "upscale", f"upscale, as {rays['direct']:,} samples for each view at the larger size are over the limit"
+    if options.scale not in model.scales:
+        return "direct", f"direct, as {name} doesn't upscale by {options.scale}"
+    if model.unsuited:
+        return "direct", f"direct, as {model.unsuited}"
+    predicted = _predict(options, job, mesh, model, rays)
+    taken = min(predicted, key=predicted.__getitem__)
+    backend = backends.expected(options.backend, triangles=mesh.triangles, rays=rays[taken])
+    if backend == "raster" and not backends.is_open("raster"):
+        with suppress(BackendUnavailable):  # `backends.expected` then takes rays
+            backends.open_backend("raster")
+        predicted = _predict(options, job, mesh, model, rays)
+        taken = min(predicted, key=predicted.__getitem__)
+    names = {"upscale": f"upscale by {name}", "direct": "direct"}
+    (other,) = predicted.keys() - {taken}
+    reason = f"{names[taken]} should take {predicted[taken]:.1f} ms here, {names[other]} {predicted[other]:.1f} ms"
+    not_kept = cost.costs().not_kept
+    return taken, reason + (f"; the measurements behind this could not be kept: {not_kept}" if not_kept else "")
 
-    return strategy.cheapest(options, job, mesh, limit)
+
+def _predict(options: Options, job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int]) -> dict[Strategy, float]:
+    """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
+    costs, array, wanted = cost.costs(), mesh_array(options), len(job.wanted)
+    pixels, textures = array.rows * array.cols, [(p.texture, len(p.faces)) for p in mesh.parts if p.texture]
+
+    def render(strategy: Strategy, views: int) -> cost.Stage:
+        rendering = cost.Rendering(
+            backends.expected(options.backend, triangles=mesh.triangles, rays=rays[strategy]),
+            triangles=mesh.triangles,
+            rays=rays[strategy],
+            views=views,
+            texels=sum(texture.pixels[..., 0].size for texture, _ in textures),
+            textured=sum(triangles for _, triangles in textures) / mesh.triangles,
+            culls=options.skip == "exact",
+        )
+        return costs.rendering(rendering)
+
+    written = pixels * options.scale**2
+    batches = math.ceil(wanted / at_once(written))
+    seen = round(pixels * _seen(mesh, array, model.card)) if model.card and options.skip == "exact" else pixels
+    upscaling = costs.upscaling(model.name, options.scale, pixels=seen, views=wanted, batches=batches)
+    made = len(needed(job.wanted, job.grid)) if model.is_light_field else wanted
+    stages: dict[Strategy, list[cost.Stage]] = {
+        "upscale": [render("upscale", made), upscaling],
+        "direct": [render("direct", wanted)],
+    }
+    return {strategy: cost.total(of, wanted * written, batches) for strategy, of in stages.items()}
+
+
+def _seen(mesh: Scene, array: LensArray, card: Card) -> float:
+    """Share of a view that a network works on with exact skipping, roughly: the box about the framed object, what its
+    pixels change and what those need.
+    """
+    low, high = mesh.bounds()
+    sides, lenses = high - low, np.array([array.cols, array.rows])
+    reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
+    swept = sides[:2] + 2 * reach * (sides[2] / 2 + GAP * sides.max())  # by the middle, as `frame` places it
+    scale = (FILL * lenses / np.maximum(swept, 1e-300)).min()
+    return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())
 
 
 def mesh_array(options: Options) -> LensArray:
@@ -141,7 +216,7 @@ def check_size(rows: int, cols: int, enlarge: int, count: int, limit: int | None
         )
 
 
-def check_samples(array: LensArray, samples: int, strategy: Literal["upscale", "direct"] = "upscale") -> int:
+def check_samples(array: LensArray, samples: int, strategy: Strategy = "upscale") -> int:
     """Points of a mesh in a view of `array` with `samples x samples` a pixel; raises `TooLarge` for too many."""
     points = array.rows * array.cols * samples**2
     if points > MAX_VIEW_SAMPLES:
@@ -153,7 +228,7 @@ def check_samples(array: LensArray, samples: int, strategy: Literal["upscale", "
 
 
 def check_work(
-    samples: int, count: int, limit: int | None, strategy: Literal["upscale", "direct"] = "upscale", *, further: int = 0
+    samples: int, count: int, limit: int | None, strategy: Strategy = "upscale", *, further: int = 0
 ) -> None:
     """Raises `TooLarge` where `count` views of `samples` points of a mesh each are over `limit`, where there is one.
 

@@ -1,164 +1,226 @@
 import json
+import math
 import sys
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ciir.errors import BackendUnavailable
+from ciir.models import catalogue
+from ciir.models.light_field.views import needed
+from ciir.models.single import skip
 from ciir.renderer import backends
+from ciir.renderer.framing import frame
 from ciir.renderer.scenes import scene
-from ciir.service.pipeline import cache_folder, cost
-from ciir.service.pipeline.cost import Costs, Stage
-from ciir.service.pipeline.measuring import Network, OpenGL, Rays
+from ciir.service.pipeline import cache_folder, cost, plan
+from ciir.service.pipeline.cost import Costs, Rendering, Stage
+from ciir.service.pipeline.model_selection import Job
+from ciir.service.pipeline.options import Options
+
+INTERPOLATION = {"bicubic x2, interpolation; here": 0.5}
 
 
 @pytest.fixture
-def path(tmp_path):
+def path(tmp_path, monkeypatch):
+    """A costs file in a folder that is not there yet, of a machine called `here`."""
+    monkeypatch.setattr(cost, "machine", lambda: "here")
     return tmp_path / "new" / "costs.json"
 
 
-def never():
-    raise AssertionError("measured")
+def write(path, content):
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return Costs(path)
 
 
-def test_what_was_measured_is_kept(path):
+@pytest.fixture
+def measured(monkeypatch):
+    """The milliseconds that each measurement takes; a list, emptied from its end."""
+    results = []
+    monkeypatch.setattr(cost, "measure", lambda run: results.pop())
+    return results
+
+
+def bicubic(costs):
+    """Milliseconds of a pixel that is interpolated."""
+    return costs.upscaling("bicubic", 2, pixels=1000, views=1, batches=0).views / (1000 + cost.VIEW_PIXELS)
+
+
+WORK = cost.VIEWS * (cost.SIDE**2 + cost.VIEW_PIXELS) + cost.CALL_PIXELS
+"""Pixels that a measurement of a model counts."""
+
+
+def test_measurements_are_kept(path, measured):
+    measured += [2.0 * WORK]
     costs = Costs(path)
-    assert costs.of("png", lambda: (1.0, 2.0)) == (1.0, 2.0)
-    assert costs.of("png", never) == (1.0, 2.0)
-    assert Costs(path).of("png", never) == (1.0, 2.0)
-    assert not Costs(path).trouble
-    assert json.loads(path.read_bytes()) == {"machine": cost.machine(), "ms": {"png": [1.0, 2.0]}}
+    assert [bicubic(costs), bicubic(costs), bicubic(Costs(path))] == pytest.approx([2.0] * 3)
+    assert costs.not_kept == ""
+    assert json.loads(path.read_bytes()) == {"bicubic x2, interpolation; here": 2.0}
     assert [file.name for file in path.parent.iterdir()] == ["costs.json"]
 
 
-def test_two_processes_keep_what_each_measured(path):
+def test_two_processes_keep_what_each_measured(path, measured):
     one, other = Costs(path), Costs(path)
-    one.of("a", lambda: (1.0,) * 6)
-    other.of("b", lambda: (2.0,) * 6)
-    assert Costs(path).of("a", never) == (1.0,) * 6
-    assert Costs(path).of("b", never) == (2.0,) * 6
+    measured += [2.0, 1.0]
+    bicubic(one)
+    other.upscaling("nearest", 2, pixels=1, views=1, batches=1)
+    assert len(json.loads(path.read_bytes())) == 2
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        "", "{", "[]", "{}", '{"machine": "MACHINE", "ms": 3}', '{"machine": "MACHINE", "ms": {"png": ["x", 1]}}',
-        '{"machine": "MACHINE", "ms": {"png": 1}}', '{"machine": "MACHINE", "ms": {"png": [NaN, 1]}}',
-        '{"machine": "MACHINE", "ms": {"png": [-1, 1]}}', '{"machine": "MACHINE", "ms": {"png": [1]}}',
-        '{"machine": "another", "ms": {"png": [1, 1]}}',
-    ],
+    "content",
+    ["", "{", "[]", "3", '"x"', "{}", '{"NAME": "x"}', '{"NAME": null}', '{"NAME": NaN}', '{"NAME": -1.0}',
+     '{"NAME": [1.0]}', '{"bicubic x2, interpolation; elsewhere": 1.0}', "\xff", "[" * 100_000],
 )  # fmt: skip
-def test_another_machine_or_a_broken_file_is_measured_again(path, text):
-    path.parent.mkdir()
-    path.write_text(text.replace("MACHINE", cost.machine()))
-    assert Costs(path).of("png", lambda: (3.0, 4.0)) == (3.0, 4.0)
-    assert Costs(path).of("png", never) == (3.0, 4.0)
+def test_a_damaged_file_or_one_of_another_machine_is_measured_again(path, measured, content):
+    costs = write(path, content.replace("NAME", next(iter(INTERPOLATION))))
+    measured += [3.0 * WORK]
+    assert bicubic(costs) == pytest.approx(3.0)
+    assert bicubic(Costs(path)) == pytest.approx(3.0)
 
 
-def test_where_nothing_can_be_kept_it_is_said(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path, measured):
     (tmp_path / "file").write_bytes(b"")
     for costs in (Costs(None), Costs(tmp_path / "file" / "costs.json")):
-        assert costs.of("png", lambda: (1.0, 2.0)) == (1.0, 2.0)
-        assert costs.of("png", never) == (1.0, 2.0)
-        assert costs.trouble
-        assert "\n" not in costs.trouble
+        measured += [1.0]
+        assert bicubic(costs) == bicubic(costs)
+        assert costs.not_kept
+        assert "\n" not in costs.not_kept
 
 
-def test_rendering_is_linear(path, monkeypatch):
-    monkeypatch.setattr(backends, "_open", {"raster": None})
-    costs = Costs(path)
-    costs.of("rays", lambda: Rays(scene=7.0, triangle=0.5, view=3.0, ray=0.25, textured=1.0))
-    costs.of("opengl", lambda: OpenGL(5.0, 0.5, 0.125, 3.0, 0.25, 2.0, 1.0, 1.5))
-    vase, globe = scene("vase"), scene("globe")
-    of_vase = costs.rendering("raytrace", vase, rays=8, views=3, culls=False)
-    assert of_vase == Stage(7 + 0.5 * vase.triangles, 3 * (3 + 8 * 0.25), 1.0)
-    of_vase = costs.rendering("raster", vase, rays=8, views=3, culls=False)
-    assert of_vase == Stage(5 + 0.5 * vase.triangles, 3 * (3 + 0.25 * vase.triangles + 8 * 2), 1.5)
-    textured = sum(len(part.faces) for part in globe.parts if part.texture is not None) / globe.triangles
-    assert costs.rendering("raytrace", globe, rays=8, views=1, culls=False).views == pytest.approx(
-        3 + 8 * (0.25 + textured)
-    )
-    of_globe = costs.rendering("raster", globe, rays=8, views=1, culls=False)
-    assert of_globe.once == 5 + 0.5 * globe.triangles + 0.125 * 720 * 1440
-    assert of_globe.views == pytest.approx(3 + 0.25 * globe.triangles + 8 * (2 + textured))
+@pytest.mark.parametrize("backend", ["raytrace", "raster"])
+def test_rendering_grows_with_all_that_is_rendered(backend):
+    few = Rendering(backend, triangles=1000, rays=100, views=2)
+    once, views, cores = few.typical()
+    assert min(once, views) > 0
+    assert cores == 1
+    assert few._replace(triangles=2000).typical().once > once
+    assert few._replace(rays=200).typical().views > views
+    assert few._replace(views=4).typical() == (once, pytest.approx(2 * views), 1)
+    assert few._replace(textured=0.5).typical().views > views
+    assert (few._replace(texels=10**6).typical().once > once) == (backend == "raster")
 
 
-def test_triangles_that_no_ray_meets_cost_little(path):
-    costs, vase = Costs(path), scene("vase")
-    costs.of("rays", lambda: Rays(scene=0.0, triangle=0.5, view=0.0, ray=0.25, textured=0.0))
-    few = costs.rendering("raytrace", vase, rays=100, views=3)
-    looking = vase.triangles * (cost.PLACE_MS + 3 * cost.LOOK_MS)
-    assert few == Stage(pytest.approx(looking + 0.5 * cost.MET * 300), 3 * 25.0, 1.0)
-    many = costs.rendering("raytrace", vase, rays=vase.triangles, views=3)  # too many for culling to pay
-    assert many.once == 0.5 * vase.triangles
+def test_culling_leaves_few_triangles():
+    large = Rendering("raytrace", triangles=100_000, rays=100, views=3, culls=True)
+    looking = large.triangles * (cost.PLACE_MS + 3 * cost.LOOK_MS)
+    left = large._replace(triangles=round(cost.HIT * 300), culls=False).typical().once
+    assert large.typical().once == pytest.approx(looking + left)
+    many = large._replace(rays=100_000)
+    assert many.typical() == many._replace(culls=False).typical()
+
+
+def test_rendering_is_scaled_to_this_machine(path):
+    costs = write(path, {"raytrace; here": 2.5})
+    some = Rendering("raytrace", triangles=1000, rays=100, views=2)
+    once, views, _ = some.typical()
+    assert costs.rendering(some) == Stage(2.5 * once, 2.5 * views)
 
 
 def test_opengl_is_not_started_to_be_measured(path, monkeypatch):
     monkeypatch.setattr(backends, "_open", {})
-    monkeypatch.setattr(cost.measuring, "opengl_cost", never)
-    typical = Costs(path).rendering("raster", scene("vase"), rays=100, views=1)
-    assert cost.OPENGL_START_MS < typical.once < cost.OPENGL_START_MS + 100
-    assert 0 < typical.views < 100
-    costs = Costs(path)
-    costs.of("opengl", lambda: OpenGL(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0))  # another process had it open
-    found = costs.rendering("raster", scene("vase"), rays=100, views=1, culls=False)
-    assert found == Stage(cost.OPENGL_START_MS, 100.0, 1.0)
+    some = Rendering("raster", triangles=1000, rays=100, views=2)
+    once, views, _ = some.typical()
+    assert Costs(path).rendering(some) == Stage(cost.OPENGL_START_MS + once, views)
+    costs = write(path, {"raster; here": 2.0})  # by a process that had it open
+    assert costs.rendering(some) == Stage(cost.OPENGL_START_MS + 2 * once, 2 * views)
+    monkeypatch.setattr(backends, "_open", {"raster": None})
+    assert costs.rendering(some) == Stage(2 * once, 2 * views)
 
 
-def test_upscaling_is_linear_and_each_model_has_its_own(path, monkeypatch):
-    asked = []
-
-    def measured(model, scale, *, is_light_field):
-        asked.append((model, scale, is_light_field))
-        return Network(alone=2.0, pixel=0.25, cores=1.0, of_many=1.0, pixel_of_many=0.5, cores_of_many=1.5)
-
-    monkeypatch.setattr(cost.measuring, "network_cost", measured)
-    costs = Costs(path)
-    assert costs.upscaling("bicubic", 3, pixels=10, views=4) == Stage(0.0, 4 * (1 + 5), 1.5)
-    for model in ("fast", "field", "fast"):
-        assert costs.upscaling(model, 2, pixels=10, views=4).views == 24
-        assert costs.upscaling(model, 2, pixels=10, views=1).views == 2 + 2.5
+def test_upscaling_is_linear_and_each_network_is_measured(path, measured, monkeypatch):
+    monkeypatch.setattr(cost, "_upscaler", lambda model, scale: None)
+    monkeypatch.setattr(cost, "available_cores", lambda: 4)
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    assert costs.upscaling("fast", 2, pixels=10, views=1).once == 0
-    monkeypatch.delitem(sys.modules, "onnxruntime")
-    assert costs.upscaling("fast", 2, pixels=10, views=1).once == cost.NETWORK_START_MS
-    assert costs.upscaling("bicubic", 3, pixels=10, views=1).once == 0
-    assert asked == [("bicubic", 3, False), ("fast", 2, False), ("field", 2, True)]
-    assert all(len(name.split()) == 3 for name in costs._known if "bicubic" not in name)  # with the network's SHA-256
-
-
-def test_encoding_is_linear(path):
+    measured += [3.0 * WORK, 2.0 * WORK]
     costs = Costs(path)
-    costs.of("png", lambda: (1.0, 0.5))
-    assert costs.encoding(pixels=10, views=4) == Stage(0.0, 24.0, 1.0)
+    pixels = 5 * (100 + cost.VIEW_PIXELS) + 2 * cost.CALL_PIXELS
+    for model, ms in (("fast", 2.0), ("field", 3.0), ("fast", 2.0)):
+        assert costs.upscaling(model, 2, pixels=100, views=5, batches=2) == Stage(0.0, pytest.approx(ms * pixels), 4)
+    monkeypatch.delitem(sys.modules, "onnxruntime")
+    assert costs.upscaling("fast", 2, pixels=100, views=5, batches=2).once == cost.NETWORK_START_MS
+    for name in json.loads(path.read_bytes()):
+        (card,) = [entry.card for entry in catalogue.entries() if name.startswith(f"{entry.name} x2, ")]
+        assert card.sha256[:12] in name
 
 
-def test_a_job_in_one_turn_takes_what_its_stages_take():
-    stages = [Stage(5.0, 10.0, 1.0), Stage(2.0, 20.0, 2.0), Stage(0.0, 3.0, 1.0)]
-    assert cost.together(stages, 1, 2) == 5 + 2 + 10 + 20 + 3
+@pytest.fixture
+def instant(monkeypatch):
+    """Jobs cost nothing beside their stages."""
+    monkeypatch.setattr(cost, "JOB_MS", 0.0)
+    monkeypatch.setattr(cost, "WRITE_MS", 0.0)
+    monkeypatch.setattr(cost, "available_cores", lambda: 2)
 
 
-def test_stages_of_many_turns_overlap():
-    slow, light = Stage(1.0, 100.0, 1.0), Stage(1.0, 20.0, 1.0)
-    assert cost.together([slow, light], 10, 2) == pytest.approx(2 + 12 + 0.9 * 100)  # no quicker than the slowest
-    assert cost.together([slow, light], 10, 1) == pytest.approx(2 + 120)  # one core has it all to do
-    both = Stage(0.0, 100.0, 2.0)  # it keeps both cores busy: nothing is left for the other
-    assert cost.together([both, light], 10, 2) == pytest.approx(1 + 12 + 0.9 * 110)
+@pytest.mark.usefixtures("instant")
+def test_the_stages_of_one_batch_run_in_turn():
+    assert cost.total([Stage(5.0, 10.0), Stage(2.0, 20.0, 2)], 100, 1) == 5 + 2 + 10 + 20
+
+
+@pytest.mark.usefixtures("instant")
+def test_the_stages_of_many_batches_overlap(monkeypatch):
+    slow, light, both = Stage(1.0, 100.0), Stage(1.0, 20.0), Stage(1.0, 100.0, 2)
+    assert cost.total([slow, light], 0, 10) == pytest.approx(2 + 12 + 0.9 * 100)  # as fast as the slowest
+    assert cost.total([both, light], 0, 10) == pytest.approx(2 + 12 + 0.9 * 110)  # no core is left for the other
+    monkeypatch.setattr(cost, "available_cores", lambda: 1)
+    assert cost.total([slow, light], 0, 10) == pytest.approx(2 + 120)
 
 
 @settings(derandomize=True, deadline=None, max_examples=100)
-@given(
-    st.lists(st.tuples(st.floats(0, 1e4), st.floats(1, 8)), min_size=1, max_size=4),
-    st.integers(1, 99),
-    st.integers(1, 8),
+@given(st.lists(st.floats(0, 1e4), min_size=1, max_size=4), st.integers(1, 99), st.integers(0, 10**6))
+def test_overlapping_stages_take_at_least_the_slowest_and_at_most_the_sum(given, batches, written):
+    writing = written * cost.WRITE_MS
+    stages = [Stage(0.0, ms) for ms in given]
+    found = cost.total(stages, written, batches) - cost.JOB_MS
+    assert max(*given, writing) <= found + 1e-6
+    assert found <= sum(given) + writing + 1e-6  # float64: some 1e-12 of sums up to 4e4
+    assert found <= cost.total(stages, written, max(1, batches - 1)) - cost.JOB_MS + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("cores", "wall", "work", "expected"),
+    [(4, 0.010, 0.020, 10), (4, 0.030, 0.030, 30), (4, 0.010, 0.080, 20), (4, 0.100, 0.050, 50), (1, 0.030, 0.030, 30)],
 )
-def test_overlap_is_between_the_slowest_stage_and_all_after_one_another(given, turns, cores):
-    stages = [Stage(0.0, ms, min(busy, cores)) for ms, busy in given]
-    found = cost.together(stages, turns, cores)
-    one_by_one = sum(stage.views for stage in stages)
-    assert max(stage.views for stage in stages) <= found + 1e-6
-    assert found <= one_by_one + 1e-6  # float64: some 1e-12 of sums up to 4e4
-    assert found <= cost.together(stages, max(1, turns - 1), cores) + 1e-6
+def test_other_processes_do_not_count(monkeypatch, cores, wall, work, expected):
+    """They hold the cores in two rounds of three, which then take twice as long."""
+    clock, runs = {"wall": 0.0, "work": 0.0}, []
+
+    def run():
+        runs.append(None)
+        clock["wall"] += wall * (1 if len(runs) % 3 == 0 else 2)
+        clock["work"] += work
+
+    monkeypatch.setattr(cost.time, "perf_counter", lambda: clock["wall"])
+    monkeypatch.setattr(cost.time, "process_time", lambda: clock["work"])
+    monkeypatch.setattr(cost, "available_cores", lambda: cores)
+    assert cost.measure(run) == pytest.approx(expected)
+    assert len(runs) > cost.ROUNDS
+
+
+@pytest.mark.parametrize("backend", ["raytrace", "raster"])
+def test_a_backend_is_measured(backend, monkeypatch):
+    monkeypatch.setattr(cost, "LEAST_MS", 0.0)
+    try:
+        assert 0 < cost._factor(backend) < math.inf
+    except BackendUnavailable as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("model", ["bicubic", "fast", "field"])
+def test_what_is_measured_of_a_model_skips_nothing(model, monkeypatch):
+    tallies = []
+    for name in ("upscale_pixels", "upscale_views"):
+        whole = getattr(cost, name)
+        monkeypatch.setattr(
+            cost, name, lambda *given, whole=whole: whole(*given, tally=tallies.append(skip.Tally()) or tallies[-1])
+        )
+    made = cost._upscaler(model, 2)()
+    pictures, fallback_share = made if model == "field" else (made, 0.0)
+    assert pictures.shape == (cost.VIEWS, 2 * cost.SIDE, 2 * cost.SIDE, 3)
+    assert fallback_share == 0
+    (tally,) = tallies
+    assert (tally.pixels, tally.plain, tally.repeated) == (cost.VIEWS * cost.SIDE**2, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -186,3 +248,150 @@ def test_a_process_without_a_home(monkeypatch):
 
     monkeypatch.setattr(cache_folder.Path, "home", homeless)
     assert cache_folder.folder() is None
+
+
+class Prices:
+    """Costs by the ray and by the pixel, and a list of what was asked for."""
+
+    not_kept = ""
+
+    def __init__(self, **prices):
+        self.prices = {"raytrace": 1e-4, "raster": 1e-5, "pixel": 1e-3, "start": 0.0} | prices
+        self.asked = []
+
+    def rendering(self, views):
+        self.asked.append((views.backend, views.triangles, views.rays, views.views))
+        start = self.prices["start"] if views.backend == "raster" and not backends.is_open("raster") else 0.0
+        return Stage(start, views.views * views.rays * self.prices[views.backend])
+
+    def upscaling(self, model, scale, *, pixels, views, batches):
+        self.asked.append((model, scale, pixels, views, batches))
+        return Stage(0.0, views * pixels * self.prices["pixel"], 2)
+
+
+@pytest.fixture
+def prices(monkeypatch, instant):
+    """What makes `Prices` the costs of this process; nothing is measured or skipped, and no OpenGL is started."""
+    monkeypatch.setattr(plan, "_seen", lambda *_: 1.0)
+    monkeypatch.setattr(backends, "_open", {})
+    monkeypatch.setattr(backends, "_refused", {})
+
+    def opened(name, **_):
+        backends._open[name] = object()
+
+    monkeypatch.setattr(backends, "open_backend", opened)
+
+    def put(**given):
+        made = Prices(**given)
+        monkeypatch.setattr(cost, "costs", lambda: made)
+        return made
+
+    return put
+
+
+def select(limit=None, wanted=((7, 7),), name="vase", **options):
+    """The strategy that `auto` takes for a mesh, and the reason that the report gives."""
+    job = Job("a.glb", True, (15, 15), False, list(wanted))
+    made = plan.make(Options(strategy="auto", **options), job, mesh=scene(name), limit=limit)
+    return made.strategy, made.reasons[0].removeprefix("strategy auto: ")
+
+
+def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
+    default = catalogue.default()
+    prices(pixel=1e-3)  # 10,000 pixels: 10 ms and 1 ms of rays, against 640,000 samples: 6.4 ms
+    assert select() == ("direct", f"direct should take 6.4 ms here, upscale by {default} 11.0 ms")
+    prices(pixel=1e-4)
+    assert select() == ("upscale", f"upscale by {default} should take 2.0 ms here, direct 6.4 ms")
+
+
+def test_predictions_are_for_what_is_asked_for(prices):
+    costs, triangles = prices(), scene("vase").triangles
+    select(lenses=(20, 30), scale=2, sampling="lenslet", model="paper", backend="raytrace", wanted=[(0, 0), (1, 1)])
+    assert set(costs.asked) == {
+        ("paper", 2, 600, 2, 1),
+        ("raytrace", triangles, 600 * 16, 2),
+        ("raytrace", triangles, 600 * 64, 2),
+    }
+    costs = prices()
+    select(lenses=(20, 30), model="field", backend="raytrace")
+    further = len(needed([(7, 7)], (15, 15)))
+    assert {("field", 2, 600, 1, 1), ("raytrace", triangles, 600, further)} < set(costs.asked)
+
+
+def test_textures_are_counted(prices, monkeypatch):
+    costs, rendered = prices(), []
+    monkeypatch.setattr(costs, "rendering", lambda views: rendered.append(views) or Stage(0.0, 1.0))
+    select(name="globe", skip="none")
+    textured = sum(len(part.faces) for part in scene("globe").parts if part.texture is not None)
+    assert {views.textured for views in rendered} == {textured / scene("globe").triangles}
+    assert {(views.texels, views.culls) for views in rendered} == {(720 * 1440, False)}
+
+
+def test_stages_overlap_where_views_are_many(prices):
+    """100 views of 40,000 pixels, 12 a batch. Rays of pinholes, 1 ms a view, hide behind a network of 10 ms a view that
+    leaves them no core: 1,000 ms, half of 100 for sharing, half of 100 more of the first of 9 batches."""
+    views = [divmod(number, 15) for number in range(100)]
+    prices(raster=1e-9)
+    reason = select(wanted=views, model="fast-int8")[1]
+    assert f"upscale by fast-int8 {1000 + 50 + 50 / 9:.1f} ms" in reason
+
+
+@pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])
+@pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
+def test_the_share_that_a_network_works_on(name, model, lenses):
+    """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
+    mesh, array = scene(name), plan.mesh_array(Options(lenses=(lenses, lenses)))
+    (card,) = (entry.card for entry in catalogue.entries() if entry.name == model)
+    views = backends.open_backend("raytrace")[0].views(mesh.transformed(frame(mesh, array)), array, [(7, 7)])
+    _, boxes = skip.found(next(iter(views))[..., :3], card.radius)
+    share = sum(skip.area(box.window) for box in boxes) / lenses**2
+    assert plan._seen(mesh, array, card) == pytest.approx(share, abs=0.1)
+
+
+def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
+    monkeypatch.setattr(plan, "_seen", lambda *_: 0.25)
+    for options, pixels in (({}, 100), ({"skip": "none"}, 400)):
+        costs = prices()
+        select(model="fast", lenses=(20, 20), **options)
+        assert ("fast", 2, pixels, 1, 1) in costs.asked
+    costs = prices()
+    select(model="bicubic", lenses=(20, 20))  # which skips nothing
+    assert ("bicubic", 2, 400, 1, 1) in costs.asked
+
+
+def test_opengl_is_started_only_where_the_faster_strategy_needs_it(prices):
+    prices(start=700.0)
+    assert select()[0] == "upscale"
+    assert not backends.is_open("raster")
+    prices(start=700.0, pixel=1.0)
+    assert select()[0] == "direct"
+    assert backends.is_open("raster")
+
+
+def test_rays_are_predicted_where_opengl_does_not_work(prices, monkeypatch):
+    def refuse(name, **_):
+        backends._refused[name] = "no OpenGL"
+        raise BackendUnavailable("no OpenGL")
+
+    monkeypatch.setattr(backends, "open_backend", refuse)
+    prices(pixel=3e-3)  # direct: 6 ms by OpenGL, 64 by rays; upscale: 31
+    taken, reason = select()
+    assert (taken, "direct 64.0 ms" in reason) == ("upscale", True)
+
+
+def test_a_strategy_that_is_not_possible_is_not_taken(prices):
+    prices(pixel=1e-9)
+    assert select(scale=3) == ("direct", f"direct, as {catalogue.default()} doesn't upscale by 3")
+    prices(pixel=1e9)
+    assert select(lenses=(2000, 2000)) == (
+        "upscale", f"upscale, as {2000 * 2000 * 64:,} samples for each view at the larger size are over the limit"
+    )  # fmt: skip
+    views = [(v, 7) for v in range(10)]
+    assert select(limit=10 * 100 * 100 * 64, wanted=views)[0] == "direct"
+    assert select(limit=10 * 100 * 100 * 64 - 1, wanted=views)[0] == "upscale"
+    assert select(scale=3, lenses=(2000, 2000))[0] == "upscale"  # neither is possible; the pipeline reports why
+
+
+def test_costs_that_cannot_be_kept_are_reported(prices):
+    prices().not_kept = "the disk is full"
+    assert select()[1].endswith("; the measurements behind this could not be kept: the disk is full")
