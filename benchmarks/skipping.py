@@ -11,9 +11,9 @@ background, of which nothing can be left out: with corners that differ, found at
 `costs` is how much longer they took.
 
 `culling`: one view and five (`cross`) of each mesh by both backends, with and without culling, which is counted; the
-least of all rounds. `culled` is the share of triangles. Culling is forced where `renderer.backends.culling.pays`
-leaves it out,
-and the row says so; `!` marks pixels that differ, and rows in which it is done and takes over 3 % longer.
+least of all rounds. `culled` is the share of triangles. Culling is forced where it is not worthwhile
+(`renderer.backends.culling.is_worthwhile`), and the row says so; `!` marks pixels that differ, and rows in which it is
+done and takes over 3 % longer.
 
 A network that sees r far needs 2*r around what differs, as it has zeros around what it is given: of 100x100 pixels with
 r = 8, a third of each side. What else was tried, all of it the same to the bit with `fast-int8`:
@@ -45,10 +45,10 @@ from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skip import Tally
 from ciir.renderer.backends import culling, open_backend
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.scenes import SCENES, scene
+from ciir.renderer.scenes import SCENES, load_scene
 from ciir.renderer.views import parse_views
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.source import Input
@@ -127,7 +127,7 @@ def rendered(mesh: Scene, lenses: int) -> dict[tuple[int, int], View]:
     array = LensArray(lenses, lenses, 15, 15)
     low = MIDDLE - SIDE // 2
     at = [(v, u) for v in range(low, low + SIDE) for u in range(low, low + SIDE)]
-    made = RaytraceBackend().views(mesh.transformed(frame(mesh, array)), array, at, samples=1)
+    made = RaytraceBackend().render_views(mesh.transform(frame_scene(mesh, array)), array, at, samples=1)
     return {(v - low, u - low): view for (v, u), view in zip(at, made, strict=True)}
 
 
@@ -169,8 +169,8 @@ def culled(placed: Scene, array: LensArray, wanted: str, backend: Backend, round
             found = replace(placed)
             begun = time.perf_counter()
             if is_culling:
-                found = culling.needed(found, array, views)
-            made[is_culling] = np.stack(list(backend.views(found, array, views)))
+                found = culling.cull_scene(found, array, views)
+            made[is_culling] = np.stack(list(backend.render_views(found, array, views)))
             times[is_culling].append(1000 * (time.perf_counter() - begun))
             share = 1 - found.triangles / placed.triangles
         differs = max(differs, int((made[False] != made[True]).any(axis=-1).sum()))
@@ -210,10 +210,10 @@ def show_culling(scenes: dict[str, Scene], lenses: Sequence[int], rounds: int) -
     for name, mesh in scenes.items():
         for size in lenses:
             array = LensArray(size, size, 15, 15)
-            placed = mesh.transformed(frame(mesh, array))
+            placed = mesh.transform(frame_scene(mesh, array))
             for wanted, count in (("center", 1), ("cross", 5)):
                 for backend in (open_backend("raytrace")[0], open_backend("raster")[0]):
-                    pays = culling.pays(backend.name, triangles=mesh.triangles, rays=size**2, views=count)
+                    pays = culling.is_worthwhile(backend.name, triangles=mesh.triangles, rays=size**2, views=count)
                     row = culled(placed, array, wanted, backend, rounds)
                     kept = not row.differs and (row.left <= SLOWER * row.whole or not pays)
                     holds &= kept
@@ -236,7 +236,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="mesh files beside the shipped scenes")
     parser.add_argument("--rounds", type=int, default=11, help="times that each row runs at least (default 11)")
     given = parser.parse_args(argv)
-    scenes = {name: scene(name) for name in SCENES}
+    scenes = {name: load_scene(name) for name in SCENES}
     scenes |= {path.stem: Input(Bundle.from_path(path)).read_mesh(Options()) for path in given.mesh}
     if "views" in given.only:
         show_views(given.model, scenes, given.lenses or (100, 200, 512), given.rounds)

@@ -45,7 +45,7 @@ from ciir.models import catalogue
 from ciir.models.session import Network, available_cores, open_session
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends import open_backend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.bundle import Bundle
@@ -162,8 +162,8 @@ def usual(source: Source, options: Options) -> NDArray[np.uint8]:
     array = mesh_array(options)
     scene = Input(source).read_mesh(options)
     raster = open_backend("raster")[0]
-    placed = scene.transformed(frame(scene, array))
-    eia = raster.by_lens(placed, array)[..., :3]  # type: ignore[attr-defined]  # the raster's own
+    placed = scene.transform(frame_scene(scene, array))
+    eia = raster.render_by_lens(placed, array)[..., :3]  # type: ignore[attr-defined]  # the raster's own
     mapped = LightField.from_eia(eia, rows=array.rows, cols=array.cols).views
     v, u, rows, cols, channels = mapped.shape
     small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 FILL = 0.94
 """Share of the array's width or height that the object's images take up, all views together."""
-GAP = 0.05
+CLEARANCE = 0.05
 """Distance from the array to the object's nearest point, as a share of the object's longest side."""
 
 
-def frame(scene: Scene, array: LensArray) -> NDArray[np.float64]:
+def frame_scene(scene: Scene, array: LensArray) -> NDArray[np.float64]:
     """The 4x4 matrix that puts `scene` in front of `array`, as large as it can be while every view holds all of it.
 
     The object keeps its orientation (y up, its +z side towards the array); its bounding box is centred on the array's
@@ -28,12 +28,12 @@ def frame(scene: Scene, array: LensArray) -> NDArray[np.float64]:
     """
     low, high = scene.bounds()
     middle = (low + high) / 2
-    gap = GAP * float((high - low).max())
+    gap = CLEARANCE * float((high - low).max())
     reach_x = np.abs(array.tangent_x()).max()
     reach_y = np.abs(array.tangent_y()).max()
     swept_x = swept_y = 0.0
     for part in scene.parts:
-        used = part.used()  # (n, 3)
+        used = part.used_vertices()  # (n, 3)
         distance = high[2] - used[:, 2] + gap
         swept_x = max(swept_x, float((np.abs(used[:, 0] - middle[0]) + reach_x * distance).max()))
         swept_y = max(swept_y, float((np.abs(used[:, 1] - middle[1]) + reach_y * distance).max()))

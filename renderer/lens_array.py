@@ -81,7 +81,7 @@ class LensArray:
         """ty of each pixel row v from the top down, `(pixels_v,)`."""
         return ((self.pixels_v - 1) / 2 - np.arange(self.pixels_v, dtype=np.float64)) * self.delta
 
-    def refined(self, scale: int) -> LensArray:
+    def refine(self, scale: int) -> LensArray:
         """The array of the same extent with `pitch / scale`: what upscaling by `scale` asks for.
 
         Raises `InvalidOption` where `scale` is below 1 or the lenses become too many.

@@ -21,7 +21,7 @@ Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as a virtual camera does, or turned by 180 degrees, as a lens does."""
 
 
-def interleaved(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
+def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
     """The elemental image array of all views, `(rows, cols, 4)` each, given row by row: `(rows*Kv, cols*Ku, 4)`.
 
     Written view by view, so that no second copy of them all is held. Raises `ValueError` where they are not `Kv*Ku`.

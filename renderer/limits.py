@@ -25,5 +25,5 @@ class Limits:
     """Views in a set, and in an answer."""
 
 
-DEFAULTS = Limits()
+DEFAULT_LIMITS = Limits()
 """Where nobody says anything else."""

@@ -33,10 +33,10 @@ def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]
         return picture
     height, width, channels = picture.shape
     cells = picture.reshape(height // samples, samples, width // samples, samples, channels)
-    return rounded_mean(cells, axes=(1, 3))
+    return average_pictures(cells, axes=(1, 3))
 
 
-def rounded_mean(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
+def average_pictures(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
     """The mean over `axes`, rounded to the nearest, halves up."""
     count = int(np.prod([pictures.shape[axis] for axis in axes]))
     total = pictures.sum(axis=axes, dtype=np.uint32)

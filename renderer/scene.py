@@ -42,7 +42,7 @@ class Part:
     alpha_cutoff: float | None = None
     """A point whose alpha is below this is not there; None where the part is opaque throughout."""
 
-    def used(self) -> NDArray[np.float64]:
+    def used_vertices(self) -> NDArray[np.float64]:
         """`(k, 3)`: the vertices that a triangle uses."""
         is_used = np.zeros(len(self.vertices), bool)  # several times quicker than np.unique
         is_used[self.faces] = True
@@ -68,11 +68,11 @@ class Scene:
         """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before culling."""
         if self.extent is not None:
             return self.extent
-        used = [part.used() for part in self.parts]
+        used = [part.used_vertices() for part in self.parts]
         low, high = ([[side(u[:, axis]) for axis in range(3)] for u in used] for side in (np.min, np.max))
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
-    def transformed(self, matrix: NDArray[np.float64]) -> Scene:
+    def transform(self, matrix: NDArray[np.float64]) -> Scene:
         """The scene with every vertex taken through the 4x4 affine `matrix`. Light that is baked in stays as it is, and
         of a culled scene the bounds are then those of what is left.
         """

@@ -21,7 +21,7 @@ CREASE_DEGREES = 40.0
 """A face that turns further than this from the smooth normal at its corner keeps its own normal there."""
 
 
-def encode(linear: NDArray[np.floating]) -> NDArray[np.float32]:
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
     """Linear values in [0, 1] to display-referred sRGB in [0, 1] (IEC 61966-2-1), any shape; clipped to [0, 1]."""
     x = np.clip(np.asarray(linear, np.float64), 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
@@ -33,7 +33,7 @@ def shade(normals: NDArray[np.floating]) -> NDArray[np.float32]:
     return light
 
 
-def unit(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
+def normalize(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
     """Vectors `(..., 3)` brought to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
@@ -41,7 +41,7 @@ def unit(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
     return directions
 
 
-def merged(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], int]:
+def merge_positions(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], int]:
     """For each vertex of `(n, 3)` the number of its position, `(n,)`, and how many distinct positions there are."""
     bits = np.ascontiguousarray(vertices + 0.0).view(np.uint64)  # + 0.0: -0.0 and 0.0 are one place
     key = np.zeros(len(vertices), np.uint64)
@@ -55,7 +55,7 @@ def merged(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], int]:
     return place, len(first)
 
 
-def smooth_normals(
+def compute_normals(
     vertices: NDArray[np.float64], faces: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Normals for a mesh that has none: smooth, with creases.
@@ -67,16 +67,16 @@ def smooth_normals(
     unit normals `(k, 3)`. The first n of the k vertices are the old ones. No face may have zero area.
     """
     corners = vertices[faces]  # (m, 3 corners, 3)
-    edges = unit(np.roll(corners, -1, axis=1) - corners)  # corner i -> corner i + 1
-    face_normals = unit(np.cross(edges[:, 0], edges[:, 1]))  # (m, 3)
+    edges = normalize(np.roll(corners, -1, axis=1) - corners)  # corner i -> corner i + 1
+    face_normals = normalize(np.cross(edges[:, 0], edges[:, 1]))  # (m, 3)
     cosines = -np.einsum("mci,mci->mc", edges, np.roll(edges, 1, axis=1))
     angles = np.arccos(np.clip(cosines, -1.0, 1.0))
 
-    place, places = merged(vertices)
+    place, places = merge_positions(vertices)
     corner_place = place[faces]  # (m, 3)
     weighted = angles[:, :, None] * face_normals[:, None, :]
     total = [np.bincount(corner_place.ravel(), weighted[:, :, axis].ravel(), places) for axis in range(3)]
-    smooth = unit(np.stack(total, axis=1))  # (places, 3)
+    smooth = normalize(np.stack(total, axis=1))  # (places, 3)
 
     agreement = np.einsum("mci,mi->mc", smooth[corner_place], face_normals)
     own = np.flatnonzero((agreement < np.cos(np.radians(CREASE_DEGREES))).ravel())

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable
-from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
-from ciir.renderer.shading import shade, smooth_normals, unit
+from ciir.renderer.shading import compute_normals, normalize, shade
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ MAX_COORDINATE = 1e9
 """Largest absolute coordinate, in the file's own units: beyond it nothing is a picture of an object."""
 MAX_TEXTURE_COORDINATE = 1e4
 """Largest absolute texture coordinate: beyond it float32 no longer tells a pixel from its neighbour."""
-PLAIN = (0.8, 0.8, 0.8, 1.0)
+DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
 """What has no colour at all, display-referred: a light grey on which the light can be seen."""
 _FLAT = 1e-12  # of the longest edge squared: below it a triangle's area is rounding
 
@@ -49,8 +49,8 @@ class Surface:
     """False for a material that is drawn without light."""
 
 
-def assemble(
-    surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = DEFAULTS.triangles
+def assemble_scene(
+    surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = DEFAULT_LIMITS.triangles
 ) -> Scene:
     """Check the surfaces of the file called `name`, give them normals and light, and make a scene of them.
 
@@ -141,7 +141,7 @@ def _with_normals(surfaces: list[Surface]) -> list[Surface]:
     """All surfaces with unit normals. Those without any are one mesh here: no seams in the light between materials."""
     for i, surface in enumerate(surfaces):
         if surface.normals is not None:
-            normals = unit(np.where(np.isfinite(surface.normals), surface.normals, 0.0))
+            normals = normalize(np.where(np.isfinite(surface.normals), surface.normals, 0.0))
             usable = bool(normals.any(axis=1).all())
             surfaces[i] = replace(surface, normals=normals if usable else None)
     bare = [i for i, surface in enumerate(surfaces) if surface.normals is None and surface.lit]
@@ -149,7 +149,7 @@ def _with_normals(surfaces: list[Surface]) -> list[Surface]:
         return surfaces
     vertex_start = np.cumsum([0] + [len(surfaces[i].vertices) for i in bare])
     face_start = np.cumsum([0] + [len(surfaces[i].faces) for i in bare])
-    source, faces, normals = smooth_normals(
+    source, faces, normals = compute_normals(
         np.concatenate([surfaces[i].vertices for i in bare]),
         np.concatenate([surfaces[i].faces + start for i, start in zip(bare, vertex_start, strict=False)]),
     )

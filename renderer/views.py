@@ -10,7 +10,7 @@ View = tuple[int, int]
 """(v, u): the view's pixel row and column under each lens, from the top left."""
 
 
-def center(pixels_v: int, pixels_u: int) -> View:
+def center_view(pixels_v: int, pixels_u: int) -> View:
     """The view nearest to the lenses' axis; the lower right one of the middle four where counts are even."""
     return pixels_v // 2, pixels_u // 2
 
@@ -21,7 +21,7 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
     `center`; `cross` (upper, left, centre, right, lower: the paper's figure 4), each view once; `all`, row by row;
     or pairs `v,u;v,u`. Raises `InvalidOption` for anything else and for a view that isn't there.
     """
-    v, u = center(pixels_v, pixels_u)
+    v, u = center_view(pixels_v, pixels_u)
     if spec == "center":
         return [(v, u)]
     if spec == "cross":

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, Validati
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from ciir.errors import InvalidOption
-from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.service.pipeline import cache_folder
 
 PREFIX = "CIIR_"
@@ -92,19 +92,19 @@ class Settings(BaseSettings):
 
     max_body_bytes: int = _number(64 * 2**20, 1024, _MOST)
     """Most bytes in a request's body, declared or chunked."""
-    max_files: int = _number(DEFAULTS.files, 1, 1_000_000)
+    max_files: int = _number(DEFAULT_LIMITS.files, 1, 1_000_000)
     """Most files in a zip."""
-    max_unpacked_bytes: int = _number(DEFAULTS.bytes, 1024, _MOST)
+    max_unpacked_bytes: int = _number(DEFAULT_LIMITS.bytes, 1024, _MOST)
     """Most bytes of all files of a zip together, unpacked."""
-    max_ratio: int = _number(DEFAULTS.ratio, 1, 100_000)
+    max_ratio: int = _number(DEFAULT_LIMITS.ratio, 1, 100_000)
     """Most unpacked bytes for each packed byte of a zip, looked at from 1 MiB unpacked up."""
-    max_pixels: int = _number(DEFAULTS.pixels, 1, _MOST)
+    max_pixels: int = _number(DEFAULT_LIMITS.pixels, 1, _MOST)
     """Most pixels in a picture, and in all textures of a mesh together; looked at before any is decoded."""
-    max_set_bytes: int = _number(DEFAULTS.set_bytes, 1, _MOST)
+    max_set_bytes: int = _number(DEFAULT_LIMITS.set_bytes, 1, _MOST)
     """Most bytes of all pictures of a set of views together, decoded."""
-    max_triangles: int = _number(DEFAULTS.triangles, 1, 100_000_000)
+    max_triangles: int = _number(DEFAULT_LIMITS.triangles, 1, 100_000_000)
     """Most triangles in a mesh, which may have three times as many vertices."""
-    max_views: int = _number(DEFAULTS.views, 1, 16_777_216)
+    max_views: int = _number(DEFAULT_LIMITS.views, 1, 16_777_216)
     """Most views in one answer, and in a set of them."""
     max_output_pixels: int = _number(256_000_000, 1, _MOST)
     """Most pixels, and samples of a mesh, in all views of one answer."""

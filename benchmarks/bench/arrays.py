@@ -10,8 +10,8 @@ import numpy as np
 from ciir.benchmarks.bench.timing import Stages, Times, in_turns, timed
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
-from ciir.renderer.framing import frame
-from ciir.renderer.light_field import interleaved
+from ciir.renderer.framing import frame_scene
+from ciir.renderer.light_field import interleave_views
 from ciir.renderer.views import parse_views
 from ciir.service.pipeline.source import Input
 
@@ -44,28 +44,28 @@ def routes(source: Source, array: LensArray, options: Options, rounds: int) -> t
     Scene and backends are there; the scene is new to the backend in each round, as it is for a user.
     """
     scene = Input(source).read_mesh(options)
-    matrix = frame(scene, array)
+    matrix = frame_scene(scene, array)
     makers: dict[str, Callable[[Scene], NDArray[np.uint8]]] = {}
     missing = ""
     try:
         raster = open_backend("raster")[0]
         every = parse_views("all", array.pixels_v, array.pixels_u)
-        makers[ECVIR] = lambda placed: raster.by_lens(placed, array)  # type: ignore[attr-defined]  # the raster's own
-        makers[OBLIQUE] = lambda placed: interleaved(raster.views(placed, array, every), array)
+        makers[ECVIR] = lambda placed: raster.render_by_lens(placed, array)  # type: ignore[attr-defined]  # the raster's own
+        makers[OBLIQUE] = lambda placed: interleave_views(raster.render_views(placed, array, every), array)
     except BackendUnavailable as error:
         missing = str(error)
     rays = open_backend("raytrace")[0]
-    makers[RAYS] = lambda placed: rays.elemental(placed, array)
+    makers[RAYS] = lambda placed: rays.render_eia(placed, array)
 
     def job(make: Callable[[Scene], NDArray[np.uint8]]) -> Callable[[], Stages]:
         def run() -> Stages:
-            placed = scene.transformed(matrix)
+            placed = scene.transform(matrix)
             return timed(lambda: make(placed))
 
         return run
 
     times = in_turns({name: job(make) for name, make in makers.items()}, rounds, reference=ECVIR)
-    placed = scene.transformed(matrix)
+    placed = scene.transform(matrix)
     exact = makers[RAYS](placed).astype(int)
     found = []
     for name, make in makers.items():

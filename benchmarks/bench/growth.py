@@ -13,11 +13,11 @@ from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
 from ciir.models.session import available_cores
 from ciir.renderer.backends import open_backend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from ciir.renderer.scenes.modelling import revolve
-from ciir.renderer.surface import Surface, assemble
+from ciir.renderer.surface import Surface, assemble_scene
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
@@ -57,7 +57,7 @@ def lines(models: Sequence[str], *, rounds: int, quick: bool) -> Iterator[Line]:
     most = QUICK if quick else None
     backends = [name for name in ("raster", "raytrace") if _opens(name)]
     views = {f"upscale, {model}": {n: _upscaling(model, n) for n in LENSES[:most]} for model in models} | {
-        f"a view by {name}": {n: _rendering(scene(MESH), name, n) for n in LENSES[:most]} for name in backends
+        f"a view by {name}": {n: _rendering(load_scene(MESH), name, n) for n in LENSES[:most]} for name in backends
     }
     yield from _measured("lenses along a side", views, rounds)
     yield from _measured(
@@ -114,24 +114,24 @@ def _upscaling(model: str, lenses: int, threads: int | None = None) -> Callable[
 def _rendering(mesh: Scene, backend: str, lenses: int) -> Callable[[], Stages]:
     """One view of a mesh that the backend hasn't seen yet: what a job waits for."""
     array = LensArray(lenses, lenses, 15, 15)
-    matrix = frame(mesh, array)
+    matrix = frame_scene(mesh, array)
     renderer = open_backend(backend)[0]
 
     def run() -> Stages:
-        placed = mesh.transformed(matrix)
-        return timed(lambda: list(renderer.views(placed, array, [(7, 7)])))
+        placed = mesh.transform(matrix)
+        return timed(lambda: list(renderer.render_views(placed, array, [(7, 7)])))
 
     return run
 
 
 def _array(backend: str, pixels: int) -> Callable[[], Stages]:
     array = LensArray(50, 50, pixels, pixels)
-    matrix = frame(scene(MESH), array)
+    matrix = frame_scene(load_scene(MESH), array)
     renderer = open_backend(backend)[0]
 
     def run() -> Stages:
-        placed = scene(MESH).transformed(matrix)
-        return timed(lambda: renderer.elemental(placed, array))
+        placed = load_scene(MESH).transform(matrix)
+        return timed(lambda: renderer.render_eia(placed, array))
 
     return run
 
@@ -149,4 +149,6 @@ def sphere(triangles: int) -> Scene:
     profile = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     profile[[0, -1], 0] = 0.0
     vertices, faces, _ = revolve(profile, segments)
-    return assemble([Surface(vertices, faces, color=(0.8, 0.6, 0.3, 1.0))], name=f"sphere of {len(faces)} triangles")
+    return assemble_scene(
+        [Surface(vertices, faces, color=(0.8, 0.6, 0.3, 1.0))], name=f"sphere of {len(faces)} triangles"
+    )

@@ -11,7 +11,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import encode_png
-from ciir.renderer.sampling import rounded_mean
+from ciir.renderer.sampling import average_pictures
 from ciir.renderer.scene import Scene
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct
@@ -146,6 +146,6 @@ def halved(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.
     rows, cols = (length // cell for length in pictures.shape[1:3])
     cells = pictures[:, : rows * cell, : cols * cell].reshape(len(pictures), rows, cell, cols, cell, 3)
     if sampling == "lenslet":
-        return rounded_mean(cells, axes=(2, 4)), cells.reshape(len(pictures), rows * cell, cols * cell, 3)
+        return average_pictures(cells, axes=(2, 4)), cells.reshape(len(pictures), rows * cell, cols * cell, 3)
     fine = cells.reshape(len(pictures), rows * SCALE, 2, cols * SCALE, 2, 3)
-    return rounded_mean(cells[:, :, 1:3, :, 1:3], axes=(2, 4)), rounded_mean(fine, axes=(2, 4))
+    return average_pictures(cells[:, :, 1:3, :, 1:3], axes=(2, 4)), average_pictures(fine, axes=(2, 4))

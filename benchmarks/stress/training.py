@@ -14,7 +14,7 @@ import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.renderer.readers import pictures
-from ciir.renderer.scenes.modelling import noise, rgba
+from ciir.renderer.scenes.modelling import sample_noise, to_rgba
 from ciir.training import recipe as recipes
 
 if TYPE_CHECKING:
@@ -77,8 +77,10 @@ def _crops(recipe: Recipe) -> Iterator[Crops]:
         y, x = np.mgrid[:96, :128] / 64.0
         for seed in range(4):
             points = np.stack([x, y, np.full_like(x, seed)], axis=-1)
-            colors = np.stack([noise(points, frequency=2.0**seed, octaves=4, seed=3 * seed + c) for c in range(3)], -1)
-            picture = rgba(0.5 + 0.5 * np.where(colors[..., :1] > 0.2, 1.0, colors))[..., :3]
+            colors = np.stack(
+                [sample_noise(points, frequency=2.0**seed, octaves=4, seed=3 * seed + c) for c in range(3)], -1
+            )
+            picture = to_rgba(0.5 + 0.5 * np.where(colors[..., :1] > 0.2, 1.0, colors))[..., :3]
             (Path(folder) / f"{seed}.png").write_bytes(pictures.encode(picture, ".png"))
         yield Crops(
             Path(folder),

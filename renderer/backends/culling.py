@@ -23,32 +23,34 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Part, Scene
     from ciir.renderer.views import View
 
-VIEWS = 5
+MAX_VIEWS = 5
 """Most views for which triangles are looked at: each takes a twentieth of the time that Embree builds in, and leaves
 fewer to cull."""
-FEW = {"raytrace": 2, "raster": 8}
+MIN_TRIANGLES_PER_RAY = {"raytrace": 2, "raster": 8}
 """How many times as many triangles as rays a scene must have at least, by backend, so that enough of them go: Embree
 takes longer for a triangle than OpenGL (`python -m ciir.benchmarks.skipping --only culling`)."""
 SNAP = 1 / 32
 """How far OpenGL may move a vertex, samples: to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS >= 4)."""
-ROUNDED = 16
+ROUNDING = 16
 """Units of float32's last place, of the scene's longest side or the array's, by which vertices and rays may be off."""
 
 
-def pays(backend: str, *, triangles: int, rays: int, views: int) -> bool:
+def is_worthwhile(backend: str, *, triangles: int, rays: int, views: int) -> bool:
     """Whether culling a scene of `triangles` is worth it before `backend` makes `views` of `rays` samples each."""
-    return views <= VIEWS and FEW[backend] * views * rays <= triangles
+    return views <= MAX_VIEWS and MIN_TRIANGLES_PER_RAY[backend] * views * rays <= triangles
 
 
-def culled(scene: Scene, array: LensArray, views: Sequence[View], backend: str, *, samples: int = 1) -> Scene:
-    """What `needed` leaves of a scene where that pays before `backend`, raytrace or raster; else `scene` itself."""
+def cull_if_worthwhile(
+    scene: Scene, array: LensArray, views: Sequence[View], backend: str, *, samples: int = 1
+) -> Scene:
+    """What `cull_scene` leaves of a scene where that pays before `backend`, raytrace or raster; else `scene` itself."""
     rays = array.rows * array.cols * samples**2
-    if not pays(backend, triangles=scene.triangles, rays=rays, views=len(views)):
+    if not is_worthwhile(backend, triangles=scene.triangles, rays=rays, views=len(views)):
         return scene
-    return needed(scene, array, views, samples=samples)
+    return cull_scene(scene, array, views, samples=samples)
 
 
-def needed(scene: Scene, array: LensArray, views: Sequence[View], *, samples: int = 1) -> Scene:
+def cull_scene(scene: Scene, array: LensArray, views: Sequence[View], *, samples: int = 1) -> Scene:
     """The triangles of a scene in front of `array` that some ray of `views` may meet, with `samples` along each side of
     a lens's cell; `scene` itself where no ray may meet any.
 
@@ -56,18 +58,18 @@ def needed(scene: Scene, array: LensArray, views: Sequence[View], *, samples: in
     where a ray passes exactly through an edge, or meets two surfaces at exactly the same distance, what Embree says
     depends on the order in which it keeps all triangles, and so on which are there.
     """
-    fine, bounds = array.refined(samples), scene.bounds()
+    fine, bounds = array.refine(samples), scene.bounds()
     longest = float((bounds[1] - bounds[0]).max()) / fine.pitch
-    margin = SNAP + ROUNDED * float(np.finfo(np.float32).eps) * max(longest, fine.rows, fine.cols)
+    margin = SNAP + ROUNDING * float(np.finfo(np.float32).eps) * max(longest, fine.rows, fine.cols)
     parts = []
     for part in scene.parts:
-        is_met = met(part, fine, views, margin)
+        is_met = find_met_triangles(part, fine, views, margin)
         if is_met.any():
             parts.append(part if is_met.all() else _with_faces(part, part.faces[is_met]))
     return replace(scene, parts=tuple(parts), extent=bounds) if parts else scene
 
 
-def met(part: Part, array: LensArray, views: Sequence[View], margin: float) -> NDArray[np.bool_]:
+def find_met_triangles(part: Part, array: LensArray, views: Sequence[View], margin: float) -> NDArray[np.bool_]:
     """`(m,)`: the triangles whose shadows' rectangles, `margin` pitches wider to each side, hold one of the array's
     lenses in one of `views`.
     """

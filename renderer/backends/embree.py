@@ -8,8 +8,8 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ciir.renderer.backends.textures import sample
-from ciir.renderer.light_field import interleaved
+from ciir.renderer.backends.textures import sample_texture
+from ciir.renderer.light_field import interleave_views
 from ciir.renderer.sampling import average_cells, check_samples
 from ciir.renderer.views import parse_views
 
@@ -109,7 +109,7 @@ class PreparedScene:
                 continue
             of_part = part == index
             uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
-            texel = sample(texture, uv)
+            texel = sample_texture(texture, uv)
             product[of_part] *= texel
         return np.clip(product[:, :3], 0.0, 1.0), product[:, 3] >= self.cutoff[part]
 
@@ -119,7 +119,7 @@ class RaytraceBackend:
 
     name = "raytrace"
 
-    def views(
+    def render_views(
         self,
         scene: Scene,
         array: LensArray,
@@ -128,10 +128,10 @@ class RaytraceBackend:
         samples: int = 1,
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> Iterator[NDArray[np.uint8]]:
-        """See `renderer.backends.Backend.views`."""
+        """See `renderer.backends.Backend.render_views`."""
         check_samples(samples)
         prepared = PreparedScene(scene)
-        fine = array.refined(samples)
+        fine = array.refine(samples)
         x, y = fine.lens_x(), fine.lens_y()
         for v, u in views:
             direction = np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
@@ -144,7 +144,7 @@ class RaytraceBackend:
             rgba[rgba[:, 3] == 0, :3] = background
             yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)
 
-    def elemental(
+    def render_eia(
         self,
         scene: Scene,
         array: LensArray,
@@ -152,6 +152,6 @@ class RaytraceBackend:
         samples: int = 1,
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> NDArray[np.uint8]:
-        """See `renderer.backends.Backend.elemental`: by lens or by view, the rays are the same."""
+        """See `renderer.backends.Backend.render_eia`: by lens or by view, the rays are the same."""
         every = parse_views("all", array.pixels_v, array.pixels_u)
-        return interleaved(self.views(scene, array, every, samples=samples, background=background), array)
+        return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)

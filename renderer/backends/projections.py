@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 
-def oblique(array: LensArray, view: View, near: float, far: float) -> NDArray[np.float64]:
+def make_oblique_matrix(array: LensArray, view: View, near: float, far: float) -> NDArray[np.float64]:
     """Projection of view (v, u): all its rays are parallel, so a point is sheared along them onto the array's plane.
 
     A point (px, py, pz) appears where the ray through it along (tx, ty, -1) leaves the plane z = 0: at
@@ -31,7 +31,7 @@ def oblique(array: LensArray, view: View, near: float, far: float) -> NDArray[np
     )
 
 
-def perspective(array: LensArray, near: float, far: float) -> NDArray[np.float64]:
+def make_perspective_matrix(array: LensArray, near: float, far: float) -> NDArray[np.float64]:
     """Projection of one elemental image, for a camera at its lens: clip x is tx over half the range of tangents."""
     half_tx, half_ty = array.pixels_u * array.delta / 2, array.pixels_v * array.delta / 2
     return np.array(

@@ -14,9 +14,9 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.backends.opengl import Context, Drawing
-from ciir.renderer.backends.projections import oblique, perspective
-from ciir.renderer.light_field import interleaved
-from ciir.renderer.sampling import average_cells, check_samples, rounded_mean
+from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
+from ciir.renderer.light_field import interleave_views
+from ciir.renderer.sampling import average_cells, average_pictures, check_samples
 from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class RasterBackend:
             for picture in self._thread.submit(task, drawings[start : start + together]).result():
                 yield over(picture, background)
 
-    def views(
+    def render_views(
         self,
         scene: Scene,
         array: LensArray,
@@ -73,14 +73,14 @@ class RasterBackend:
         samples: int = 1,
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> Iterator[NDArray[np.uint8]]:
-        """See `renderer.backends.Backend.views`."""
+        """See `renderer.backends.Backend.render_views`."""
         check_samples(samples)
-        fine = array.refined(samples)
-        drawings = [Drawing(partial(oblique, array, view), fine.rows, fine.cols) for view in views]
+        fine = array.refine(samples)
+        drawings = [Drawing(partial(make_oblique_matrix, array, view), fine.rows, fine.cols) for view in views]
         for picture in self._pictures(scene, drawings, background):
             yield average_cells(picture, samples)
 
-    def elemental(
+    def render_eia(
         self,
         scene: Scene,
         array: LensArray,
@@ -88,13 +88,15 @@ class RasterBackend:
         samples: int = 1,
         background: tuple[int, int, int] = (0, 0, 0),
     ) -> NDArray[np.uint8]:
-        """See `renderer.backends.Backend.elemental`: one render a view or one a lens, whichever is fewer."""
+        """See `renderer.backends.Backend.render_eia`: one render a view or one a lens, whichever is fewer."""
         if array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2:
             every = parse_views("all", array.pixels_v, array.pixels_u)
-            return interleaved(self.views(scene, array, every, samples=samples, background=background), array)
-        return self.by_lens(scene, array, samples=samples, background=background)
+            return interleave_views(
+                self.render_views(scene, array, every, samples=samples, background=background), array
+            )
+        return self.render_by_lens(scene, array, samples=samples, background=background)
 
-    def by_lens(
+    def render_by_lens(
         self,
         scene: Scene,
         array: LensArray,
@@ -107,7 +109,7 @@ class RasterBackend:
         """
         check_samples(samples)
         height, width = array.pixels_v, array.pixels_u
-        fine, projection = array.refined(samples), partial(perspective, array)
+        fine, projection = array.refine(samples), partial(make_perspective_matrix, array)
         lenses = [(row, col) for row in range(array.rows) for col in range(array.cols)]
         drawings = [
             Drawing(projection, height, width, (x, y))
@@ -118,7 +120,7 @@ class RasterBackend:
         pictures = self._pictures(scene, drawings, background)
         eia = np.empty((array.rows * height, array.cols * width, 4), np.uint8)
         for row, col in lenses:
-            image = rounded_mean(np.stack(list(islice(pictures, samples**2))), axes=(0,))
+            image = average_pictures(np.stack(list(islice(pictures, samples**2))), axes=(0,))
             eia[row * height : (row + 1) * height, col * width : (col + 1) * width] = image
         return eia
 

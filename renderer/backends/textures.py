@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Texture, Wrap
 
 
-def wrapped(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64]:
+def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64]:
     """Texel indices brought into `[0, size)`: `repeat`, `mirror` (every second copy is turned) or `clamp`."""
     if wrap == "repeat":
         return index % size
@@ -22,7 +22,7 @@ def wrapped(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64
     return np.clip(index, 0, size - 1)
 
 
-def sample(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def sample_texture(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     """Colour of `texture` at `uv` `(n, 2)`, origin at its lower left corner: `(n, 4)` RGBA in [0, 1].
 
     Texel (row, column) has its centre at u = (column + 0.5) / width, v = 1 - (row + 0.5) / height.
@@ -32,8 +32,8 @@ def sample(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     y = (1.0 - uv[:, 1].astype(np.float64)) * height - 0.5
     left, top = np.floor(x), np.floor(y)
     across, down = (x - left).astype(np.float32)[:, None], (y - top).astype(np.float32)[:, None]
-    columns = [wrapped(left.astype(np.int64) + i, width, texture.wrap_u) for i in (0, 1)]
-    rows = [wrapped(top.astype(np.int64) + i, height, texture.wrap_v) for i in (0, 1)]
+    columns = [wrap_indices(left.astype(np.int64) + i, width, texture.wrap_u) for i in (0, 1)]
+    rows = [wrap_indices(top.astype(np.int64) + i, height, texture.wrap_v) for i in (0, 1)]
     flat = texture.pixels.reshape(-1, 4)
     upper, lower = (
         flat[row * width + columns[0]] * (1 - across) + flat[row * width + columns[1]] * across for row in rows

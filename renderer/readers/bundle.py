@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.readers.registry import ZIP, identify
 
@@ -39,11 +39,11 @@ class Bundle:
     main: str | None
     """The key of the file that was given; None where a set of files was."""
     files: Mapping[str, bytes]
-    limits: Limits = DEFAULTS
+    limits: Limits = DEFAULT_LIMITS
     """What is read of the files is held against these."""
 
     @classmethod
-    def from_path(cls, path: Path, limits: Limits = DEFAULTS) -> Bundle:
+    def from_path(cls, path: Path, limits: Limits = DEFAULT_LIMITS) -> Bundle:
         """The file at `path` with the files beside and below it in reach by name; or a folder; or a zip's contents.
 
         Files are read when they are asked for. Raises `Unreadable` where there is nothing to read, `TooLarge` over a
@@ -57,7 +57,7 @@ class Bundle:
         return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
 
     @classmethod
-    def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULTS) -> Bundle:
+    def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULT_LIMITS) -> Bundle:
         """A client's file: its own bytes and nothing else, or a zip's contents, unpacked in memory.
 
         `name` says the kind and is shown in messages; it is never a path. Raises as `from_path` does.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import FORMATS, PictureFormat, find_by_signature
 
@@ -49,7 +49,7 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def decode(
-    data: bytes, *, name: str, max_pixels: int = DEFAULTS.pixels, check: Callable[[int, int], None] | None = None
+    data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels, check: Callable[[int, int], None] | None = None
 ) -> Pixels:
     """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import is_picture
@@ -42,7 +42,7 @@ def read(
     *,
     name: str,
     grid: tuple[int, int] | None,
-    limits: Limits = DEFAULTS,
+    limits: Limits = DEFAULT_LIMITS,
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.scene import Texture
-from ciir.renderer.scenes.modelling import blend, curve, noise, revolve, rgba, ring, step, tilted, turned
+from ciir.renderer.scenes.modelling import (
+    blend,
+    make_torus,
+    revolve,
+    rotate_surfaces,
+    rotate_vertices,
+    sample_curve,
+    sample_noise,
+    smooth_step,
+    to_rgba,
+)
 from ciir.renderer.surface import Surface
 
 if TYPE_CHECKING:
@@ -31,14 +41,16 @@ _LABELS = (  # text, longitude and latitude of its middle in degrees, pixels to 
 )  # fmt: skip
 
 
-def surfaces() -> list[Surface]:
+def make_surfaces() -> list[Surface]:
     """The globe, of radius 1 about the origin, its meridian ring and its foot: about 26,000 triangles."""
     polar = np.linspace(-np.pi / 2, np.pi / 2, 65)
     vertices, faces, uv = revolve(np.stack([np.cos(polar) * (np.abs(polar) < 1.57), np.sin(polar)], 1), 128)
-    globe = Surface(turned(vertices, 1, 180), faces, uv=uv, texture=Texture(rgba(texture()), wrap_v="clamp"))
-    ring_vertices, ring_faces = ring(1.1, 0.035, 96, 16)
+    globe = Surface(
+        rotate_vertices(vertices, 1, 180), faces, uv=uv, texture=Texture(to_rgba(paint_texture()), wrap_v="clamp")
+    )
+    ring_vertices, ring_faces = make_torus(1.1, 0.035, 96, 16)
     axis_vertices, axis_faces, _ = revolve([(0, -1.2), (0.05, -1.2), (0.05, -1), (0.05, 1), (0.05, 1.2), (0, 1.2)], 24)
-    turning = tilted(
+    turning = rotate_surfaces(
         [globe, Surface(ring_vertices, ring_faces, color=_BRASS), Surface(axis_vertices, axis_faces, color=_BRASS)],
         2,
         -23.4,
@@ -47,11 +59,11 @@ def surfaces() -> list[Surface]:
         (0, -1.72), (0.56, -1.72), (0.62, -1.70), (0.64, -1.66), (0.56, -1.60), (0.30, -1.54), (0.12, -1.46),
         (0.09, -1.34), (0.12, -1.22), (0.10, -1.13), (0.0, -1.12),
     ]  # fmt: skip
-    foot_vertices, foot_faces, _ = revolve(curve(foot_profile, 48), 64)
-    return tilted([*turning, Surface(foot_vertices, foot_faces, color=_WOOD)], 0, 14.0)
+    foot_vertices, foot_faces, _ = revolve(sample_curve(foot_profile, 48), 64)
+    return rotate_surfaces([*turning, Surface(foot_vertices, foot_faces, color=_WOOD)], 0, 14.0)
 
 
-def texture() -> NDArray[np.float32]:
+def paint_texture() -> NDArray[np.float32]:
     """The map, `(HEIGHT, WIDTH, 3)` in [0, 1], north at the top: land and sea, graticule, a dashed track and labels."""
     longitude, latitude = np.meshgrid(
         (np.arange(WIDTH, dtype=np.float32) + 0.5) / WIDTH * 360 - 180,
@@ -59,16 +71,16 @@ def texture() -> NDArray[np.float32]:
     )
     east, north = np.radians(longitude), np.radians(latitude)
     places = np.stack([np.cos(north) * np.sin(east), np.sin(north), np.cos(north) * np.cos(east)], axis=-1)
-    height = noise(places, frequency=1.7, octaves=5, seed=11)
-    fine = noise(places, frequency=40, octaves=1, seed=40)
+    height = sample_noise(places, frequency=1.7, octaves=5, seed=11)
+    fine = sample_noise(places, frequency=40, octaves=1, seed=40)
 
     sea = blend((0.05, 0.16, 0.36), (0.28, 0.62, 0.72), (height + 0.5) / (0.5 + _SEA_LEVEL))
     land = blend((0.36, 0.55, 0.24), (0.80, 0.70, 0.46), (height - _SEA_LEVEL) * 4 + fine * 0.25)
-    land = _over(land, (0.50, 0.38, 0.28), step(0.27, 0.12, height + fine * 0.05))
+    land = _over(land, (0.50, 0.38, 0.28), smooth_step(0.27, 0.12, height + fine * 0.05))
     contours = np.abs((height * 28) % 1 - 0.5) < 0.07
     land = _over(land, (0.35, 0.30, 0.18), contours * 0.5)
     picture = np.where((height > _SEA_LEVEL)[..., None], land * (1 + 0.15 * fine[..., None]), sea)
-    ice = step(68, 6, np.abs(latitude) + 8 * noise(places, frequency=5, octaves=2, seed=70))
+    ice = smooth_step(68, 6, np.abs(latitude) + 8 * sample_noise(places, frequency=5, octaves=2, seed=70))
     picture = _over(picture, (0.94, 0.96, 0.98), ice)
     shore = np.abs(height - _SEA_LEVEL) < 0.008
     picture = _over(picture, (0.12, 0.16, 0.20), shore * 0.8)

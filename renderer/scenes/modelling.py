@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _LATTICE = 64  # a power of two
 
 
-def grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
+def make_grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
     """Triangles `(2*(rows-1)*(cols-1), 3)` of a grid of `rows x cols` vertices, numbered row by row.
 
     Seen with rows going up and columns to the right they wind counter-clockwise.
@@ -41,18 +41,18 @@ def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDA
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     u, v = np.meshgrid(np.linspace(0, 1, segments + 1), along / along[-1])
     vertices = vertices.reshape(-1, 3)
-    faces = without_slivers(vertices, grid_faces(len(points), segments + 1))
+    faces = drop_slivers(vertices, make_grid_faces(len(points), segments + 1))
     return vertices, faces, np.stack([u, v], -1).reshape(-1, 2)
 
 
-def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def drop_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Faces two of whose corners are not at one place, as they are where a profile meets the axis."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     distinct = [np.abs(p - q).max(axis=1) > 1e-12 for p, q in ((a, b), (b, c), (c, a))]
     return faces[np.logical_and.reduce(distinct)]
 
 
-def curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
+def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
     """`(count, 2)` points on a Catmull-Rom curve through `the points `(k, 2)`; a doubled point is a corner."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
@@ -68,7 +68,9 @@ def curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
     return points_between
 
 
-def ring(radius: float, thickness: float, segments: int, sides: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def make_torus(
+    radius: float, thickness: float, segments: int, sides: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """A torus about the z axis: vertices `(n, 3)` and faces."""
     around, across = np.meshgrid(
         np.arange(segments + 1) % segments * (2 * np.pi / segments),
@@ -79,10 +81,10 @@ def ring(radius: float, thickness: float, segments: int, sides: int) -> tuple[ND
     vertices = np.stack(
         [distance * np.cos(around), distance * np.sin(around), -thickness * np.sin(across)], axis=-1
     ).reshape(-1, 3)
-    return vertices, grid_faces(segments + 1, sides + 1)
+    return vertices, make_grid_faces(segments + 1, sides + 1)
 
 
-def turned(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
+def rotate_vertices(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
     """Vertices turned about a coordinate axis, counter-clockwise as seen from its positive end."""
     angle = np.radians(degrees)
     matrix = np.eye(3)
@@ -101,14 +103,16 @@ def blend(
     return colors
 
 
-def step(edge: float, width: float, values: NDArray[np.floating]) -> NDArray[Any]:
+def smooth_step(edge: float, width: float, values: NDArray[np.floating]) -> NDArray[Any]:
     """0 below `edge`, 1 above it, smooth over `width`."""
     t = np.clip((values - edge) / width + 0.5, 0.0, 1.0)
     eased: NDArray[Any] = t * t * (3 - 2 * t)
     return eased
 
 
-def noise(points: NDArray[np.floating], *, frequency: float, octaves: int = 1, seed: int = 0) -> NDArray[np.float32]:
+def sample_noise(
+    points: NDArray[np.floating], *, frequency: float, octaves: int = 1, seed: int = 0
+) -> NDArray[np.float32]:
     """Value noise at points `(..., 3)`, smooth, in about [-1, 1]; each octave is twice as fine and half as strong."""
     total = np.zeros(points.shape[:-1], np.float32)
     weight = 0.0
@@ -151,18 +155,18 @@ def _lattice(seed: int) -> NDArray[np.float32]:
     return np.random.default_rng(seed).uniform(-1, 1, _LATTICE**3).astype(np.float32)
 
 
-def rgba(colors: NDArray[np.floating]) -> NDArray[np.uint8]:
+def to_rgba(colors: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Colours `(h, w, 3)` in [0, 1] as opaque 8-bit RGBA `(h, w, 4)`."""
     pixels = np.full((*colors.shape[:2], 4), 255, np.uint8)
     pixels[:, :, :3] = np.clip(np.rint(colors * 255), 0, 255)
     return pixels
 
 
-def vertex_colors(colors: NDArray[np.floating]) -> NDArray[np.float32]:
+def to_vertex_colors(colors: NDArray[np.floating]) -> NDArray[np.float32]:
     """Colours `(n, 3)` in [0, 1] as opaque RGBA `(n, 4)`."""
     return np.concatenate([np.clip(colors, 0, 1), np.ones((len(colors), 1))], axis=1).astype(np.float32)
 
 
-def tilted(surfaces: list[Surface], axis: int, degrees: float) -> list[Surface]:
+def rotate_surfaces(surfaces: list[Surface], axis: int, degrees: float) -> list[Surface]:
     """Surfaces turned about a coordinate axis, before they are lit."""
-    return [replace(surface, vertices=turned(surface.vertices, axis, degrees)) for surface in surfaces]
+    return [replace(surface, vertices=rotate_vertices(surface.vertices, axis, degrees)) for surface in surfaces]

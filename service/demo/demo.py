@@ -76,7 +76,7 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
     mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
     rows = []
     for scene in SCENES:
-        scenes.scene(scene)
+        scenes.load_scene(scene)
         eia = _Kept()
         made = pipeline.elemental(scene, mesh, eia.keep)
         tell(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))

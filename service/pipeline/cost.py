@@ -24,9 +24,9 @@ from ciir.models.session import available_cores
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer import backends
 from ciir.renderer.backends import culling
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.service.pipeline import cache_folder
 
@@ -78,7 +78,7 @@ class Rendering(NamedTuple):
     def typical(self) -> Stage:
         """Its cost on a typical machine."""
         triangles, looking = self.triangles, 0.0
-        if self.culls and culling.pays(self.backend, triangles=triangles, rays=self.rays, views=self.views):
+        if self.culls and culling.is_worthwhile(self.backend, triangles=triangles, rays=self.rays, views=self.views):
             looking = triangles * (PLACE_MS + self.views * LOOK_MS)
             triangles = min(triangles, round(HIT * self.views * self.rays))
         if self.backend == "raytrace":
@@ -111,7 +111,7 @@ class Costs:
     def rendering(self, views: Rendering) -> Stage:
         """Cost of rendering. OpenGL is not started only to be measured."""
         typical, name = views.typical(), f"{views.backend}; {machine()}"
-        starts = views.backend == "raster" and not backends.is_open("raster")
+        starts = views.backend == "raster" and not backends.is_backend_open("raster")
         factor = 1.0 if starts and name not in self._measured else self._get(name, lambda: _factor(views.backend))
         return Stage(factor * typical.once + OPENGL_START_MS * starts, factor * typical.views)
 
@@ -179,11 +179,11 @@ def measure(run: Callable[[], object]) -> float:
 
 def _factor(backend: str) -> float:
     """By how many times a backend is slower here than is typical."""
-    renderer, mesh, views = backends.open_backend(backend)[0], scene("vase"), [(0, 0), (1, 1), (2, 2)]
+    renderer, mesh, views = backends.open_backend(backend)[0], load_scene("vase"), [(0, 0), (1, 1), (2, 2)]
     array = LensArray(SIDE, SIDE, 3, 3, 1.0, 0.05)
-    matrix = frame(mesh, array)
+    matrix = frame_scene(mesh, array)
     typical = Rendering(backend, mesh.triangles, 16 * SIDE**2, len(views)).typical()
-    ms = measure(lambda: list(renderer.views(mesh.transformed(matrix), array, views, samples=4)))
+    ms = measure(lambda: list(renderer.render_views(mesh.transform(matrix), array, views, samples=4)))
     return ms / (typical.once + typical.views)
 
 

@@ -14,7 +14,7 @@ from ciir.models import catalogue
 from ciir.models.catalogue import DEFAULT
 from ciir.models.light_field.views import needed
 from ciir.renderer import backends
-from ciir.renderer.framing import FILL, GAP
+from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers.pictures import MAX_SIDE
 from ciir.renderer.sampling import LENSLET_SAMPLES
@@ -128,9 +128,9 @@ def _select_strategy(options: Options, job: Job, mesh: Scene | None, limit: int 
         return "direct", f"direct, as {model.unsuited}"
     predicted = _predict(options, job, mesh, model, rays)
     taken = min(predicted, key=predicted.__getitem__)
-    backend = backends.expected(options.backend, triangles=mesh.triangles, rays=rays[taken])
-    if backend == "raster" and not backends.is_open("raster"):
-        with suppress(BackendUnavailable):  # `backends.expected` then takes rays
+    backend = backends.predict_backend(options.backend, triangles=mesh.triangles, rays=rays[taken])
+    if backend == "raster" and not backends.is_backend_open("raster"):
+        with suppress(BackendUnavailable):  # `backends.predict_backend` then takes rays
             backends.open_backend("raster")
         predicted = _predict(options, job, mesh, model, rays)
         taken = min(predicted, key=predicted.__getitem__)
@@ -148,7 +148,7 @@ def _predict(options: Options, job: Job, mesh: Scene, model: Entry, rays: dict[S
 
     def render(strategy: Strategy, views: int) -> cost.Stage:
         rendering = cost.Rendering(
-            backends.expected(options.backend, triangles=mesh.triangles, rays=rays[strategy]),
+            backends.predict_backend(options.backend, triangles=mesh.triangles, rays=rays[strategy]),
             triangles=mesh.triangles,
             rays=rays[strategy],
             views=views,
@@ -177,7 +177,7 @@ def _seen(mesh: Scene, array: LensArray, card: Card) -> float:
     low, high = mesh.bounds()
     sides, lenses = high - low, np.array([array.cols, array.rows])
     reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
-    swept = sides[:2] + 2 * reach * (sides[2] / 2 + GAP * sides.max())  # by the middle, as `frame` places it
+    swept = sides[:2] + 2 * reach * (sides[2] / 2 + CLEARANCE * sides.max())  # by the middle, as `frame_scene` places it
     scale = (FILL * lenses / np.maximum(swept, 1e-300)).min()
     return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scene import Scene
@@ -30,16 +30,16 @@ class Input:
             self.limits = source.limits
             self._bundle: Bundle | None = replace(source, files=self._files)
         else:
-            self.name, self.limits = f"scene:{source}", DEFAULTS
+            self.name, self.limits = f"scene:{source}", DEFAULT_LIMITS
             self._scene = source
             self._bundle = None
 
     def read(self, options: Options) -> Scene | LightField:
         """The mesh, or the light field of the picture or pictures. Raises the input faults of `ciir.errors`."""
         if self._bundle is None:
-            from ciir.renderer.scenes import scene
+            from ciir.renderer.scenes import load_scene
 
-            return scene(self._scene)
+            return load_scene(self._scene)
         from ciir.renderer.readers import inputs
 
         content = inputs.read(self._bundle, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.renderer.backends.culling import culled
+from ciir.renderer.backends.culling import cull_if_worthwhile
 from ciir.service.pipeline.plan import check_samples, mesh_array
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class MeshViews:
     def __init__(self, scene: Scene, options: Options, plan: Plan, clock: Clock) -> None:
         """Raises `TooLarge` or `InvalidOption`; nothing is rendered or opened yet."""
         self.array = mesh_array(options)
-        self._rendered = self.array.refined(plan.enlarge) if plan.strategy == "direct" else self.array
+        self._rendered = self.array.refine(plan.enlarge) if plan.strategy == "direct" else self.array
         self.samples = check_samples(self._rendered, plan.samples, plan.strategy)
         self._given, self._plan, self._clock = scene, plan, clock
         self._wanted, self._background = options.backend, options.background
@@ -44,11 +44,11 @@ class MeshViews:
         """Opens the backend and places the scene; before `make` and `elemental`. Raises `BackendUnavailable`."""
         with self._clock.stage("render"):
             from ciir.renderer.backends import open_backend
-            from ciir.renderer.framing import frame
+            from ciir.renderer.framing import frame_scene
 
             self._backend, reason = open_backend(self._wanted, triangles=self._given.triangles, rays=self.samples)
-            matrix = frame(self._given, self.array)
-            self._scene = self._given.transformed(matrix)
+            matrix = frame_scene(self._given, self.array)
+            self._scene = self._given.transform(matrix)
         self.backend: str | None = self._backend.name
         self.reasons: Sequence[str] = [reason]
         self.transform: list[list[float]] | None = matrix.tolist()
@@ -70,9 +70,11 @@ class MeshViews:
         scene, samples = self._scene, self._plan.samples
         if self._culls:
             with self._clock.stage("render"):
-                scene = culled(scene, self._rendered, views, self._backend.name, samples=samples)
+                scene = cull_if_worthwhile(scene, self._rendered, views, self._backend.name, samples=samples)
                 self._left = scene.triangles
-        pictures = self._backend.views(scene, self._rendered, views, samples=samples, background=self._background)
+        pictures = self._backend.render_views(
+            scene, self._rendered, views, samples=samples, background=self._background
+        )
         return map(self._opaque, pictures)
 
     def skipped(self) -> Report:
@@ -87,7 +89,7 @@ class MeshViews:
     def elemental(self) -> NDArray[np.uint8]:
         """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
         with self._clock.stage("render"):
-            eia = self._backend.elemental(
+            eia = self._backend.render_eia(
                 self._scene, self.array, samples=self._plan.samples, background=self._background
             )
             return np.ascontiguousarray(self._opaque(eia))

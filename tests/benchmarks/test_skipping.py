@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ciir.benchmarks import skipping
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 
 
 def test_shares_of_a_view():
@@ -43,13 +43,13 @@ def test_a_row_for_each_view(capsys):
 
 def test_culling_is_compared_with_the_whole_scene():
     array, seen = LensArray(4, 4, 3, 3), []
-    mesh = scene("vase").transformed(frame(scene("vase"), array))
+    mesh = load_scene("vase").transform(frame_scene(load_scene("vase"), array))
 
     def views(found, array, wanted):
         seen.append(found.triangles)
         yield np.full((2, 3, 4), int(found.triangles < mesh.triangles), np.uint8)
 
-    row = skipping.culled(mesh, array, "center", SimpleNamespace(views=views), rounds=2)
+    row = skipping.culled(mesh, array, "center", SimpleNamespace(render_views=views), rounds=2)
     assert row.differs == 6
     assert seen[::2] == [mesh.triangles] * 3
     assert row.share == 1 - seen[1] / mesh.triangles > 0.5

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.renderer.framing import FILL, frame
+from ciir.renderer.framing import FILL, frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
 
@@ -25,8 +25,8 @@ def cloud(seed, stretch):
 )
 def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, counts, pitch):
     scene, array = cloud(seed, stretch), LensArray(*counts, pitch=pitch)
-    matrix = frame(scene, array)
-    placed = scene.transformed(matrix).parts[0].vertices
+    matrix = frame_scene(scene, array)
+    placed = scene.transform(matrix).parts[0].vertices
     assert (placed[:, 2] < 0).all()
     reach = 0.0
     for tx in array.tangent_x():
@@ -39,7 +39,7 @@ def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, 
 
 
 def test_orientation_and_proportions_stay():
-    matrix = frame(cloud(0, (1, 2, 3)), LensArray(50, 50, 15, 15))
+    matrix = frame_scene(cloud(0, (1, 2, 3)), LensArray(50, 50, 15, 15))
     assert matrix[0, 0] == matrix[1, 1] == matrix[2, 2] > 0
     off_diagonal = matrix[:3, :3] - np.diag(np.diag(matrix[:3, :3]))
     assert not off_diagonal.any()
@@ -48,8 +48,8 @@ def test_orientation_and_proportions_stay():
 @pytest.mark.parametrize("flat", [(0, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 0)])
 def test_flat_objects_stand_in_front_of_the_array(flat):
     array = LensArray(10, 10, 1, 1)
-    bounds = cloud(4, (1, 2, 3)).transformed(np.diag([*flat, 1.0]))
-    placed = bounds.transformed(frame(bounds, array)).bounds()
+    bounds = cloud(4, (1, 2, 3)).transform(np.diag([*flat, 1.0]))
+    placed = bounds.transform(frame_scene(bounds, array)).bounds()
     assert np.isfinite(placed).all()
     assert (placed[:, 2] < 0).all()
     assert np.abs(placed[:, :2]).max() <= 5.0
@@ -58,5 +58,5 @@ def test_flat_objects_stand_in_front_of_the_array(flat):
 @pytest.mark.parametrize("axis", [0, 1])
 def test_bounding_box_is_centred(axis):
     scene, array = cloud(3, (1, 2, 3)), LensArray(50, 50, 15, 15)
-    bounds = scene.transformed(frame(scene, array)).bounds()
+    bounds = scene.transform(frame_scene(scene, array)).bounds()
     assert bounds[:, axis].sum() == pytest.approx(0.0, abs=1e-9)

@@ -44,7 +44,7 @@ def test_axes_point_right_and_up() -> None:
 @SETTINGS
 @given(array=ARRAYS, scale=st.integers(1, 8))
 def test_refined_cells_tile_the_coarse_ones(array: LensArray, scale: int) -> None:
-    fine = array.refined(scale)
+    fine = array.refine(scale)
     assert (fine.rows, fine.cols) == (scale * array.rows, scale * array.cols)
     assert (fine.pixels_v, fine.pixels_u, fine.delta) == (array.pixels_v, array.pixels_u, array.delta)
     assert fine.width == pytest.approx(array.width)
@@ -58,8 +58,8 @@ def test_refined_cells_tile_the_coarse_ones(array: LensArray, scale: int) -> Non
 @given(array=ARRAYS)
 def test_a_sample_lies_midway_between_its_two_refined_ones(array: LensArray) -> None:
     for coarse, fine in (
-        (array.lens_x(), array.refined(2).lens_x()),
-        (array.lens_y(), array.refined(2).lens_y()),
+        (array.lens_x(), array.refine(2).lens_x()),
+        (array.lens_y(), array.refine(2).lens_y()),
     ):
         quarter = array.pitch / 4
         sign = 1 if fine[0] < fine[1] else -1
@@ -72,7 +72,7 @@ def test_a_sample_lies_midway_between_its_two_refined_ones(array: LensArray) -> 
 def test_delta_defaults_to_the_tangent_range_over_the_longer_side(pixels_v: int, pixels_u: int) -> None:
     array = LensArray(2, 2, pixels_v, pixels_u)
     assert array.delta * max(pixels_v, pixels_u) == pytest.approx(TANGENT_RANGE)
-    assert array.refined(2).delta == array.delta
+    assert array.refine(2).delta == array.delta
 
 
 @pytest.mark.parametrize("field", ["rows", "cols", "pixels_v", "pixels_u"])
@@ -100,9 +100,9 @@ def test_a_pitch_of_zero_is_out_of_range() -> None:
 @pytest.mark.parametrize("scale", [0, -2])
 def test_a_scale_below_1_is_out_of_range(scale: int) -> None:
     with pytest.raises(InvalidOption, match=f"^scale: {scale} is out of range; give 1 or more"):
-        LensArray(1, 1, 1, 1).refined(scale)
+        LensArray(1, 1, 1, 1).refine(scale)
 
 
 def test_refining_beyond_the_limit() -> None:
     with pytest.raises(InvalidOption, match=f"^lenses: {2 * MAX_LENSES} is out of range"):
-        LensArray(MAX_LENSES, 1, 1, 1).refined(2)
+        LensArray(MAX_LENSES, 1, 1, 1).refine(2)

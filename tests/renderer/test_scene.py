@@ -26,11 +26,11 @@ def test_triangles_are_those_of_all_parts():
 def test_what_is_moved_has_moved_bounds():
     matrix = np.diag([2.0, 2, 2, 1])
     matrix[:3, 3] = (1, 0, -5)
-    np.testing.assert_array_equal(Scene((part(SQUARE),)).transformed(matrix).bounds(), [[1, 0, -7], [5, 6, -5]])
+    np.testing.assert_array_equal(Scene((part(SQUARE),)).transform(matrix).bounds(), [[1, 0, -7], [5, 6, -5]])
 
 
 def test_a_culled_scene_keeps_its_extent_until_it_is_moved():
     extent = np.array([[-9.0, -9, -9], [9, 9, 9]])
     left = Scene((part(SQUARE),), extent=extent)
     assert left.bounds() is extent
-    np.testing.assert_array_equal(left.transformed(np.eye(4)).bounds(), [[0, 0, -1], [2, 3, 0]])
+    np.testing.assert_array_equal(left.transform(np.eye(4)).bounds(), [[0, 0, -1], [2, 3, 0]])

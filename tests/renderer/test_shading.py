@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.renderer.scenes.modelling import revolve
-from ciir.renderer.shading import LIGHT, encode, merged, shade, smooth_normals, unit
+from ciir.renderer.shading import LIGHT, compute_normals, encode_srgb, merge_positions, normalize, shade
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 CUBE_FACES = np.array(
@@ -17,14 +17,14 @@ CUBE_FACES = np.array(
 
 def test_encode_is_the_srgb_curve() -> None:
     # 0.5 -> 188 and 0.2 -> 124 of 255 are the figures that everyone's tables have.
-    assert np.rint(encode(np.array([0.0, 0.2, 0.5, 1.0])) * 255).tolist() == [0, 124, 188, 255]
-    assert encode(np.array([-1.0, 2.0])).tolist() == [0.0, 1.0]
-    assert encode(np.array([0.001]))[0] == pytest.approx(0.01292)
+    assert np.rint(encode_srgb(np.array([0.0, 0.2, 0.5, 1.0])) * 255).tolist() == [0, 124, 188, 255]
+    assert encode_srgb(np.array([-1.0, 2.0])).tolist() == [0.0, 1.0]
+    assert encode_srgb(np.array([0.001]))[0] == pytest.approx(0.01292)
 
 
 def test_encoded_factors_multiply_like_linear_ones_up_to_the_toe() -> None:
     a, b = np.meshgrid(np.linspace(0.2, 1, 9), np.linspace(0.2, 1, 9))
-    assert np.abs(encode(a) * encode(b) - encode(a * b)).max() < 0.02
+    assert np.abs(encode_srgb(a) * encode_srgb(b) - encode_srgb(a * b)).max() < 0.02
 
 
 def test_light_from_the_upper_left_front() -> None:
@@ -34,11 +34,11 @@ def test_light_from_the_upper_left_front() -> None:
 
 
 def test_unit_leaves_zero_alone() -> None:
-    assert unit(np.array([[3.0, 0, 4], [0, 0, 0]])).tolist() == [[0.6, 0, 0.8], [0, 0, 0]]
+    assert normalize(np.array([[3.0, 0, 4], [0, 0, 0]])).tolist() == [[0.6, 0, 0.8], [0, 0, 0]]
 
 
 def test_positions_are_merged_exactly() -> None:
-    place, count = merged(np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 2, 1], [0, 1, 2]]))
+    place, count = merge_positions(np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 2, 1], [0, 1, 2]]))
     assert count == 2
     assert place[0] == place[1] == place[3] != place[2]
 
@@ -52,15 +52,15 @@ def test_positions_are_merged_exactly_where_hashes_meet(monkeypatch: pytest.Monk
         return real(np.zeros_like(values) if next(first_call, False) else values, **options)
 
     monkeypatch.setattr("ciir.renderer.shading.np.unique", colliding)
-    place, count = merged(vertices)
+    place, count = merge_positions(vertices)
     assert count == 2
     assert place[0] == place[2] != place[1]
 
 
 def test_a_cube_keeps_its_edges() -> None:
-    source, faces, normals = smooth_normals(CUBE, CUBE_FACES)
+    source, faces, normals = compute_normals(CUBE, CUBE_FACES)
     corners = CUBE[source][faces]
-    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    flat = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     assert np.array_equal(CUBE[source][faces], CUBE[CUBE_FACES])
     assert np.allclose(normals[faces], flat[:, None])
 
@@ -70,7 +70,7 @@ def test_a_sphere_is_smooth_across_its_seam_and_poles() -> None:
     radius = np.cos(turn)
     radius[[0, -1]] = 0
     vertices, faces, _ = revolve(np.stack([radius, np.sin(turn)], 1), 64)
-    source, new_faces, normals = smooth_normals(vertices, faces)
+    source, new_faces, normals = compute_normals(vertices, faces)
     assert len(source) == len(vertices)  # nothing was split
     used = np.unique(new_faces)
     assert np.abs(normals[used] - vertices[source][used]).max() < 0.01
@@ -80,8 +80,8 @@ def test_soup_and_shared_vertices_have_the_same_normals() -> None:
     rng = np.random.default_rng(0)
     vertices, faces, _ = revolve([(0.2, 0), (1, 0.3), (0.7, 1.0)], 12)
     vertices = vertices + rng.normal(0, 0.01, vertices.shape).round(3)
-    shared = smooth_normals(vertices, faces)
-    soup = smooth_normals(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
+    shared = compute_normals(vertices, faces)
+    soup = compute_normals(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
     assert np.allclose(shared[2][shared[1]], soup[2][soup[1]])
 
 
@@ -91,10 +91,10 @@ def test_normals_are_unit_and_within_the_crease_of_their_face(seed: int) -> None
     rng = np.random.default_rng(seed)
     vertices = rng.normal(size=(20, 3))
     faces = np.array([rng.permutation(20)[:3] for _ in range(30)])
-    source, new_faces, normals = smooth_normals(vertices, faces)
+    source, new_faces, normals = compute_normals(vertices, faces)
     assert np.array_equal(source[new_faces], faces)
     corners = vertices[faces]
-    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    flat = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     used = normals[new_faces]
     assert np.allclose(np.linalg.norm(used, axis=-1), 1)
     assert (np.einsum("mci,mi->mc", used, flat) > np.cos(np.radians(40.001))).all()

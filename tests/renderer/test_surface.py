@@ -4,7 +4,7 @@ import pytest
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable
 from ciir.renderer.scene import Texture
 from ciir.renderer.shading import shade
-from ciir.renderer.surface import MAX_COORDINATE, Surface, assemble
+from ciir.renderer.surface import MAX_COORDINATE, Surface, assemble_scene
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -12,7 +12,7 @@ FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
 
 
 def test_a_square_is_lit_from_its_computed_normal() -> None:
-    scene = assemble([Surface(SQUARE, FACES, color=(0.5, 1.0, 0.0, 1.0))], name="a")
+    scene = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 1.0, 0.0, 1.0))], name="a")
     (part,) = scene.parts
     assert part.colors == pytest.approx(np.tile([0.5 * FRONT, FRONT, 0, 1], (4, 1)))
     assert part.vertices.dtype == np.float64
@@ -23,7 +23,7 @@ def test_a_square_is_lit_from_its_computed_normal() -> None:
 
 def test_given_normals_are_used_whatever_their_length() -> None:
     normals = np.tile([0.0, 5.0, 0.0], (4, 1))
-    (part,) = assemble([Surface(SQUARE, FACES, normals=normals)], name="a").parts
+    (part,) = assemble_scene([Surface(SQUARE, FACES, normals=normals)], name="a").parts
     assert part.colors[:, 0] == pytest.approx(shade(np.array([[0.0, 1, 0]]))[0])
 
 
@@ -31,21 +31,21 @@ def test_given_normals_are_used_whatever_their_length() -> None:
 def test_normals_that_are_none_are_computed(bad: float) -> None:
     normals = np.tile([0.0, 1.0, 0.0], (4, 1))
     normals[2] = bad
-    (part,) = assemble([Surface(SQUARE, FACES, normals=normals)], name="a").parts
+    (part,) = assemble_scene([Surface(SQUARE, FACES, normals=normals)], name="a").parts
     assert part.colors[:, 0] == pytest.approx(FRONT)
 
 
 def test_unlit_is_not_lit() -> None:
-    (part,) = assemble([Surface(SQUARE, FACES, color=(0.5, 0.5, 0.5, 1), lit=False)], name="a").parts
+    (part,) = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 0.5, 0.5, 1), lit=False)], name="a").parts
     assert part.colors[:, :3] == pytest.approx(0.5)
 
 
 def test_vertex_colours_multiply_the_material_and_opaque_means_alpha_1() -> None:
     colors = np.full((4, 4), 0.5, np.float32)
-    (part,) = assemble([Surface(SQUARE, FACES, color=(0.5, 1, 1, 0.5), colors=colors, lit=False)], name="a").parts
+    (part,) = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 1, 1, 0.5), colors=colors, lit=False)], name="a").parts
     assert part.colors == pytest.approx(np.tile([0.25, 0.5, 0.5, 1.0], (4, 1)))
     masked = Surface(SQUARE, FACES, color=(0.5, 1, 1, 0.5), colors=colors, lit=False, alpha_cutoff=0.1)
-    assert assemble([masked], name="a").parts[0].colors[:, 3] == pytest.approx(0.25)
+    assert assemble_scene([masked], name="a").parts[0].colors[:, 3] == pytest.approx(0.25)
 
 
 def test_one_part_for_each_texture_and_cutoff() -> None:
@@ -53,7 +53,7 @@ def test_one_part_for_each_texture_and_cutoff() -> None:
     textured = Surface(SQUARE, FACES, uv=SQUARE[:, :2], texture=texture)
     red = Surface(SQUARE + 1, FACES, color=(1, 0, 0, 1), lit=False)
     blue = Surface(SQUARE + 2, FACES, color=(0, 0, 1, 1), lit=False)
-    scene = assemble([red, textured, blue], name="a")
+    scene = assemble_scene([red, textured, blue], name="a")
     assert [len(part.faces) for part in scene.parts] == [4, 2]
     assert scene.parts[0].vertices[scene.parts[0].faces[3]].tolist() == (SQUARE + 2)[FACES[1]].tolist()
     assert scene.parts[0].colors[scene.parts[0].faces[3], 2].tolist() == [1, 1, 1]
@@ -64,7 +64,7 @@ def test_one_part_for_each_texture_and_cutoff() -> None:
 def test_light_has_no_seam_between_materials() -> None:
     bend = np.array([[0.0, 0, 0], [1, 0, 0.2], [1, 1, 0.2], [0, 1, 0], [2, 0, 0], [2, 1, 0]])
     halves = [Surface(bend, np.array([[0, 1, 2], [0, 2, 3]])), Surface(bend, np.array([[1, 4, 5], [1, 5, 2]]))]
-    (part,) = assemble(halves, name="a").parts
+    (part,) = assemble_scene(halves, name="a").parts
     on_the_bend = part.vertices[:, 0] == 1
     assert on_the_bend.sum() == 4
     assert np.ptp(part.colors[on_the_bend, 0]) < 1e-6
@@ -72,7 +72,7 @@ def test_light_has_no_seam_between_materials() -> None:
 
 def test_vertices_that_no_triangle_uses_play_no_part() -> None:
     vertices = np.concatenate([[[np.nan, 0, 0], [1e30, 0, 0]], SQUARE])
-    (part,) = assemble([Surface(vertices, FACES + 2)], name="a").parts
+    (part,) = assemble_scene([Surface(vertices, FACES + 2)], name="a").parts
     assert len(part.vertices) == 4
 
 
@@ -81,47 +81,47 @@ def test_a_vertex_that_is_not_finite(bad: float) -> None:
     vertices = SQUARE.copy()
     vertices[1, 1] = bad
     with pytest.raises(InvalidGeometry, match="a: a vertex is NaN or infinite"):
-        assemble([Surface(vertices, FACES)], name="a")
+        assemble_scene([Surface(vertices, FACES)], name="a")
 
 
 def test_a_coordinate_out_of_range() -> None:
-    assemble([Surface(SQUARE * MAX_COORDINATE, FACES)], name="a")
+    assemble_scene([Surface(SQUARE * MAX_COORDINATE, FACES)], name="a")
     with pytest.raises(InvalidGeometry, match=r"a: a coordinate is 1e\+30; at most 1e\+09"):
-        assemble([Surface(SQUARE * -1e30, FACES)], name="a")
+        assemble_scene([Surface(SQUARE * -1e30, FACES)], name="a")
 
 
 def test_no_triangles() -> None:
     for surfaces in ([], [Surface(SQUARE, np.empty((0, 3), np.int64))]):
         with pytest.raises(InvalidGeometry, match="a: no triangles"):
-            assemble(surfaces, name="a")
+            assemble_scene(surfaces, name="a")
 
 
 def test_zero_area_alone() -> None:
     line = np.array([[0.0, 0, 0], [1, 1, 1], [3, 3, 3]])
     for faces in ([[0, 1, 2]], [[0, 0, 1]], [[1, 1, 1]]):
         with pytest.raises(InvalidGeometry, match="all 1 triangles have zero area"):
-            assemble([Surface(line, np.array(faces))], name="a")
+            assemble_scene([Surface(line, np.array(faces))], name="a")
 
 
 def test_some_triangles_of_zero_area_are_dropped_with_a_note() -> None:
-    scene = assemble([Surface(SQUARE, np.array([[0, 1, 2], [0, 0, 2], [0, 2, 3]]))], name="a")
+    scene = assemble_scene([Surface(SQUARE, np.array([[0, 1, 2], [0, 0, 2], [0, 2, 3]]))], name="a")
     assert scene.triangles == 2
     assert scene.notes == ("1 of 3 triangles have zero area and are left out",)
 
 
 def test_a_small_triangle_far_from_the_origin_stays() -> None:
-    assert assemble([Surface(SQUARE * 1e-3 + 1e3, FACES)], name="a").triangles == 2
+    assert assemble_scene([Surface(SQUARE * 1e-3 + 1e3, FACES)], name="a").triangles == 2
 
 
 @pytest.mark.parametrize("index", [-1, 4, 2**40])
 def test_a_face_that_names_no_vertex(index: int) -> None:
     with pytest.raises(Unreadable, match=f"a: a face names vertex {index} but there are 4"):
-        assemble([Surface(SQUARE, np.array([[0, 1, 2], [0, 2, index]]))], name="a")
+        assemble_scene([Surface(SQUARE, np.array([[0, 1, 2], [0, 2, index]]))], name="a")
 
 
 def test_too_many_triangles() -> None:
     with pytest.raises(TooLarge, match="a: 2 triangles and 4 vertices; at most 1 and 3 are read; decimate"):
-        assemble([Surface(SQUARE, FACES)], name="a", max_triangles=1)
+        assemble_scene([Surface(SQUARE, FACES)], name="a", max_triangles=1)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30])
@@ -130,7 +130,7 @@ def test_colours_and_texture_coordinates_that_are_no_numbers_are_zero_with_a_not
     uv = SQUARE[:, :2].copy()
     colors[1, 2] = uv[3, 0] = bad
     surface = Surface(SQUARE, FACES, colors=colors, uv=uv, texture=Texture(np.zeros((1, 1, 4), np.uint8)), lit=False)
-    scene = assemble([surface], name="a")
+    scene = assemble_scene([surface], name="a")
     (part,) = scene.parts
     assert part.colors[1].tolist() == [1, 1, 0, 1]
     assert part.uv is not None
@@ -143,4 +143,6 @@ def test_colours_and_texture_coordinates_that_are_no_numbers_are_zero_with_a_not
 
 def test_many_surfaces_with_the_same_fault_make_one_note() -> None:
     bad = Surface(SQUARE, FACES, colors=np.full((4, 4), np.nan, np.float32))
-    assert assemble([bad] * 3, name="a").notes == ("12 vertices have a colour that is no usable number: taken as 0",)
+    assert assemble_scene([bad] * 3, name="a").notes == (
+        "12 vertices have a colour that is no usable number: taken as 0",
+    )

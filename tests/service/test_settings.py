@@ -6,7 +6,7 @@ from dataclasses import fields
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.service import settings
 from ciir.service.settings import Settings
 from tests.support.paths import ROOT
@@ -125,7 +125,7 @@ def test_the_folder_of_jobs(monkeypatch, tmp_path):
 
 
 def test_every_limit_of_the_renderer_can_be_set():
-    assert Settings().limits == DEFAULTS
+    assert Settings().limits == DEFAULT_LIMITS
     values = {
         "max_files": 2,
         "max_unpacked_bytes": 2000,

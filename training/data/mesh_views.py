@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from ciir.models.light_field.windows import SIDE as SIDE_OF_WINDOW
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
@@ -81,9 +81,9 @@ def pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Seen, Seen
     side = LENSES[index % len(LENSES)]
     across = SIDE // side
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transformed(turned(random))
+    placed = mesh.transform(turned(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
-    placed = placed.transformed(nearer @ frame(placed, array))
+    placed = placed.transform(nearer @ frame_scene(placed, array))
     views = [(int(v), int(u)) for v, u in random.integers(0, PIXELS, (across**2, 2))]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
     all_seen = seen(placed, array, views, background=(red, green, blue), scale=scale)
@@ -98,9 +98,9 @@ def window(mesh: Scene, *, seed: int, index: int) -> Field:
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transformed(turned(random))
+    placed = mesh.transform(turned(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
-    placed = placed.transformed(nearer @ frame(placed, array))
+    placed = placed.transform(nearer @ frame_scene(placed, array))
     top, left = (int(number) for number in random.integers(0, PIXELS - SIDE_OF_WINDOW + 1, 2))
     views = [(top + v, left + u) for v in range(SIDE_OF_WINDOW) for u in range(SIDE_OF_WINDOW)]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
@@ -108,11 +108,13 @@ def window(mesh: Scene, *, seed: int, index: int) -> Field:
     colours, lumas = {}, {}
     backend = RaytraceBackend()
     for kind, samples in (("pinhole", 1), ("lenslet", SAMPLES)):
-        made = backend.views(placed, array, views, samples=samples, background=(red, green, blue))
+        made = backend.render_views(placed, array, views, samples=samples, background=(red, green, blue))
         pictures = np.stack([view[..., :3] for view in made])
         colours[kind] = torch.from_numpy(pictures[middle].copy()).permute(2, 0, 1)
         lumas[kind] = torch.from_numpy(np.rint(pictures @ np.array(LUMA)).astype(np.uint8))
-    fine = backend.views(placed, array.refined(2), [views[middle]], samples=SAMPLES, background=(red, green, blue))
+    fine = backend.render_views(
+        placed, array.refine(2), [views[middle]], samples=SAMPLES, background=(red, green, blue)
+    )
     high = torch.from_numpy(next(fine)[..., :3].copy()).permute(2, 0, 1)
     return Field(lumas, colours, high)
 

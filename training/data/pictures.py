@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import read_file
 from ciir.renderer.readers.pictures import SUFFIXES, decode
 
@@ -49,7 +49,7 @@ def read(path: Path) -> Picture:
 
     Raises `ValueError` where it can't be read: truncated, not a picture, or of a printer's CMYK.
     """
-    pixels = decode(read_file(path, DEFAULTS), name=str(path))
+    pixels = decode(read_file(path, DEFAULT_LIMITS), name=str(path))
     if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
         return pixels.astype(np.uint8)
     values = pixels / np.iinfo(pixels.dtype).max

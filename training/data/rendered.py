@@ -81,8 +81,8 @@ def seen(
     The truth, `(scale*rows, scale*cols, 3)`, is what lenslets of `pitch / scale` see.
     """
     backend = RaytraceBackend()
-    by = ((array, 1), (array, SAMPLES), (array.refined(scale), SAMPLES))
-    pictures = [backend.views(scene, lenses, views, samples=n, background=background) for lenses, n in by]
+    by = ((array, 1), (array, SAMPLES), (array.refine(scale), SAMPLES))
+    pictures = [backend.render_views(scene, lenses, views, samples=n, background=background) for lenses, n in by]
     return list(zip(*(map(_opaque, of) for of in pictures), strict=True))
 
 

@@ -9,7 +9,7 @@ import torch
 
 from ciir.models.light_field.windows import SIDE as SIDE_OF_WINDOW
 from ciir.models.light_field.windows import axis
-from ciir.renderer.scenes import SCENES, scene
+from ciir.renderer.scenes import SCENES, load_scene
 from ciir.training.data import degrade, light_field_crops, mesh_views, pictures
 from ciir.training.data.light_field_sample import Inputs
 from ciir.training.export.inputs import FURTHER, IMAGE
@@ -64,7 +64,7 @@ def pairs(folders: Sequence[Path], scale: int) -> list[Example]:
             found.append(_of_picture(low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()))
     for name in SCENES:
         for index in range(VIEWS):
-            made = mesh_views.pairs(scene(name), seed=0, index=index, scale=scale)
+            made = mesh_views.pairs(load_scene(name), seed=0, index=index, scale=scale)
             found.extend(_of_picture(low, high) for low, high in made)
     return found
 
@@ -86,7 +86,7 @@ def fields(folders: Sequence[Path], scale: int) -> list[Example]:
             found.extend(_of_views(inputs, high))
     for name in SCENES:
         for index in range(FIELDS):
-            found.extend(_of_mesh(mesh_views.window(scene(name), seed=0, index=index)))
+            found.extend(_of_mesh(mesh_views.window(load_scene(name), seed=0, index=index)))
     return found
 
 

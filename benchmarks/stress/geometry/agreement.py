@@ -81,7 +81,7 @@ def held(what: str, placed: Scene, array: LensArray, views: Sequence[View], *, s
         if isinstance(backend, Skipped):
             yield backend
             continue
-        pictures = list(backend.views(placed, array, views))
+        pictures = list(backend.render_views(placed, array, views))
         is_raster = backend.name == "raster"
         allowed, band = (RASTER_LEVELS, BAND) if is_raster else (RAY_LEVELS, FLOAT_BAND)
         exact = compare(pictures, views, array, reference, allowed=allowed, band=band, some=slow)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.backends.textures import sample
+from ciir.renderer.backends.textures import sample_texture
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +36,7 @@ def slowly(scene: Scene) -> Sight:
         face = part.faces[triangle - first[part_of[triangle]]]
         rgba = weights @ part.colors[face].astype(np.float64)
         if part.texture is not None and part.uv is not None:
-            rgba = rgba * sample(part.texture, (weights @ part.uv[face].astype(np.float64))[None])[0]
+            rgba = rgba * sample_texture(part.texture, (weights @ part.uv[face].astype(np.float64))[None])[0]
         return np.append(np.clip(rgba[:3], 0.0, 1.0), 1.0) * 255.0, bool(rgba[3] >= (part.alpha_cutoff or 0.0))
 
     def look(origin: Values, direction: Values, tried: NDArray[np.intp]) -> Values:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.scene import Part, Scene
-from ciir.renderer.scenes.modelling import grid_faces, noise
+from ciir.renderer.scenes.modelling import make_grid_faces, sample_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +62,7 @@ def mosaic(count: int, *, side: float, distance: float) -> Scene:
     """A flat square of `count x count` squares of two triangles each, coloured by `ramp`."""
     y, x = np.meshgrid(*2 * [np.linspace(-side / 2, side / 2, count + 1)], indexing="ij")
     vertices = np.stack([x, y, np.full_like(x, -distance)], axis=-1).reshape(-1, 3)
-    faces = grid_faces(count + 1, count + 1).astype(np.int32)
+    faces = make_grid_faces(count + 1, count + 1).astype(np.int32)
     return Scene((Part(vertices, faces, opaque(ramp(x, y, side).reshape(-1, 3))),))
 
 
@@ -71,7 +71,7 @@ def hills(triangles: int) -> Scene:
     count = int(np.sqrt(triangles / 2)) + 1
     y, x = np.meshgrid(*2 * [np.linspace(-1, 1, count)], indexing="ij")
     flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    height = noise(flat, frequency=3.0, octaves=3, seed=1)
+    height = sample_noise(flat, frequency=3.0, octaves=3, seed=1)
     vertices = flat + np.stack([0 * height, 0 * height, 0.3 * height], axis=1)
-    colors = np.stack([noise(flat, frequency=2.0, seed=seed) for seed in (2, 3, 4)], axis=1)
-    return Scene((Part(vertices, grid_faces(count, count).astype(np.int32), opaque(0.5 + 0.4 * colors)),))
+    colors = np.stack([sample_noise(flat, frequency=2.0, seed=seed) for seed in (2, 3, 4)], axis=1)
+    return Scene((Part(vertices, make_grid_faces(count, count).astype(np.int32), opaque(0.5 + 0.4 * colors)),))

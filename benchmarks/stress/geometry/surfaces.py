@@ -10,10 +10,10 @@ from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.geometry import shapes
 from ciir.benchmarks.stress.geometry.agreement import backends
 from ciir.errors import InvalidGeometry
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Scene
-from ciir.renderer.surface import Surface, assemble
+from ciir.renderer.surface import Surface, assemble_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ PASSED = 8e-6
 def _wrong(backend: Backend, scene: Scene, array: LensArray, color: Sequence[float]) -> float:
     """Pixels of the scene's views that are of another colour than `color`, RGB in [0, 1]."""
     rgba = np.append(255.0 * np.asarray(color), 255.0)
-    return float(sum((picture != rgba).any(axis=2).sum() for picture in backend.views(scene, array, VIEWS)))
+    return float(sum((picture != rgba).any(axis=2).sum() for picture in backend.render_views(scene, array, VIEWS)))
 
 
 def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
@@ -80,7 +80,7 @@ def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
                 pair = [shapes.sheet(front, side, shapes.RED), shapes.sheet(front + gap, side, shapes.GREEN)]
                 ends = [shapes.speck(near, 10 * far), shapes.speck(far, 10 * far)]
                 for order in (pair, pair[::-1]):
-                    eia = backend.elemental(Scene((*order, *ends)), array)
+                    eia = backend.render_eia(Scene((*order, *ends)), array)
                     wrong += float((eia[..., :2] != (255, 0)).any(axis=2).sum())
             yield Found(f"raster by lens: depth {near:g} to {far:g}, pixels of the hidden sheet", 0.0, wrong)
 
@@ -93,11 +93,11 @@ def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a c
         if isinstance(backend, Skipped):
             yield backend
             continue
-        both, again = (np.stack(list(backend.views(Scene((red, green)), ARRAY, VIEWS))) for _ in range(2))
+        both, again = (np.stack(list(backend.render_views(Scene((red, green)), ARRAY, VIEWS))) for _ in range(2))
         neither = ~((both == (255, 0, 0, 255)).all(axis=3) | (both == (0, 255, 0, 255)).all(axis=3))
         yield Found(f"{backend.name}: two sheets in one plane, pixels of neither's colour", 0.0, float(neither.sum()))
         yield Found(f"{backend.name}: the same drawn again, values that differ", 0.0, float((both != again).sum()))
-        (picture,) = backend.views(mosaic, ARRAY, VIEWS[1:])
+        (picture,) = backend.render_views(mosaic, ARRAY, VIEWS[1:])
         yield Found(
             f"{backend.name}: seams through the samples' places, holes", 0.0, float((picture[..., 3] == 0).sum())
         )
@@ -126,12 +126,14 @@ def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
     flat = np.array([[0, 0, 1], [2, 2, 2], [corners, corners + 1, corners + 2]])  # the last: three on a line
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]])
     spoilt = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
-    clean, dirty = (assemble([surface], name="ball") for surface in (ball, spoilt))
+    clean, dirty = (assemble_scene([surface], name="ball") for surface in (ball, spoilt))
     for backend in backends("triangles without area"):
         if isinstance(backend, Skipped):
             yield backend
             continue
-        one, other = (next(iter(backend.views(s.transformed(frame(s, ARRAY)), ARRAY, VIEWS))) for s in (clean, dirty))
+        one, other = (
+            next(iter(backend.render_views(s.transform(frame_scene(s, ARRAY)), ARRAY, VIEWS))) for s in (clean, dirty)
+        )
         yield Found(f"{backend.name}: triangles without area, values that differ", 0.0, float((one != other).sum()))
     told = sum("6 of" in note and "zero area" in note for note in dirty.notes)
     yield Found("triangles without area, not told of", 0.0, float(1 - told))
@@ -155,7 +157,7 @@ def _ball(rings: int) -> Surface:
 def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], word: str) -> float:
     """0 where the mesh is refused in one line that says `word`; 1 otherwise."""
     try:
-        assemble([Surface(vertices, faces)], name="broken")
+        assemble_scene([Surface(vertices, faces)], name="broken")
     except InvalidGeometry as error:
         return float(word not in str(error) or "\n" in str(error))
     return 1.0

@@ -10,9 +10,9 @@ import numpy as np
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.geometry import pixel_mapping, shapes, surfaces
 from ciir.benchmarks.stress.geometry.agreement import backends, held
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ SLOW = 150
 
 def _scenes(effort: Effort) -> Iterator[tuple[str, Scene]]:
     """A plain one, and a textured one."""
-    yield from ((name, scene(name)) for name in (("vase",) if effort.quick else ("vase", "hamburger")))
+    yield from ((name, load_scene(name)) for name in (("vase",) if effort.quick else ("vase", "hamburger")))
 
 
 def _scales(effort: Effort) -> tuple[float, ...]:
@@ -42,7 +42,7 @@ def _changed(of: Scene, scale: float, offset: tuple[float, float, float] = (0.0,
     """The scene scaled about the origin, then moved. Its light stays as it was."""
     matrix = np.diag([scale, scale, scale, 1.0])
     matrix[:3, 3] = offset
-    return of.transformed(matrix)
+    return of.transform(matrix)
 
 
 def framed(effort: Effort) -> Iterator[Found | Skipped]:
@@ -52,7 +52,7 @@ def framed(effort: Effort) -> Iterator[Found | Skipped]:
         for scale in _scales(effort):
             for offset in (0.0, AWAY):
                 mesh = _changed(whole, scale, (offset, -offset, offset))
-                placed = mesh.transformed(frame(mesh, ARRAY))
+                placed = mesh.transform(frame_scene(mesh, ARRAY))
                 yield from held(f"{name} x{scale:g} moved {offset:g}", placed, ARRAY, views, slow=SLOW)
 
 
@@ -60,7 +60,7 @@ def in_its_units(effort: Effort) -> Iterator[Found | Skipped]:
     """A lens array and a scene in units of 1e-6 to 1e6, and an object 1e6 pitches away."""
     views = VIEWS[1:] if effort.quick else VIEWS
     for name, whole in _scenes(effort):
-        placed = whole.transformed(frame(whole, ARRAY))
+        placed = whole.transform(frame_scene(whole, ARRAY))
         for scale in _scales(effort):
             array = replace(ARRAY, pitch=scale)
             yield from held(f"{name}, pitch {scale:g}", _changed(placed, scale), array, views, slow=SLOW)
@@ -75,7 +75,7 @@ def many_triangles(effort: Effort) -> Iterator[Found | Skipped]:
     for count in (20_000,) if effort.quick else (1_000_000, 2_000_000):
         whole = shapes.hills(count)
         array = replace(ARRAY, rows=150, cols=150)
-        placed = whole.transformed(frame(whole, array))
+        placed = whole.transform(frame_scene(whole, array))
         yield from held(f"hills of {whole.triangles:,} triangles", placed, array, VIEWS[:1], slow=SLOW // 4)
 
 
@@ -93,7 +93,7 @@ def slivers(effort: Effort) -> Iterator[Found | Skipped]:
             if isinstance(backend, Skipped):
                 yield backend
                 continue
-            (picture,) = backend.views(disc, array, VIEWS[1:])
+            (picture,) = backend.render_views(disc, array, VIEWS[1:])
             what = f"{count:,} needles, {backend.name}"
             yield Found(f"{what}: holes, pixels", 0.0, float((picture[..., 3] == 0).sum()))
             yield Found(f"{what}: worst colour, levels", bound, float(np.abs(picture[..., :3] - truth).max()))

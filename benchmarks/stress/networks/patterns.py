@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import SCENES, scene
+from ciir.renderer.scenes import SCENES, load_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,9 +48,9 @@ def views(side: int) -> dict[str, Values]:
 
 
 def _view(name: str, array: LensArray) -> Values:
-    found = scene(name)
-    (view,) = RaytraceBackend().views(
-        found.transformed(frame(found, array)), array, [(0, 0)], samples=SAMPLES, background=(40, 44, 52)
+    found = load_scene(name)
+    (view,) = RaytraceBackend().render_views(
+        found.transform(frame_scene(found, array)), array, [(0, 0)], samples=SAMPLES, background=(40, 44, 52)
     )
     return np.ascontiguousarray(np.moveaxis(view[..., :3], 2, 0), np.float32) / np.float32(255)
 

@@ -11,7 +11,7 @@ from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import MeshFormat
-from ciir.renderer.surface import assemble
+from ciir.renderer.surface import assemble_scene
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
@@ -51,7 +51,7 @@ def read(bundle: Bundle, format_: Format) -> Scene:
         reader = format_.load_reader()
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
-        return assemble(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
+        return assemble_scene(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
     except MemoryError as error:
         raise TooLarge(f"{name}: reading it takes more memory than there is; decimate the mesh") from error
     except PARSE_ERRORS as error:

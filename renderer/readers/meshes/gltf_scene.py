@@ -10,7 +10,7 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import gltf, gltf_arrays
 from ciir.renderer.readers.meshes.polygons import normalised
-from ciir.renderer.shading import encode
+from ciir.renderer.shading import encode_srgb
 from ciir.renderer.surface import Surface, check_size
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
     """glTF's linear vertex colours `(n, 3 or 4)` as display-referred RGBA `(n, 4)`; alpha stays as it is."""
     values = normalised(color_0)
     rgba = np.ones((len(values), 4), np.float32)
-    rgba[:, :3] = encode(values[:, :3])
+    rgba[:, :3] = encode_srgb(values[:, :3])
     if values.shape[1] == 4:
         rgba[:, 3] = np.clip(values[:, 3], 0.0, 1.0)
     return rgba
@@ -209,7 +209,7 @@ class _Material:
         glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness", {})
         factor = glossy.get("diffuseFactor") if glossy else metallic.get("baseColorFactor")
         red, green, blue, alpha = (float(value) for value in factor or (1.0, 1.0, 1.0, 1.0))
-        red, green, blue = (float(value) for value in encode(np.array([red, green, blue])))
+        red, green, blue = (float(value) for value in encode_srgb(np.array([red, green, blue])))
         self.color = red, green, blue, min(max(alpha, 0.0), 1.0)
         self._texture = glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture")
         self._transform: dict[str, Any] = (self._texture or {}).get("extensions", {}).get("KHR_texture_transform", {})

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.renderer.surface import PLAIN
+from ciir.renderer.surface import DEFAULT_COLOR
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
@@ -24,7 +24,7 @@ Color = tuple[float, float, float, float]
 class Material:
     """What a material means here."""
 
-    color: Color = PLAIN
+    color: Color = DEFAULT_COLOR
     """RGBA in [0, 1], display-referred."""
     texture: Texture | None = None
     alpha_cutoff: float | None = None
@@ -58,7 +58,7 @@ def material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
         red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
         color = (red, green, blue, 1.0)
     else:
-        color = (1.0, 1.0, 1.0, 1.0) if texture else PLAIN
+        color = (1.0, 1.0, 1.0, 1.0) if texture else DEFAULT_COLOR
     if texture is not None and not any(color[:3]):
         resolver.note("a textured material has a black Kd, as some exporters write it: taken as white")
         color = (1.0, 1.0, 1.0, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from ciir.errors import Unreadable
 from ciir.renderer.readers.meshes.polygons import fans, numbers
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import PLAIN, Surface, check_size
+from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -60,7 +60,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     if colored and vertex_count:
         colors = np.ones((vertex_count, 4), np.float32)
         colors[:, :3] = vertices[:, 3:] / (255 if vertices[:, 3:].max() > 1 else 1)
-    color = PLAIN if colors is None else (1.0, 1.0, 1.0, 1.0)
+    color = DEFAULT_COLOR if colors is None else (1.0, 1.0, 1.0, 1.0)
     return [Surface(vertices[:, :3], triangles, colors=colors, color=color)]
 
 

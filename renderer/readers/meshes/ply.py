@@ -15,7 +15,7 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes.polygons import fans, normalised, numbers
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import PLAIN, Surface, check_size
+from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,7 +80,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         normals=_stacked(vertex, ("nx", "ny", "nz")).astype(np.float64)
         if {"nx", "ny", "nz"} <= vertex.keys()
         else None,
-        color=PLAIN,
+        color=DEFAULT_COLOR,
     )
     texture = None if picture is None else resolver.texture(picture, opaque=True)
     colored = _colored(surface, vertex, face, face_of, texture)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ciir.errors import Unreadable
 from ciir.renderer.readers.meshes.polygons import numbers
-from ciir.renderer.surface import PLAIN, Surface, check_size
+from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
 
 if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
@@ -40,7 +40,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         raise Unreadable(
             f"{name}: a binary STL of {count:,} triangles in {len(data):,} bytes: cut short; give it again"
         )
-    return [Surface(vertices, np.arange(len(vertices)).reshape(-1, 3), color=PLAIN)]
+    return [Surface(vertices, np.arange(len(vertices)).reshape(-1, 3), color=DEFAULT_COLOR)]
 
 
 def _ascii(data: bytes, name: str, max_triangles: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InputError, TooLarge
-from ciir.renderer.limits import DEFAULTS
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.names import clean_text, resolve_key
 from ciir.renderer.scene import Texture, Wrap
@@ -30,7 +30,7 @@ class Resolver:
     Never raises for a name: what isn't there, or would be outside, is None with a line in `notes`.
     """
 
-    def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULTS.pixels) -> None:
+    def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> None:
         self._notes: dict[str, None] = {}
         self._files = files
         self._folder = posixpath.dirname(main)

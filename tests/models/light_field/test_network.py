@@ -13,9 +13,9 @@ from ciir.models.light_field.windows import axis
 from ciir.models.metrics import luma, psnr
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 
 FIELDS = [entry.name for entry in catalogue.entries() if entry.is_light_field and not entry.unsuited]
 each_field = pytest.mark.parametrize("name", FIELDS)
@@ -28,9 +28,9 @@ HARM = 0.2
 def seen(name, refined, at, samples):
     """Views of the middle 5x5, `(n, H, W, 3)`, by `LENSES` lenses along each side or `refined` times as many."""
     array = LensArray(LENSES, LENSES, 15, 15)
-    placed = scene(name).transformed(frame(scene(name), array))
+    placed = load_scene(name).transform(frame_scene(load_scene(name), array))
     views = [(5 + v, 5 + u) for v, u in at]
-    made = RaytraceBackend().views(placed, array.refined(refined), views, samples=samples)
+    made = RaytraceBackend().render_views(placed, array.refine(refined), views, samples=samples)
     return np.stack([view[..., :3] for view in made])
 
 

@@ -13,9 +13,9 @@ from ciir.models.light_field.views import upscale_views
 from ciir.models.single import skip
 from ciir.models.single.skip import Tally
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from tests.models.mixing import Mixing, MixingViews
 
 FIELDS = [entry.name for entry in catalogue.entries() if entry.is_light_field and not entry.unsuited]
@@ -119,9 +119,9 @@ def test_nothing_is_skipped_where_that_is_asked_for():
 def rendered():
     """Views of the vase, 5x5 of 48x48 pixels with a wide margin."""
     array = LensArray(48, 48, 15, 15)
-    placed = scene("vase").transformed(frame(scene("vase"), array))
+    placed = load_scene("vase").transform(frame_scene(load_scene("vase"), array))
     at = [(v, u) for v in range(5, 10) for u in range(5, 10)]
-    views = RaytraceBackend().views(placed, array, at, samples=1)
+    views = RaytraceBackend().render_views(placed, array, at, samples=1)
     margin = ((30, 30), (44, 30), (0, 0))
     return {(v - 5, u - 5): np.pad(view[..., :3], margin) for (v, u), view in zip(at, views, strict=True)}
 

@@ -14,9 +14,9 @@ from ciir.models.single.interpolation import Bicubic
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skip import Tally
 from ciir.renderer.backends.embree import RaytraceBackend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from tests.models.mixing import Mixing
 
 FLOAT = 1e-6
@@ -146,8 +146,8 @@ def test_networks_that_make_pictures_up_to_other_sizes_see_the_whole(sizes, suit
 def rendered(name):
     """The middle view of 64x64 lenses, with as much again of its background around it, `(112, 112, 3)`."""
     array = LensArray(64, 64, 15, 15)
-    placed = scene(name).transformed(frame(scene(name), array))
-    (view,) = RaytraceBackend().views(placed, array, [(7, 7)], samples=1)
+    placed = load_scene(name).transform(frame_scene(load_scene(name), array))
+    (view,) = RaytraceBackend().render_views(placed, array, [(7, 7)], samples=1)
     return np.pad(view[..., :3], ((24, 24), (24, 24), (0, 0)), mode="edge")
 
 

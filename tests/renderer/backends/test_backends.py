@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from ciir.errors import BackendUnavailable, InvalidOption
-from ciir.renderer import backends
-from ciir.renderer.backends import open_backend
-from ciir.renderer.framing import frame
+from ciir.renderer.backends import open_backend, selection
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.scene import Part, Scene, Texture
-from ciir.renderer.scenes import SCENES, scene
+from ciir.renderer.scenes import SCENES, load_scene
 from tests.support.paths import ROOT, SHARED
 
 MESHES = ["duck.glb", "spot/spot.obj", "fuze/fuze.obj", "milk-truck.glb"]
@@ -35,12 +34,12 @@ def inputs(names):
     """Shipped scenes by name, meshes of ../shared by file, in front of the array."""
     for name in names:
         if name in SCENES:
-            found = scene(name)
+            found = load_scene(name)
         elif SHARED.is_dir():
             found = read(Bundle.from_path(SHARED / "data" / "meshes" / name), lenses=None, pixels=None)
         else:
             pytest.skip("needs ../shared")
-        yield found.transformed(frame(found, ARRAY))
+        yield found.transform(frame_scene(found, ARRAY))
 
 
 def disagreement(one, other, *, textured):
@@ -78,7 +77,9 @@ def disagreement(one, other, *, textured):
 def test_raster_draws_what_rays_meet(name, samples):
     raster, raytrace = backend("raster"), backend("raytrace")
     (placed,) = inputs([name])
-    views = [np.stack(list(b.views(placed, ARRAY, CORNERS_AND_MIDDLE, samples=samples))) for b in (raster, raytrace)]
+    views = [
+        np.stack(list(b.render_views(placed, ARRAY, CORNERS_AND_MIDDLE, samples=samples))) for b in (raster, raytrace)
+    ]
     assert views[1][..., 3].any(axis=(1, 2)).all()
     textured = any(part.texture is not None for part in placed.parts)
     if samples == 1:
@@ -93,10 +94,10 @@ def test_raster_draws_what_rays_meet(name, samples):
 def test_the_comparison_notices(name, broken, monkeypatch):
     raster, raytrace = backend("raster"), backend("raytrace")
     from ciir.renderer.backends import raster as module
-    from ciir.renderer.backends.projections import oblique
+    from ciir.renderer.backends.projections import make_oblique_matrix
 
     def wrong(array, view, near, far):
-        matrix = oblique(array, view, near, far)
+        matrix = make_oblique_matrix(array, view, near, far)
         if broken == "shear sign":
             matrix[:2, 2] *= -1
         elif broken == "half a pixel in x":
@@ -108,9 +109,9 @@ def test_the_comparison_notices(name, broken, monkeypatch):
         return matrix
 
     (placed,) = inputs([name])
-    exact = np.stack(list(raytrace.views(placed, ARRAY, CORNERS_AND_MIDDLE)))
-    monkeypatch.setattr(module, "oblique", wrong)
-    assert disagreement(np.stack(list(raster.views(placed, ARRAY, CORNERS_AND_MIDDLE))), exact, textured=True)
+    exact = np.stack(list(raytrace.render_views(placed, ARRAY, CORNERS_AND_MIDDLE)))
+    monkeypatch.setattr(module, "make_oblique_matrix", wrong)
+    assert disagreement(np.stack(list(raster.render_views(placed, ARRAY, CORNERS_AND_MIDDLE))), exact, textured=True)
 
 
 def cut_outs(wrap):
@@ -137,7 +138,7 @@ def cut_outs(wrap):
 def test_cut_outs_and_wraps_agree(wrap):
     raster, raytrace = backend("raster"), backend("raytrace")
     array = LensArray(160, 160, 3, 3, pitch=0.3125)
-    made = [np.stack(list(b.views(cut_outs(wrap), array, [(0, 2), (1, 1)]))) for b in (raster, raytrace)]
+    made = [np.stack(list(b.render_views(cut_outs(wrap), array, [(0, 2), (1, 1)]))) for b in (raster, raytrace)]
     assert disagreement(*made, textured=True) == []
     # A hole that is there in one alone, or another copy of the texture, is worth tens of grey levels.
     differ = np.abs(made[0].astype(int) - made[1]).max(-1) > 3
@@ -150,11 +151,11 @@ def test_pictures_are_held_up_to_a_number_of_samples(monkeypatch):
 
     (placed,) = inputs(["vase"])
     array, wanted, turns = LensArray(20, 30, 3, 3), [(0, 0), (1, 1), (2, 2)], []
-    expected = list(raster.views(placed, array, wanted))
+    expected = list(raster.render_views(placed, array, wanted))
     submit = raster._thread.submit
     monkeypatch.setattr(raster._thread, "submit", lambda *given: turns.append(1) or submit(*given))
     monkeypatch.setattr(module, "SAMPLES_AT_ONCE", 2 * 20 * 30)
-    np.testing.assert_array_equal(list(raster.views(placed, array, wanted)), expected)
+    np.testing.assert_array_equal(list(raster.render_views(placed, array, wanted)), expected)
     assert len(turns) == 2
 
 
@@ -163,31 +164,30 @@ def test_a_scene_that_fails_to_load_leaves_the_last_one(monkeypatch):
     from ciir.renderer.backends import opengl as module
 
     vase, globe = inputs(["vase", "globe"])
-    (expected,) = raster.views(vase, ARRAY, [(7, 7)])
+    (expected,) = raster.render_views(vase, ARRAY, [(7, 7)])
     with monkeypatch.context() as broken:
         broken.setattr(module, "MatrixCamera", None)
         with pytest.raises(TypeError):
-            list(raster.views(globe, ARRAY, [(7, 7)]))
-    (again,) = raster.views(vase, ARRAY, [(7, 7)])
+            list(raster.render_views(globe, ARRAY, [(7, 7)]))
+    (again,) = raster.render_views(vase, ARRAY, [(7, 7)])
     np.testing.assert_array_equal(again, expected)
 
 
 def test_a_process_that_drew_ends_without_a_word():
     backend("raster")
     code = (
-        "from ciir.renderer.backends import open_backend\nfrom ciir.renderer.framing import frame\n"
-        "from ciir.renderer.lens_array import LensArray\nfrom ciir.renderer.scenes import scene\n"
-        "array, globe = LensArray(9, 9, 1, 1), scene('globe')\n"
-        "list(open_backend('raster')[0].views(globe.transformed(frame(globe, array)), array, [(0, 0)]))"
+        "from ciir.renderer.backends import open_backend\nfrom ciir.renderer.framing import frame_scene\n"
+        "from ciir.renderer.lens_array import LensArray\nfrom ciir.renderer.scenes import load_scene\n"
+        "array, globe = LensArray(9, 9, 1, 1), load_scene('globe')\n"
+        "list(open_backend('raster')[0].render_views(globe.transform(frame_scene(globe, array)), array, [(0, 0)]))"
     )
-    root = ROOT
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)  # noqa: S603
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)  # noqa: S603
     assert (done.stdout, done.stderr) == ("", "")
 
 
 def test_a_refusal_keeps_no_caller_alive(monkeypatch):
-    monkeypatch.delitem(backends._open, "raster", raising=False)
-    monkeypatch.setitem(backends._refused, "raster", "raster: no display")
+    monkeypatch.delitem(selection._open, "raster", raising=False)
+    monkeypatch.setitem(selection._refused, "raster", "raster: no display")
     raised = []
     for _ in range(2):
         with pytest.raises(BackendUnavailable) as caught:
@@ -201,10 +201,10 @@ def test_by_lens_is_by_view(samples):
     raster = backend("raster")
     (placed,) = inputs(["globe"])
     few_lenses = LensArray(4, 6, 20, 30, pitch=10.0, delta=0.02)
-    by_lens = raster.elemental(placed, few_lenses, samples=samples)
+    by_lens = raster.render_eia(placed, few_lenses, samples=samples)
     every = [(v, u) for v in range(20) for u in range(30)]
     by_view = np.empty_like(by_lens)
-    for (v, u), view in zip(every, raster.views(placed, few_lenses, every, samples=samples), strict=True):
+    for (v, u), view in zip(every, raster.render_views(placed, few_lenses, every, samples=samples), strict=True):
         by_view[v::20, u::30] = view
     assert by_lens[..., 3].any()
     error = by_lens.astype(int) - by_view
@@ -218,9 +218,9 @@ def test_elemental_holds_the_views_exactly(name):
     made = backend(name)
     (placed,) = inputs(["hamburger"])
     array = LensArray(20, 30, 5, 3)
-    eia = made.elemental(placed, array)
+    eia = made.render_eia(placed, array)
     every = [(v, u) for v in range(5) for u in range(3)]
-    for (v, u), view in zip(every, made.views(placed, array, every), strict=True):
+    for (v, u), view in zip(every, made.render_views(placed, array, every), strict=True):
         np.testing.assert_array_equal(eia[v::5, u::3], view)
 
 
@@ -231,14 +231,14 @@ def test_parallax_has_the_right_sign_and_size(name):
     (placed,) = inputs(["vase"])
     bounds = placed.bounds()
     depth = bounds[1, 2] - bounds[0, 2]
-    flat = placed.transformed(np.diag([1.0, 1.0, 1e-6, 1.0]))
+    flat = placed.transform(np.diag([1.0, 1.0, 1e-6, 1.0]))
     distance = 0.7 * depth
     matrix = np.eye(4)
     matrix[2, 3] = -distance - flat.bounds()[0, 2]
-    flat = flat.transformed(matrix)
+    flat = flat.transform(matrix)
     fine = replace(ARRAY, rows=400, cols=400, pitch=ARRAY.pitch / 8)  # finely sampled: the centroid to a small fraction
     centroid = {}
-    for view, picture in zip(CORNERS_AND_MIDDLE, made.views(flat, fine, CORNERS_AND_MIDDLE), strict=True):
+    for view, picture in zip(CORNERS_AND_MIDDLE, made.render_views(flat, fine, CORNERS_AND_MIDDLE), strict=True):
         ys, xs = np.nonzero(picture[..., 3])
         centroid[view] = np.array([ys.mean(), xs.mean()])
     for v, u in CORNERS_AND_MIDDLE:
@@ -252,11 +252,11 @@ def test_parallax_has_the_right_sign_and_size(name):
 def test_many_threads_at_once_get_their_own_scenes(name):
     made = backend(name)
     placed = dict(zip(SCENES, inputs(SCENES), strict=True))
-    expected = {key: next(iter(made.views(found, ARRAY, [(3, 3)]))) for key, found in placed.items()}
+    expected = {key: next(iter(made.render_views(found, ARRAY, [(3, 3)]))) for key, found in placed.items()}
     wrong = []
 
     def ask(key):
-        again = [next(iter(made.views(placed[key], ARRAY, [(3, 3)]))) for _ in range(3)]
+        again = [next(iter(made.render_views(placed[key], ARRAY, [(3, 3)]))) for _ in range(3)]
         wrong.extend(key for picture in again if not np.array_equal(picture, expected[key]))
 
     threads = [threading.Thread(target=ask, args=(key,)) for key in list(placed) * 3]
@@ -270,10 +270,10 @@ def test_many_threads_at_once_get_their_own_scenes(name):
 @pytest.mark.parametrize("name", ["raster", "raytrace"])
 @pytest.mark.parametrize("pitch", [1e-9, 1e9])
 def test_units_do_not_matter(name, pitch):
-    made, found = backend(name), scene("globe")
+    made, found = backend(name), load_scene("globe")
     views = []
     for array in (ARRAY, replace(ARRAY, pitch=pitch)):
-        views += made.views(found.transformed(frame(found, array)), array, [(0, 0)])
+        views += made.render_views(found.transform(frame_scene(found, array)), array, [(0, 0)])
     # float32 rounds differently at another scale: a sample on an edge may fall to its other side
     assert np.abs(views[0].astype(int) - views[1]).mean() < 0.1
 
@@ -284,8 +284,8 @@ def test_distance_does_not_matter(name):
     (placed,) = inputs(["hamburger"])
     moved = np.eye(4)
     moved[2, 3] = -1e7
-    (near,) = made.views(placed, ARRAY, [(7, 7)])
-    (far,) = made.views(placed.transformed(moved), ARRAY, [(7, 7)])
+    (near,) = made.render_views(placed, ARRAY, [(7, 7)])
+    (far,) = made.render_views(placed.transform(moved), ARRAY, [(7, 7)])
     # In float32 a surface 1e7 away would be placed to a pitch: dozens of pixels would show another.
     assert (np.abs(near.astype(int) - far).max(-1) > 3).sum() <= 1
 
@@ -294,15 +294,15 @@ def test_distance_does_not_matter(name):
 def test_background_is_where_nothing_is(name):
     made = backend(name)
     (placed,) = inputs(["vase"])
-    (view,) = made.views(placed, ARRAY, [(7, 7)], background=(1, 2, 3))
+    (view,) = made.render_views(placed, ARRAY, [(7, 7)], background=(1, 2, 3))
     empty = view[..., 3] == 0
     assert empty.any()
     assert (view[empty][:, :3] == (1, 2, 3)).all()
 
 
 def test_auto_names_its_reason(monkeypatch):
-    monkeypatch.delitem(backends._open, "raster", raising=False)
-    monkeypatch.setitem(backends._refused, "raster", "raster: no display")
+    monkeypatch.delitem(selection._open, "raster", raising=False)
+    monkeypatch.setitem(selection._refused, "raster", "raster: no display")
     made, reason = open_backend("auto", triangles=1, rays=1 << 20)
     assert made.name == "raytrace"
     assert "no display" in reason
@@ -312,7 +312,7 @@ def test_auto_names_its_reason(monkeypatch):
 
 def test_auto_counts_rays_and_triangles():
     backend("raster")
-    few = backends.FEW_RAYS
+    few = selection.FEW_RAYS
     for triangles, rays, expected in (
         (10, few, "raytrace"),
         (10, few + 1, "raster"),
@@ -333,4 +333,4 @@ def test_a_picture_larger_than_opengl_draws():
     raster = backend("raster")
     (placed,) = inputs(["vase"])
     with pytest.raises(InvalidOption, match="backend raytrace"):
-        next(iter(raster.views(placed, LensArray(4096, 10, 3, 3), [(0, 0)], samples=16)))
+        next(iter(raster.render_views(placed, LensArray(4096, 10, 3, 3), [(0, 0)], samples=16)))

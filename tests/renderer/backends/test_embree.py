@@ -69,7 +69,7 @@ def test_views_match_the_slow_caster(seed, cutoff):
     scene = triangles(seed=seed, cutoff=cutoff)
     background = (10, 200, 30)
     for v, u in ((0, 0), (1, 2), (2, 4)):
-        (view,) = RaytraceBackend().views(scene, ARRAY, [(v, u)], background=background)
+        (view,) = RaytraceBackend().render_views(scene, ARRAY, [(v, u)], background=background)
         direction = np.array([(u - 2) * 0.1, (1 - v) * 0.1, -1.0])
         expected = np.array(
             [
@@ -87,18 +87,18 @@ def test_views_match_the_slow_caster(seed, cutoff):
 
 def test_elemental_holds_the_views():
     scene, backend = triangles(), RaytraceBackend()
-    eia = backend.elemental(scene, ARRAY, samples=2)
+    eia = backend.render_eia(scene, ARRAY, samples=2)
     assert eia.shape == (9 * 3, 11 * 5, 4)
     for v in range(3):
         for u in range(5):
-            (view,) = backend.views(scene, ARRAY, [(v, u)], samples=2)
+            (view,) = backend.render_views(scene, ARRAY, [(v, u)], samples=2)
             np.testing.assert_array_equal(eia[v::3, u::5], view)
 
 
 def test_lenslet_is_the_mean_of_the_finer_pinholes():
     scene, backend = triangles(), RaytraceBackend()
-    (fine,) = backend.views(scene, ARRAY.refined(3), [(1, 2)])
-    (mean,) = backend.views(scene, ARRAY, [(1, 2)], samples=3)
+    (fine,) = backend.render_views(scene, ARRAY.refine(3), [(1, 2)])
+    (mean,) = backend.render_views(scene, ARRAY, [(1, 2)], samples=3)
     expected = fine.reshape(9, 3, 11, 3, 4).mean((1, 3))
     assert np.abs(mean - expected).max() <= 0.5
 
@@ -111,7 +111,7 @@ def test_a_ray_passes_cut_out_layers(gap):
     solid = np.tile(np.float32([0, 1, 0, 1.0]), (4, 1))
     layers = [Part(square - [0, 0, 20 + gap * i], faces, clear, alpha_cutoff=0.5) for i in range(8)]
     scene = Scene((*layers, Part(square - [0, 0, 20 + gap * 8], faces, solid)))
-    (view,) = RaytraceBackend().views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
+    (view,) = RaytraceBackend().render_views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
     np.testing.assert_array_equal(view, np.broadcast_to(np.uint8([0, 255, 0, 255]), view.shape))
 
 
@@ -135,10 +135,10 @@ def test_as_many_rays_are_cast_as_wanted_views_have_samples(counts, samples, at_
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(embree.PreparedScene, "cast", counted)
         patched.setattr(embree, "RAYS_AT_ONCE", at_once)
-        assert len(list(RaytraceBackend().views(triangles(), array, wanted, samples=samples))) == len(wanted)
+        assert len(list(RaytraceBackend().render_views(triangles(), array, wanted, samples=samples))) == len(wanted)
         a_view = array.rows * array.cols * samples**2
         assert sum(batches) == len(wanted) * a_view
         assert len(batches) == len(wanted) * -(-a_view // at_once)
         batches.clear()
-        RaytraceBackend().elemental(triangles(), array, samples=samples)
+        RaytraceBackend().render_eia(triangles(), array, samples=samples)
         assert sum(batches) == array.pixels_v * array.pixels_u * a_view

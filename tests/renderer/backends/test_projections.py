@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.renderer.backends.projections import oblique, perspective
+from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
 from ciir.renderer.lens_array import LensArray
 
 SIDES = st.integers(1, 40)
@@ -26,7 +26,7 @@ def test_oblique_puts_a_point_of_a_ray_in_the_pixel_of_its_lens(array, data):
     lens = np.array([(x - (array.cols - 1) / 2) * array.pitch, ((array.rows - 1) / 2 - y) * array.pitch, 0.0])
     ray = np.array([(u - (array.pixels_u - 1) / 2) * array.delta, ((array.pixels_v - 1) / 2 - v) * array.delta, -1.0])
     point = lens + distance * ray
-    clip = oblique(array, (v, u), 1.0, 50.0) @ [*point, 1.0]
+    clip = make_oblique_matrix(array, (v, u), 1.0, 50.0) @ [*point, 1.0]
     column = (clip[0] / clip[3] + 1) / 2 * array.cols - 0.5  # OpenGL: pixel i covers [i, i+1)
     row = (1 - clip[1] / clip[3]) / 2 * array.rows - 0.5
     np.testing.assert_allclose([row, column], [y, x], atol=1e-9 * max(array.rows, array.cols))
@@ -39,7 +39,7 @@ def test_perspective_puts_a_direction_in_its_pixel(array, data):
     v, u = data.draw(st.integers(0, array.pixels_v - 1)), data.draw(st.integers(0, array.pixels_u - 1))
     distance = data.draw(st.floats(1, 50))
     point = distance * np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
-    clip = perspective(array, 1.0, 50.0) @ [*point, 1.0]
+    clip = make_perspective_matrix(array, 1.0, 50.0) @ [*point, 1.0]
     column = (clip[0] / clip[3] + 1) / 2 * array.pixels_u - 0.5
     row = (1 - clip[1] / clip[3]) / 2 * array.pixels_v - 0.5
     np.testing.assert_allclose([row, column], [v, u], atol=1e-8)

@@ -3,15 +3,15 @@ import pytest
 
 from ciir.renderer.scenes.modelling import (
     blend,
-    curve,
-    grid_faces,
-    noise,
+    make_grid_faces,
+    make_torus,
     revolve,
-    rgba,
-    ring,
-    step,
-    turned,
-    vertex_colors,
+    rotate_vertices,
+    sample_curve,
+    sample_noise,
+    smooth_step,
+    to_rgba,
+    to_vertex_colors,
 )
 
 
@@ -35,38 +35,38 @@ def test_a_revolved_profile_is_closed_with_its_outside_out() -> None:
 
 
 def test_a_ring_is_closed_with_its_outside_out() -> None:
-    assert volume(*ring(2, 0.5, 96, 64)) == pytest.approx(2 * np.pi**2 * 2 * 0.25, rel=0.01)
+    assert volume(*make_torus(2, 0.5, 96, 64)) == pytest.approx(2 * np.pi**2 * 2 * 0.25, rel=0.01)
 
 
 def test_turning_is_counter_clockwise_from_the_positive_end() -> None:
     axes = np.eye(3)
     for axis in range(3):
-        assert turned(axes[[(axis + 1) % 3]], axis, 90)[0] == pytest.approx(axes[(axis + 2) % 3])
+        assert rotate_vertices(axes[[(axis + 1) % 3]], axis, 90)[0] == pytest.approx(axes[(axis + 2) % 3])
 
 
 def test_a_curve_goes_through_its_points() -> None:
     points = [(0, 0), (1, 2), (3, 1), (4, 4)]
-    through = curve(points, 4)
+    through = sample_curve(points, 4)
     assert through == pytest.approx(np.array(points), abs=1e-6)
 
 
 def test_grid_faces_wind_counter_clockwise() -> None:
     grid = np.array([[x, y, 0] for y in range(3) for x in range(4)])
-    corners = grid[grid_faces(3, 4)]
+    corners = grid[make_grid_faces(3, 4)]
     assert (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] == 1).all()
 
 
 def test_noise_is_smooth_repeatable_and_within_range() -> None:
     line = np.stack([np.linspace(0, 9, 10_000), np.zeros(10_000), np.zeros(10_000)], 1)
-    values = noise(line, frequency=1, octaves=3, seed=5)
-    assert np.array_equal(values, noise(line, frequency=1, octaves=3, seed=5))
-    assert not np.array_equal(values, noise(line, frequency=1, octaves=3, seed=6))
+    values = sample_noise(line, frequency=1, octaves=3, seed=5)
+    assert np.array_equal(values, sample_noise(line, frequency=1, octaves=3, seed=5))
+    assert not np.array_equal(values, sample_noise(line, frequency=1, octaves=3, seed=6))
     assert -1 <= values.min() < -0.1 < 0.1 < values.max() <= 1
     assert np.abs(np.diff(values)).max() < 0.01
 
 
 def test_colours() -> None:
     assert blend((0, 0, 0), (1, 0.5, 0), np.array([-1.0, 0.5, 2])).tolist() == [[0, 0, 0], [0.5, 0.25, 0], [1, 0.5, 0]]
-    assert step(0.5, 0.2, np.array([0.3, 0.5, 0.7])).tolist() == pytest.approx([0, 0.5, 1])
-    assert rgba(np.array([[[0.0, 0.5, 2.0]]])).tolist() == [[[0, 128, 255, 255]]]
-    assert vertex_colors(np.array([[0.0, 0.5, 2.0]])).tolist() == [[0, 0.5, 1, 1]]
+    assert smooth_step(0.5, 0.2, np.array([0.3, 0.5, 0.7])).tolist() == pytest.approx([0, 0.5, 1])
+    assert to_rgba(np.array([[[0.0, 0.5, 2.0]]])).tolist() == [[[0, 128, 255, 255]]]
+    assert to_vertex_colors(np.array([[0.0, 0.5, 2.0]])).tolist() == [[0, 0.5, 1, 1]]

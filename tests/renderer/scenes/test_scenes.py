@@ -3,25 +3,25 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.scene import Part
-from ciir.renderer.scenes import SCENES, scene
-from ciir.renderer.shading import shade, unit
+from ciir.renderer.scenes import SCENES, load_scene
+from ciir.renderer.shading import normalize, shade
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_scene_is_clean_and_of_moderate_size(name: str) -> None:
-    made = scene(name)
+    made = load_scene(name)
     assert made.notes == ()  # no triangle of zero area, nothing else left out
     assert 10_000 < made.triangles < 60_000
     assert made.bounds().shape == (2, 3)
     extent = np.ptp(made.bounds(), axis=0)
     assert 1 < extent.min() <= extent.max() < 4
-    assert scene(name) is made
+    assert load_scene(name) is made
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_are_the_same_each_time(name: str) -> None:
-    again = SCENES[name]()
-    for one, other in zip(scene(name).parts, again.parts, strict=True):
+    again = load_scene.__wrapped__(name)
+    for one, other in zip(load_scene(name).parts, again.parts, strict=True):
         assert np.array_equal(one.vertices, other.vertices)
         assert np.array_equal(one.faces, other.faces)
         assert np.array_equal(one.colors, other.colors)
@@ -32,7 +32,7 @@ def test_scenes_are_the_same_each_time(name: str) -> None:
 
 def test_they_rise_in_complexity() -> None:
     assert list(SCENES) == ["vase", "globe", "hamburger"]
-    vase, globe, hamburger = (scene(name) for name in SCENES)
+    vase, globe, hamburger = (load_scene(name) for name in SCENES)
     assert [part.texture for part in vase.parts] == [None]
     assert _detail(globe.parts[0]) > 5
     assert len(hamburger.parts) > len(globe.parts) > len(vase.parts)
@@ -46,15 +46,15 @@ def _detail(part: Part) -> float:
 
 
 def test_the_vase_is_one_closed_surface_lit_from_outside() -> None:
-    (part,) = scene("vase").parts
+    (part,) = load_scene("vase").parts
     corners = part.vertices[part.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert np.einsum("mi,mi->m", corners[:, 0], normals).sum() > 0  # its volume: outside is out
     assert np.abs(normals.sum(axis=0)).max() < 1e-9  # closed
-    expected = 0.45 * shade(unit(normals))
+    expected = 0.45 * shade(normalize(normals))
     assert np.abs(part.colors[part.faces][:, :, 0].mean(axis=1) - expected).mean() < 0.01
 
 
 def test_no_such_scene() -> None:
     with pytest.raises(InvalidOption, match="scene:teapot: no such scene; the scenes are vase, globe, hamburger"):
-        scene("teapot")
+        load_scene("teapot")

@@ -11,8 +11,8 @@ from ciir.models import catalogue
 from ciir.models.light_field.views import needed
 from ciir.models.single import skip
 from ciir.renderer import backends
-from ciir.renderer.framing import frame
-from ciir.renderer.scenes import scene
+from ciir.renderer.framing import frame_scene
+from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import cache_folder, cost, plan
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
 from ciir.service.pipeline.model_selection import Job
@@ -119,13 +119,13 @@ def test_rendering_is_scaled_to_this_machine(path):
 
 
 def test_opengl_is_not_started_to_be_measured(path, monkeypatch):
-    monkeypatch.setattr(backends, "_open", {})
+    monkeypatch.setattr(backends.selection, "_open", {})
     some = Rendering("raster", triangles=1000, rays=100, views=2)
     once, views, _ = some.typical()
     assert Costs(path).rendering(some) == Stage(cost.OPENGL_START_MS + once, views)
     costs = write(path, {"raster; here": 2.0})  # by a process that had it open
     assert costs.rendering(some) == Stage(cost.OPENGL_START_MS + 2 * once, 2 * views)
-    monkeypatch.setattr(backends, "_open", {"raster": None})
+    monkeypatch.setattr(backends.selection, "_open", {"raster": None})
     assert costs.rendering(some) == Stage(2 * once, 2 * views)
 
 
@@ -261,7 +261,7 @@ class Prices:
 
     def rendering(self, views):
         self.asked.append((views.backend, views.triangles, views.rays, views.views))
-        start = self.prices["start"] if views.backend == "raster" and not backends.is_open("raster") else 0.0
+        start = self.prices["start"] if views.backend == "raster" and not backends.is_backend_open("raster") else 0.0
         return Stage(start, views.views * views.rays * self.prices[views.backend])
 
     def upscaling(self, model, scale, *, pixels, views, batches):
@@ -273,11 +273,11 @@ class Prices:
 def prices(monkeypatch, instant):
     """What makes `Prices` the costs of this process; nothing is measured or skipped, and no OpenGL is started."""
     monkeypatch.setattr(plan, "_seen", lambda *_: 1.0)
-    monkeypatch.setattr(backends, "_open", {})
-    monkeypatch.setattr(backends, "_refused", {})
+    monkeypatch.setattr(backends.selection, "_open", {})
+    monkeypatch.setattr(backends.selection, "_refused", {})
 
     def opened(name, **_):
-        backends._open[name] = object()
+        backends.selection._open[name] = object()
 
     monkeypatch.setattr(backends, "open_backend", opened)
 
@@ -292,7 +292,7 @@ def prices(monkeypatch, instant):
 def select(limit=None, wanted=((7, 7),), name="vase", **options):
     """The strategy that `auto` takes for a mesh, and the reason that the report gives."""
     job = Job("a.glb", True, (15, 15), False, list(wanted))
-    made = plan.make(Options(strategy="auto", **options), job, mesh=scene(name), limit=limit)
+    made = plan.make(Options(strategy="auto", **options), job, mesh=load_scene(name), limit=limit)
     return made.strategy, made.reasons[0].removeprefix("strategy auto: ")
 
 
@@ -305,7 +305,7 @@ def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
 
 
 def test_predictions_are_for_what_is_asked_for(prices):
-    costs, triangles = prices(), scene("vase").triangles
+    costs, triangles = prices(), load_scene("vase").triangles
     select(lenses=(20, 30), scale=2, sampling="lenslet", model="paper", backend="raytrace", wanted=[(0, 0), (1, 1)])
     assert set(costs.asked) == {
         ("paper", 2, 600, 2, 1),
@@ -322,8 +322,8 @@ def test_textures_are_counted(prices, monkeypatch):
     costs, rendered = prices(), []
     monkeypatch.setattr(costs, "rendering", lambda views: rendered.append(views) or Stage(0.0, 1.0))
     select(name="globe", skip="none")
-    textured = sum(len(part.faces) for part in scene("globe").parts if part.texture is not None)
-    assert {views.textured for views in rendered} == {textured / scene("globe").triangles}
+    textured = sum(len(part.faces) for part in load_scene("globe").parts if part.texture is not None)
+    assert {views.textured for views in rendered} == {textured / load_scene("globe").triangles}
     assert {(views.texels, views.culls) for views in rendered} == {(720 * 1440, False)}
 
 
@@ -340,9 +340,9 @@ def test_stages_overlap_where_views_are_many(prices):
 @pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
 def test_the_share_that_a_network_works_on(name, model, lenses):
     """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
-    mesh, array = scene(name), plan.mesh_array(Options(lenses=(lenses, lenses)))
+    mesh, array = load_scene(name), plan.mesh_array(Options(lenses=(lenses, lenses)))
     (card,) = (entry.card for entry in catalogue.entries() if entry.name == model)
-    views = backends.open_backend("raytrace")[0].views(mesh.transformed(frame(mesh, array)), array, [(7, 7)])
+    views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
     _, boxes = skip.found(next(iter(views))[..., :3], card.radius)
     share = sum(skip.area(box.window) for box in boxes) / lenses**2
     assert plan._seen(mesh, array, card) == pytest.approx(share, abs=0.1)
@@ -362,15 +362,15 @@ def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
 def test_opengl_is_started_only_where_the_faster_strategy_needs_it(prices):
     prices(start=700.0)
     assert select()[0] == "upscale"
-    assert not backends.is_open("raster")
+    assert not backends.is_backend_open("raster")
     prices(start=700.0, pixel=1.0)
     assert select()[0] == "direct"
-    assert backends.is_open("raster")
+    assert backends.is_backend_open("raster")
 
 
 def test_rays_are_predicted_where_opengl_does_not_work(prices, monkeypatch):
     def refuse(name, **_):
-        backends._refused[name] = "no OpenGL"
+        backends.selection._refused[name] = "no OpenGL"
         raise BackendUnavailable("no OpenGL")
 
     monkeypatch.setattr(backends, "open_backend", refuse)

@@ -2,14 +2,14 @@ import pytest
 
 from ciir.errors import InvalidOption, TooLarge, UnknownModel
 from ciir.models.catalogue import default
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import plan
 from ciir.service.pipeline.model_selection import Job
 from ciir.service.pipeline.options import Options
 
 
 def mesh(**options):
-    return plan.make(Options(**options), Job("a.glb", True, (15, 15), False, [(7, 7)]), mesh=scene("vase"))
+    return plan.make(Options(**options), Job("a.glb", True, (15, 15), False, [(7, 7)]), mesh=load_scene("vase"))
 
 
 def pictures(**options):

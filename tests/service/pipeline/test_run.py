@@ -8,7 +8,7 @@ import pytest
 from ciir import models
 from ciir.errors import Error, InvalidOption, TooLarge
 from ciir.renderer.backends import open_backend
-from ciir.renderer.framing import frame
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
@@ -154,9 +154,9 @@ def test_a_mesh_rendered_by_hand_through_the_reported_transform(cube):
     scene = read(cube, lenses=None, pixels=None)
     array = plan.mesh_array(options)
     matrix = np.array(report["scene_transform"])
-    assert np.array_equal(matrix, frame(scene, array))
+    assert np.array_equal(matrix, frame_scene(scene, array))
     backend, _ = open_backend("raytrace")
-    expected = backend.views(scene.transformed(matrix), array, list(views), background=(9, 8, 7))
+    expected = backend.render_views(scene.transform(matrix), array, list(views), background=(9, 8, 7))
     for view, picture in zip(views, expected, strict=True):
         assert np.array_equal(views[view], picture[..., :3])
     assert report["plan"]["backend"] == "raytrace"
@@ -224,8 +224,8 @@ def test_direct_is_the_area_average_of_a_finer_array(cube):
     array = plan.mesh_array(Options(**SMALL))
     scene = read(cube, lenses=None, pixels=None)
     backend, _ = open_backend("raytrace")
-    placed = scene.transformed(frame(scene, array))
-    (expected,) = backend.views(placed, array.refined(2), [(0, 1)], samples=4)
+    placed = scene.transform(frame_scene(scene, array))
+    (expected,) = backend.render_views(placed, array.refine(2), [(0, 1)], samples=4)
     assert np.array_equal(views[0, 1], expected[..., :3])
     assert (report["plan"]["strategy"], report["model"], report["plan"]["sampling"]) == ("direct", None, None)
     assert "upscale" not in report["timings_ms"]

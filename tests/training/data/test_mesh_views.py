@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from ciir.models.light_field.windows import axis
-from ciir.renderer.scenes import scene
+from ciir.renderer.scenes import load_scene
 from ciir.training.data import mesh_views
 from ciir.training.data.crops import Crops
 from ciir.training.data.layered_scenes import LUMA
@@ -28,7 +28,7 @@ def mesh(tmp_path_factory):
 @pytest.mark.parametrize(("index", "scale"), [(0, 2), (1, 2), (2, 2), (1, 4)])
 def test_the_truth_lies_where_the_views_say(index, scale):
     """For each size of array: cell means of the truth are the lenslets' views, and not those of a lens further."""
-    (pinhole, truth), (lenslet, same) = pairs(scene("globe"), seed=4, index=index, scale=scale)
+    (pinhole, truth), (lenslet, same) = pairs(load_scene("globe"), seed=4, index=index, scale=scale)
     assert same is truth
     assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (96 * scale, 96 * scale, 3))
     mean = truth.reshape(96, scale, 96, scale, 3).mean((1, 3))
@@ -41,7 +41,7 @@ def test_the_truth_lies_where_the_views_say(index, scale):
 
 def test_small_views_lie_side_by_side():
     """A view of a 24x24 array is what that array alone sees: each cell holds an object of its own."""
-    _, (lenslet, _) = pairs(scene("vase"), seed=1, index=0, scale=2)
+    _, (lenslet, _) = pairs(load_scene("vase"), seed=1, index=0, scale=2)
     cells = lenslet.reshape(4, LENSES[0], 4, LENSES[0], 3).swapaxes(1, 2).reshape(16, -1, 3)
     shown = (cells != lenslet[0, 0]).any(axis=2).mean(axis=1)
     assert shown.min() > 0.02
@@ -51,7 +51,7 @@ def test_small_views_lie_side_by_side():
 @pytest.mark.parametrize("index", [0, 1])
 def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
     """Rows of views down, columns across, both growing the same way: in any other order the views agree less."""
-    field = window(scene("vase"), seed=2, index=index)
+    field = window(load_scene("vase"), seed=2, index=index)
     side = LENSES[1 + index]
     assert field.high.shape == (3, 2 * side, 2 * side)
     there, sweep = torch.from_numpy(axis(2, 5).there), PlaneSweep(33)

@@ -7,7 +7,7 @@ from ciir.benchmarks.stress.case import Effort, Found, Skipped
 from ciir.benchmarks.stress.geometry import agreement, surfaces, views
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
-from ciir.renderer.surface import assemble
+from ciir.renderer.surface import assemble_scene
 
 QUICK = Effort(models=(), quick=True)
 
@@ -15,7 +15,7 @@ QUICK = Effort(models=(), quick=True)
 @pytest.fixture(autouse=True)
 def ball(monkeypatch):
     """A ball of 500 triangles in the scenes' place."""
-    monkeypatch.setattr(views, "scene", lambda name: assemble([surfaces._ball(12)], name=name))
+    monkeypatch.setattr(views, "load_scene", lambda name: assemble_scene([surfaces._ball(12)], name=name))
     monkeypatch.setattr(views, "SLOW", 20)
 
 
@@ -53,7 +53,7 @@ def test_vertices_out_of_place_are_noticed(monkeypatch):
     from ciir.renderer.backends.embree import PreparedScene
 
     exact = PreparedScene._placed
-    vertices = len(assemble([surfaces._ball(12)], name="ball").parts[0].vertices)
+    vertices = len(assemble_scene([surfaces._ball(12)], name="ball").parts[0].vertices)
 
     def rounded(self, points):
         placed = exact(self, points)

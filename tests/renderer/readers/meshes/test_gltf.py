@@ -18,7 +18,7 @@ from ciir.renderer.readers.meshes.gltf_scene import local_matrix
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
-from ciir.renderer.shading import encode, shade
+from ciir.renderer.shading import encode_srgb, shade
 from tests.support.paths import SHARED
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
@@ -187,7 +187,7 @@ def test_factors_and_vertex_colours_are_linear_and_go_through_the_curve() -> Non
     model = Model(COLOR_0=colors)
     model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0.2, 0.2, 1, 1]}
     (part,) = model.read().parts
-    curve = encode(np.array([0.2, 0.5]))
+    curve = encode_srgb(np.array([0.2, 0.5]))
     assert part.colors[0, :3] == pytest.approx(np.array([curve[0] * curve[1], curve[0], 0]) * FRONT)
 
 
@@ -196,7 +196,7 @@ def test_vertex_colours_as_bytes_without_alpha() -> None:
     colors = np.tile(np.array([255, 0, 128], np.uint8), (4, 1))
     model.primitive["attributes"]["COLOR_0"] = model.add(colors, normalized=True)
     (part,) = model.read().parts
-    assert part.colors[0] == pytest.approx([FRONT, 0, float(encode(np.array([128 / 255]))[0]) * FRONT, 1])
+    assert part.colors[0] == pytest.approx([FRONT, 0, float(encode_srgb(np.array([128 / 255]))[0]) * FRONT, 1])
 
 
 def test_specular_glossiness_gives_its_diffuse_colour() -> None:

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.limits import DEFAULTS, Limits
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import off
@@ -70,7 +70,7 @@ ASCII = {
 }
 
 
-def read(data: bytes, kind: Format, files: Mapping[str, bytes], limits: Limits = DEFAULTS) -> Scene:
+def read(data: bytes, kind: Format, files: Mapping[str, bytes], limits: Limits = DEFAULT_LIMITS) -> Scene:
     main = f"main.{kind.extension}"
     return meshes.read(Bundle(main, main, {main: data, **files}, limits), kind)
 
@@ -226,7 +226,7 @@ def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.Monkey
     def full(*args: object, **more: object) -> None:
         raise MemoryError
 
-    for owner, name in ((off, "read"), (meshes, "assemble")):
+    for owner, name in ((off, "read"), (meshes, "assemble_scene")):
         with monkeypatch.context() as patch:
             patch.setattr(owner, name, full)
             with pytest.raises(TooLarge, match="more memory than there is; decimate"):

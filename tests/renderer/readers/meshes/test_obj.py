@@ -12,7 +12,7 @@ from ciir.renderer.readers.meshes import mtl, obj
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
-from ciir.renderer.surface import PLAIN, Surface
+from ciir.renderer.surface import DEFAULT_COLOR, Surface
 from tests.support.paths import SHARED
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -48,7 +48,7 @@ def test_faces_in_every_spelling(faces: bytes) -> None:
     (part,) = read(SQUARE + UV + b"vn 0 0 2\n" + faces).parts
     corners = part.vertices[part.faces]
     assert corners.tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
-    assert part.colors[:, :3] == pytest.approx(PLAIN[0] * FRONT)
+    assert part.colors[:, :3] == pytest.approx(DEFAULT_COLOR[0] * FRONT)
 
 
 def test_negative_indices_count_back_from_where_they_stand() -> None:
@@ -113,7 +113,7 @@ def test_vertex_colours_beside_positions() -> None:
 
 def test_normals_of_the_file_are_used() -> None:
     (part,) = read(SQUARE + b"vn 0 1 0\nf 1//1 2//1 3//1\n").parts
-    assert part.colors[:, 0] == pytest.approx(PLAIN[0] * shade(np.array([[0.0, 1, 0]]))[0])
+    assert part.colors[:, 0] == pytest.approx(DEFAULT_COLOR[0] * shade(np.array([[0.0, 1, 0]]))[0])
 
 
 def test_vertices_are_split_where_texture_coordinates_differ() -> None:

@@ -13,7 +13,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
-from ciir.renderer.surface import PLAIN
+from ciir.renderer.surface import DEFAULT_COLOR
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 XYZ = "property float x\nproperty float y\nproperty float z\n"
@@ -51,7 +51,7 @@ def test_binary_of_either_order_with_polygons_of_any_lengths(order: str, polygon
     (part,) = read(data).parts
     expected = [[p[0], p[i], p[i + 1]] for p in polygons for i in range(1, len(p) - 1)]
     assert part.vertices[part.faces].tolist() == SQUARE[expected].tolist()
-    assert part.colors[:, 0] == pytest.approx(PLAIN[0] * FRONT)
+    assert part.colors[:, 0] == pytest.approx(DEFAULT_COLOR[0] * FRONT)
 
 
 def test_ascii_with_an_element_between_and_a_comment() -> None:
@@ -84,7 +84,7 @@ def test_face_colours() -> None:
 def test_normals_of_the_file_are_used() -> None:
     vertex = XYZ + "property float nx\nproperty float ny\nproperty float nz\n"
     (part,) = read(ascii_square(vertex, [f"{row} 0 1 0" for row in PLAIN_ROWS])).parts
-    assert part.colors[:, 0] == pytest.approx(PLAIN[0] * shade(np.array([[0.0, 1, 0]]))[0])
+    assert part.colors[:, 0] == pytest.approx(DEFAULT_COLOR[0] * shade(np.array([[0.0, 1, 0]]))[0])
 
 
 def test_texture_coordinates_of_vertices_and_of_faces() -> None:
