@@ -177,7 +177,9 @@ def _seen(mesh: Scene, array: LensArray, card: Card) -> float:
     low, high = mesh.bounds()
     sides, lenses = high - low, np.array([array.cols, array.rows])
     reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
-    swept = sides[:2] + 2 * reach * (sides[2] / 2 + CLEARANCE * sides.max())  # by the middle, as `frame_scene` places it
+    swept = sides[:2] + 2 * reach * (
+        sides[2] / 2 + CLEARANCE * sides.max()
+    )  # by the middle, as `frame_scene` places it
     scale = (FILL * lenses / np.maximum(swept, 1e-300)).min()
     return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())
 
