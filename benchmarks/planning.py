@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any, get_args
 from ciir.benchmarks.machine import describe
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import SCENES
+from ciir.renderer.writers.formats import FileWriter
 from ciir.service.pipeline.options import Options, Strategy
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
@@ -129,8 +129,8 @@ def _measured(source: Source, asked: dict[str, Any], rounds: int) -> dict[str, A
     for _ in range(rounds + 1):
         for strategy in STRATEGIES:
             begun = time.perf_counter()
-            with FileSink(io.BytesIO(), "zip") as sink:
-                report = reconstruct(source, Options(**asked, strategy=strategy), sink)
+            with FileWriter(io.BytesIO(), "zip") as writer:
+                report = reconstruct(source, Options(**asked, strategy=strategy), writer)
             times[strategy].append(1000 * (time.perf_counter() - begun))
     took = report["plan"]["strategy"]
     (reason,) = [text for text in report["plan"]["reasons"] if " ms here" in text]

@@ -40,7 +40,7 @@ import imagecodecs
 import numpy as np
 
 from ciir.benchmarks.bench.timing import alone, in_turns, timed
-from ciir.benchmarks.bench.work import Kept, views
+from ciir.benchmarks.bench.work import views, views_and_report
 from ciir.models import catalogue
 from ciir.models.session import Network, available_cores, open_session
 from ciir.models.single.pixels import upscale_pixels
@@ -50,8 +50,9 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import SCENES
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.plan import mesh_array
 from ciir.service.pipeline.run import elemental, reconstruct
 from ciir.service.pipeline.source import Input
@@ -151,10 +152,8 @@ def view(rounds: int) -> Iterator[str | Checked]:
 
 def upscaled(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
     """The elemental image array of all views of a mesh by the pipeline, and its report."""
-    sink = Kept()
-    reconstruct(source, options, sink)
-    made = np.stack(sink.views)
-    return LightField(made.reshape(*PIXELS, *made.shape[1:])).to_eia().astype(np.uint8), sink.report
+    made, report = views_and_report(source, options)
+    return LightField(made.reshape(*PIXELS, *made.shape[1:])).eia().astype(np.uint8), report
 
 
 def usual(source: Source, options: Options) -> NDArray[np.uint8]:
@@ -168,7 +167,7 @@ def usual(source: Source, options: Options) -> NDArray[np.uint8]:
     v, u, rows, cols, channels = mapped.shape
     small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)
     large: NDArray[np.uint8] = upscale_pixels(catalogue.load(PAPER), small, skipping=False)
-    return LightField(large.reshape(v, u, *large.shape[1:])).to_eia().astype(np.uint8)
+    return LightField(large.reshape(v, u, *large.shape[1:])).eia().astype(np.uint8)
 
 
 def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
@@ -197,11 +196,11 @@ def jobs(mesh: Path, rounds: int) -> Iterator[str]:
 
     def one_view(**options: Any) -> dict[str, float]:
         asked = Options(lenses=LENSES, pixels=PIXELS, **options)
-        return dict(reconstruct(source, asked, FileSink(io.BytesIO(), None))["timings_ms"])
+        return dict(reconstruct(source, asked, FileWriter(io.BytesIO(), None))["timings_ms"])
 
     def array(backend: Any) -> dict[str, float]:
         asked = Options(lenses=LENSES, pixels=PIXELS, backend=backend)
-        return dict(elemental(source, asked, pictures.encode_png)["timings_ms"])
+        return dict(elemental(source, asked, encode_png)["timings_ms"])
 
     rows: dict[str, Job] = {}
     for backend in ("raster", "raytrace"):
@@ -248,7 +247,7 @@ def png(eia: Path, rounds: int) -> Iterator[str]:
     for name, picture in (shown | {eia.name: np.ascontiguousarray(array)}).items():
         both: dict[str, Callable[[], bytes | bytearray]] = {
             "libpng": partial(imagecodecs.png_encode, picture, level=1, filter=imagecodecs.PNG.FILTER.PAETH),
-            "ours": partial(pictures.encode_png, picture),
+            "ours": partial(encode_png, picture),
         }
         times = in_turns({way: partial(timed, code) for way, code in both.items()}, 10 * rounds, reference="libpng")
         both_ways = ", ".join(f"{times[way].median:.2f} ms {len(code()) / 1e3:.0f} kB" for way, code in both.items())

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.views import parse_views
+from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from os import PathLike
 
     from numpy.typing import NDArray
 
@@ -33,15 +35,63 @@ def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> ND
     return eia
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """All views of a lens array."""
+    """All views of a lens array, `L[v, u, y, x, c]`.
+
+    Raises `InvalidOption` where `views` is no such array.
+    """
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
     """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
 
     notes: tuple[str, ...] = ()
-    """What whoever gave it should know of how it was read."""
+    """Notes on how it was read or rendered, one line each."""
+
+    def __post_init__(self) -> None:
+        views = self.views
+        if not isinstance(views, np.ndarray) or views.dtype not in (np.uint8, np.uint16):
+            kind = views.dtype.name if isinstance(views, np.ndarray) else type(views).__name__
+            raise InvalidOption(
+                f"views: {kind} is not taken; give uint8 or uint16, as in (255 * views).round().astype('u1')"
+            )
+        if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
+            raise InvalidOption(
+                f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
+            )
+
+    def __repr__(self) -> str:
+        v, u, rows, cols, channels = self.views.shape
+        return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype})"
+
+    def view(self, v: int, u: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """View (v, u), `(rows, cols, channels)`, v from the top and u from the left; shares memory.
+
+        Raises `InvalidOption` where there is no such view.
+        """
+        count_v, count_u = self.views.shape[:2]
+        if not (0 <= v < count_v and 0 <= u < count_u):
+            raise InvalidOption(
+                f"view: {v},{u} is not there; v goes from 0 to {count_v - 1} and u from 0 to {count_u - 1}"
+            )
+        view: NDArray[np.uint8] | NDArray[np.uint16] = self.views[v, u]
+        return view
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the elemental image array where `path` ends as a picture does (`.png`, `.tif`, `.jpg`), and all views
+        where it ends with `.zip` or `.npz` or names a folder.
+
+        Raises `InvalidOption` where `path` can't be written or the format can't hold the pixels.
+        """
+        from ciir.renderer.writers.light_field import save_light_field
+
+        save_light_field(self.views, Path(path))
+
+    def _repr_png_(self) -> bytes:
+        """The centre view, for Jupyter."""
+        from ciir.renderer.writers.pictures import encode_png
+
+        return encode_png(self.view(*center_view(*self.views.shape[:2])))
 
     def is_transparent(self) -> bool:
         """Whether there is alpha, and it is not full everywhere. Looks at every pixel."""
@@ -74,7 +124,7 @@ class LightField:
             blocks = blocks[:, ::-1, :, ::-1]
         return cls(blocks.transpose(1, 3, 0, 2, 4))
 
-    def to_eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
+    def eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
         """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`."""
         pixels_v, pixels_u, rows, cols, channels = self.views.shape
         blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)

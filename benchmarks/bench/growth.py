@@ -18,8 +18,8 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
 from ciir.renderer.scenes.modelling import revolve
 from ciir.renderer.surface import Surface, assemble_scene
+from ciir.renderer.writers.formats import FileWriter
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def _array(backend: str, pixels: int) -> Callable[[], Stages]:
 def _views(model: str, count: int) -> Callable[[], Stages]:
     pairs = ";".join(f"{v},{u}" for v, u in (divmod(number, 15) for number in range(count)))
     options = Options(lenses=(50, 50), pixels=(15, 15), views=pairs, model=model)
-    return lambda: timed(lambda: reconstruct(MESH, options, FileSink(io.BytesIO(), "zip")))
+    return lambda: timed(lambda: reconstruct(MESH, options, FileWriter(io.BytesIO(), "zip")))
 
 
 def sphere(triangles: int) -> Scene:

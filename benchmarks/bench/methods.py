@@ -7,16 +7,15 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ciir.benchmarks.bench.work import SCALE, Kept
+from ciir.benchmarks.bench.work import SCALE, views_and_report
 from ciir.models import catalogue
-from ciir.service.pipeline.outputs import FileSink
+from ciir.renderer.writers.formats import FileWriter
 from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.benchmarks.bench.work import Work
@@ -53,16 +52,15 @@ class Method:
     def made(self, work: Work) -> tuple[NDArray[np.uint8], str | None]:
         """What comes out, `(n, H, W, 3)`, for the views of `work.truth`; and what rendered a mesh, which `auto` chooses
         by triangles and samples."""
-        sink = Kept()
-        reconstruct(work.source, replace(work.options, **self.options), sink)
-        return np.stack(sink.views), sink.report["plan"]["backend"]
+        pictures, report = views_and_report(work.source, replace(work.options, **self.options))
+        return pictures, report["plan"]["backend"]
 
     def job(self, work: Work) -> dict[str, float]:
         """One whole job, the centre view from bytes to encoded PNG: milliseconds of each stage and of all by the
         wall clock (`total`)."""
         asked = replace(work.options, views="center", **self.options)
         begun = time.perf_counter()
-        report = reconstruct(work.source, asked, FileSink(io.BytesIO(), None))
+        report = reconstruct(work.source, asked, FileWriter(io.BytesIO(), None))
         total = 1e3 * (time.perf_counter() - begun)
         return {**report["timings_ms"], "total": total}
 

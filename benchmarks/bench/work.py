@@ -10,9 +10,10 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import encode_png
 from ciir.renderer.sampling import average_pictures
 from ciir.renderer.scene import Scene
+from ciir.renderer.writers.memory import MemoryWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import Sampling
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
@@ -53,37 +53,23 @@ class Work:
     """`(n, 2*rows, 2*cols)`: pixels that are at least half covered by the mesh; None where nothing is known of it."""
 
 
-class Kept:
-    """A sink that keeps the views, 8-bit RGB, and the report."""
-
-    def __init__(self) -> None:
-        self.views: list[NDArray[np.uint8]] = []
-        self.report: Report = {}
-
-    def begin(self, count: int) -> None:
-        """Any number is fine."""
-
-    def add(self, view: tuple[int, int], pixels: Pixels) -> str:
-        """Keeps a view."""
-        eight = pixels if pixels.dtype == np.uint8 else (pixels.astype(np.uint32) + 128) // 257
-        self.views.append(as_rgb(eight.astype(np.uint8)))
-        return f"{view}"
-
-    def finish(self, report: Report) -> None:
-        """Keeps the report."""
-        self.report = report
-
-
 def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """`(..., C)`, C from 1 to 4, as `(..., 3)`; alpha is left out."""
     return np.repeat(pixels[..., :1], 3, axis=-1) if pixels.shape[-1] < 3 else pixels[..., :3]
 
 
 def views(source: Source, options: Options) -> NDArray[np.uint8]:
-    """The views that `options` ask for, `(n, H, W, 3)`."""
-    sink = Kept()
-    reconstruct(source, options, sink)
-    return np.stack(sink.views)
+    """The views that `options` ask for, `(n, H, W, 3)` 8 bit."""
+    return views_and_report(source, options)[0]
+
+
+def views_and_report(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
+    """The views that `options` ask for, `(n, H, W, 3)` 8 bit, and the report."""
+    writer = MemoryWriter()
+    report = reconstruct(source, options, writer)
+    pixels = np.stack(list(writer.views.values()))
+    eight = pixels if pixels.dtype == np.uint8 else (pixels.astype(np.uint32) + 128) // 257
+    return as_rgb(eight.astype(np.uint8)), report
 
 
 def works(
@@ -127,7 +113,7 @@ def _of_light_field(source: Source, name: str, samplings: Sequence[Sampling], ar
     for sampling in samplings:
         low, high = halved(every, sampling)
         rows, cols = low.shape[1:3]
-        eia = LightField(low.reshape(*grid, *low.shape[1:])).to_eia()
+        eia = LightField(low.reshape(*grid, *low.shape[1:])).eia()
         file = Bundle.from_upload(f"{name}.png", encode_png(eia))
         options = Options(lenses=(rows, cols), views="cross", scale=SCALE)
         v, u = grid

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
-from ciir.renderer.readers import pictures
 from ciir.renderer.scenes.modelling import sample_noise, to_rgba
+from ciir.renderer.writers.pictures import encode
 from ciir.training import recipe as recipes
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _crops(recipe: Recipe) -> Iterator[Crops]:
                 [sample_noise(points, frequency=2.0**seed, octaves=4, seed=3 * seed + c) for c in range(3)], -1
             )
             picture = to_rgba(0.5 + 0.5 * np.where(colors[..., :1] > 0.2, 1.0, colors))[..., :3]
-            (Path(folder) / f"{seed}.png").write_bytes(pictures.encode(picture, ".png"))
+            (Path(folder) / f"{seed}.png").write_bytes(encode(picture, ".png"))
         yield Crops(
             Path(folder),
             crop=recipe.crop,

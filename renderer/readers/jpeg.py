@@ -1,4 +1,4 @@
-"""JPEG to pixels and back, by Pillow: imagecodecs lets a truncated JPEG pass."""
+"""Decodes JPEG by Pillow: imagecodecs accepts a truncated JPEG."""
 
 from __future__ import annotations
 
@@ -7,46 +7,22 @@ import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 
 # The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
 from PIL.JpegImagePlugin import JpegImageFile
 
-from ciir.errors import InvalidOption, TooLarge, UnsupportedType
+from ciir.errors import TooLarge, UnsupportedType
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ciir.renderer.readers.pictures import Pixels
 
-MAX_SIDE = 65_500
-"""Most pixels along one side: libjpeg's own limit."""
 MAX_SCANS = 100
 """Most scans in a progressive JPEG: encoders write about ten."""
 START_OF_SCAN = 0xDA
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 ORIENTATION = 0x0112
-
-
-def encode(pixels: Pixels) -> bytes:
-    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, quality 95, full chroma resolution.
-
-    Raises `InvalidOption` where JPEG can't hold the pixels.
-    """
-    if pixels.dtype != np.uint8 or (pixels.ndim == 3 and pixels.shape[2] != 3):
-        channels = pixels.shape[2] if pixels.ndim == 3 else 1
-        raise InvalidOption(
-            f"picture: JPEG holds 8-bit grey or RGB, not {channels} channels of {8 * pixels.itemsize} bit; "
-            "name the file .png or .tif"
-        )
-    if max(pixels.shape[:2]) > MAX_SIDE:
-        raise InvalidOption(
-            f"picture: JPEG holds at most {MAX_SIDE} pixels along a side, not {pixels.shape[0]}x{pixels.shape[1]}; "
-            "name the file .png or .tif"
-        )
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "JPEG", quality=95, subsampling=0)
-    return file.getvalue()
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:

@@ -1,4 +1,4 @@
-"""Pictures to pixels and back: PNG, JPEG and TIFF, 8 and 16 bit, each by its own named decoder.
+"""Decodes pictures: PNG, JPEG and TIFF, 8 and 16 bit, each by its own named decoder.
 
 A picture's size is read from its header and checked before anything of that size is allocated. Colour profiles and
 gamma are ignored: pixels are taken as they are stored.
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import FORMATS, PictureFormat, find_by_signature
@@ -74,39 +74,6 @@ def decode(
         pixels, orientation = decoder(data, name, check_size)
         pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
         return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
-
-
-def encode(pixels: Pixels, suffix: str) -> bytes:
-    """The file that a name ending with `suffix` asks for: `.png`, `.tif` or `.tiff` (deflate), `.jpg` or `.jpeg`.
-
-    PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
-
-    Raises `InvalidOption` for another suffix, or where JPEG can't hold the pixels (16 bit, alpha, a side over 65500).
-    """
-    match suffix.lower():
-        case ".png":
-            return encode_png(pixels)
-        case ".tif" | ".tiff":
-            from ciir.renderer.readers import tiff
-
-            return tiff.encode(_layout(pixels))
-        case ".jpg" | ".jpeg":
-            from ciir.renderer.readers import jpeg
-
-            return jpeg.encode(_layout(pixels))
-    raise InvalidOption(f"picture: {suffix!r} can't be written; name the file .png, .tif or .jpg")
-
-
-def encode_png(pixels: Pixels) -> bytes:
-    """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
-    from ciir.renderer.readers import png
-
-    return png.encode(_layout(pixels))
-
-
-def _layout(pixels: Pixels) -> Pixels:
-    """Contiguous, and grey without its channel axis: how the encoders want it."""
-    return cast("Pixels", np.ascontiguousarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels))
 
 
 def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:

@@ -1,7 +1,7 @@
-"""PNG to pixels and back, 8 and 16 bit (W3C PNG, third edition).
+"""Decodes PNG, 8 and 16 bit (W3C PNG, third edition), by Pillow.
 
-Pillow reads, imagecodecs only compresses (libdeflate): each corrupt PNG that it reads costs imagecodecs (2026.3.6) one
-reference to None, which ends a Python 3.11 process after some thousands of them.
+Not by imagecodecs: each corrupt PNG costs it (2026.3.6) one reference to None, which ends a Python 3.11 process after
+some thousands of them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import struct
 import zlib
 from typing import TYPE_CHECKING
 
-import imagecodecs
 import numpy as np
 
 # The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
@@ -26,32 +25,7 @@ if TYPE_CHECKING:
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 GREY, RGB, GREY_ALPHA, RGB_ALPHA = 0, 2, 4, 6  # colour types
-UP = 2  # the filter: each byte less the one above it
 PIXEL_CHUNKS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"})
-
-
-def encode(pixels: Pixels) -> bytes:
-    """A PNG of `(height, width)` or `(height, width, 2..4)` pixels, every bit kept.
-
-    The Up filter on all rows, libdeflate at level 1: 1.5 to 3 times faster than libpng at its level 1 with the Paeth
-    filter, files a fifth smaller to a twentieth larger (`python -m ciir.benchmarks.speed --only png`).
-    """
-    height, width = pixels.shape[:2]
-    colour = (GREY, GREY_ALPHA, RGB, RGB_ALPHA)[pixels.shape[2] - 1 if pixels.ndim == 3 else 0]
-    rows = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
-    data = bytearray(height * (1 + rows.shape[1]))
-    filtered = np.frombuffer(data, np.uint8).reshape(height, -1)
-    filtered[:, 0] = UP
-    filtered[0, 1:] = rows[0]  # above the first row is a row of zeros
-    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
-    header = struct.pack(">IIBBBBB", width, height, 8 * pixels.dtype.itemsize, colour, 0, 0, 0)
-    packed = imagecodecs.deflate_encode(data, level=1)
-    return b"".join((SIGNATURE, _chunk(b"IHDR", header), _chunk(b"IDAT", packed), _chunk(b"IEND", b"")))
-
-
-def _chunk(kind: bytes, data: bytes | bytearray) -> bytes:
-    checksum = zlib.crc32(data, zlib.crc32(kind))
-    return b"".join((struct.pack(">I", len(data)), kind, data, struct.pack(">I", checksum)))
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:

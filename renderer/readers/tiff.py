@@ -1,4 +1,4 @@
-"""TIFF to pixels and back: one page of 8 or 16 bit grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF)."""
+"""Decodes TIFF: one page of 8 or 16 bit grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF)."""
 
 from __future__ import annotations
 
@@ -30,25 +30,6 @@ COMPRESSIONS: tuple[int, ...] = (
     tifffile.COMPRESSION.DEFLATE,
     tifffile.COMPRESSION.PACKBITS,
 )
-
-
-def encode(pixels: Pixels) -> bytes:
-    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels."""
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    colours = 3 if channels >= 3 else 1
-    file = io.BytesIO()
-    tifffile.imwrite(
-        file,
-        pixels,
-        photometric="rgb" if colours == 3 else "minisblack",
-        planarconfig="contig" if channels > 1 else None,
-        extrasamples=["unassalpha"] if channels > colours else None,
-        compression="deflate",
-        predictor=True,
-        metadata=None,
-        software=False,
-    )
-    return file.getvalue()
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.report import Report, to_json
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
 
 SCENE = "scene:"
@@ -57,21 +59,26 @@ def finish(report: Report, path: str | None) -> None:
     """Writes the report to `path`, if one was given, and tells its notes."""
     if path is not None:
         with replacing(Path(path)) as file:
-            file.write(to_json(report))
+            file.write(report_json(report))
     for note in report["notes"]:
         print(f"ciir: note: {join_lines(note)}", file=sys.stderr)
 
 
 @contextmanager
-def bar(unit: str, total: int | None = None) -> Iterator[Callable[[int], object]]:
-    """A progress bar, on a terminal only, and what counts it up. `total` is None where nobody knows yet.
+def progress_bar(unit: str) -> Iterator[Progress]:
+    """Shows a progress bar with the time left, on a terminal only; yields `progress(done, total)`, which moves it.
 
     It appears after half a second: short work shows nothing.
     """
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr) as shown:
-        yield shown.update
+    with tqdm(unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
 
 
 def say(text: str) -> None:

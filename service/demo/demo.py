@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +13,14 @@ from ciir.models import catalogue
 from ciir.renderer import scenes
 from ciir.renderer.backends import open_backend
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.readers.pictures import decode
 from ciir.renderer.sampling import LENSLET_SAMPLES
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.demo import contact_sheet
-from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import STAGES
+from ciir.service.pipeline.run import elemental, reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,28 +46,6 @@ class Step:
     report: Report
 
 
-class _Kept:
-    """Where pixels and their PNG go: a sink, and what `pipeline.elemental` calls."""
-
-    pixels: Pixels
-    png: bytes
-
-    def begin(self, count: int) -> None:
-        """One view is expected; `count` is of no matter."""
-
-    def add(self, view: tuple[int, int], pixels: Pixels) -> str:  # noqa: ARG002 - there is one
-        """Keeps a view."""
-        self.keep(pixels)
-        return "view.png"
-
-    def keep(self, pixels: Pixels) -> None:
-        """Encodes and keeps."""
-        self.pixels, self.png = pixels, encode_png(pixels)
-
-    def finish(self, report: Report) -> None:
-        """Nothing is left to do."""
-
-
 def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[Step], None]) -> None:
     """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`.
 
@@ -77,28 +59,34 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
     rows = []
     for scene in SCENES:
         scenes.load_scene(scene)
-        eia = _Kept()
-        made = pipeline.elemental(scene, mesh, eia.keep)
+        eias: list[bytes] = []
+        made = elemental(scene, mesh, partial(_keep_png, eias))
         tell(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
-        picture = Bundle.from_upload(f"{scene}.png", eia.png)
+        picture = Bundle.from_upload(f"{scene}.png", eias[0])
         views = {}
         for model in ("none", "bicubic", catalogue.DEFAULT):
             views[model], report = _view(picture, Options(lenses=LENSES, model=model))
         tell(Step(scene, "EIA to view, upscaled", report))
         truth, report = _view(scene, replace(mesh, sampling="pinhole", strategy="direct"))
         tell(Step(scene, "mesh to view, direct", report))
-        rows.append(
-            contact_sheet.Row(scene, *(kept.pixels for kept in (*views.values(), truth)))  # mapped, bicubic, network
-        )
-    write("eia.png", eia.png)
-    write("view_before.png", views["none"].png)
-    write("view_after.png", views[catalogue.DEFAULT].png)
+        pixels = [decode(png, name=scene) for png in (*views.values(), truth)]
+        rows.append(contact_sheet.Row(scene, *pixels))  # mapped, bicubic, network, truth
+    write("eia.png", eias[0])
+    write("view_before.png", views["none"])
+    write("view_after.png", views[catalogue.DEFAULT])
     write("contact_sheet.png", encode_png(contact_sheet.draw(rows, network=catalogue.DEFAULT)))
 
 
-def _view(source: Source, options: Options) -> tuple[_Kept, Report]:
-    kept = _Kept()
-    return kept, pipeline.reconstruct(source, options, kept)
+def _keep_png(kept: list[bytes], pixels: Pixels) -> None:
+    kept.append(encode_png(pixels))
+
+
+def _view(source: Source, options: Options) -> tuple[bytes, Report]:
+    """The centre view as a PNG, and the report."""
+    file = io.BytesIO()
+    with FileWriter(file, "png") as writer:
+        report = reconstruct(source, options, writer)
+    return file.getvalue(), report
 
 
 def header() -> str:

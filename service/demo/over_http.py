@@ -13,7 +13,7 @@ from pathlib import Path
 
 import httpx2
 
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.client import Client, ServiceError
 from ciir.service.pipeline import run
 from ciir.service.pipeline.options import Options

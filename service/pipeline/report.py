@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 import time
 from collections.abc import Iterator, Mapping
@@ -105,8 +104,3 @@ def versions(*packages: str) -> dict[str, str]:
 def _version(name: str) -> str:
     """Looked up once: each takes a third of a millisecond."""
     return platform.python_version() if name == "python" else version(name)
-
-
-def to_json(report: Report) -> bytes:
-    """The report as it is written everywhere: UTF-8, indented, with a line end."""
-    return (json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -29,28 +29,28 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Writer
     from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.outputs import Sink
     from ciir.service.pipeline.schedule import Turn
     from ciir.service.pipeline.upscaling import Enlarge
 
-Progress = Callable[[int], object]
-"""Called with the number of views that were finished since its last call."""
+Progress = Callable[[int, int], object]
+"""Called with the number of views that are finished and of all, first with 0 before any view is made."""
 
 
 def reconstruct(
     source: Source,
     options: Options,
-    sink: Sink,
+    writer: Writer,
     *,
     max_pixels: int | None = None,
     progress: Progress | None = None,
     clock: Clock | None = None,
 ) -> Report:
-    """Puts the views that `options` ask for into `sink`, and returns the report that `sink` got too.
+    """Gives the views that `options` ask for to `writer`, and returns the report, which `writer` gets too.
 
     Views are made, upscaled and encoded in turns, each stage in a thread of its own: their times overlap, so that they
-    may add up to more than the total. `sink` and `progress` are called in the caller's thread. The first error in the
+    may add up to more than the total. `writer` and `progress` are called in the caller's thread. The first error in the
     order of views is raised, and no thread outlives the call.
 
     `max_pixels`: most output pixels of all views together; and samples of a mesh, where those views count too that are
@@ -58,7 +58,7 @@ def reconstruct(
     stages' time.
 
     Raises the input faults of `ciir.errors` and `ciir.errors`, and `BackendUnavailable`; what the input's
-    header and the options show is raised before `sink.begin`, so before anything is written.
+    header and the options show is raised before `writer.begin`, so before anything is written.
     """
     clock = clock or Clock()
     given = Input(source)
@@ -76,7 +76,9 @@ def reconstruct(
         plans.check_work(maker.samples, len(made), max_pixels, plan.strategy, further=len(made) - len(job.wanted))
     tally = Tally()
     enlarge = _load(plan, job.grid, tally, clock, skipping=options.skip == "exact")
-    sink.begin(len(job.wanted))
+    writer.begin(len(job.wanted), maker.sample)
+    if progress is not None:
+        progress(0, len(job.wanted))
     maker.start()
 
     written: list[dict[str, Any]] = []
@@ -88,10 +90,10 @@ def reconstruct(
             with clock.stage("encode"):
                 for view, picture in zip(wanted, large, strict=True):
                     height, width = picture.shape[:2]
-                    name = sink.add(view, picture)
+                    name = writer.write(view, picture)
                     written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width})
             if progress is not None:
-                progress(len(wanted))
+                progress(len(written), len(job.wanted))
 
     left_out = ({} if enlarge is None else skipped(tally)) | maker.skipped() or None
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
@@ -116,7 +118,7 @@ def reconstruct(
         "timings_ms": clock.timings_ms(),
         "versions": versions(*maker.packages, *(("onnxruntime",) if enlarge is not None else ())),
     }
-    sink.finish(report)
+    writer.finish(report)
     return report
 
 
@@ -163,7 +165,7 @@ def elemental(source: Source, options: Options, keep: Callable[[Pixels], object]
     if options.pickup == "optical":
         with clock.stage("map"):
             rows, cols = maker.lenses
-            pixels = LightField.from_eia(pixels, rows=rows, cols=cols).to_eia(pickup="optical")
+            pixels = LightField.from_eia(pixels, rows=rows, cols=cols).eia(pickup="optical")
     with clock.stage("encode"):
         keep(pixels)
     return {

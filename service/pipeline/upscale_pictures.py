@@ -12,6 +12,7 @@ from ciir.errors import InvalidOption
 from ciir.models import catalogue
 from ciir.models.single.skip import Tally
 from ciir.renderer.readers import pictures
+from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.plan import check_size
 from ciir.service.pipeline.report import Clock, Report, versions
@@ -92,7 +93,7 @@ def upscale_pictures(
             }
         )
         if progress is not None:
-            progress(1)
+            progress(len(done), len(outputs))
     return {
         "pictures": done,
         "notes": [],
@@ -105,6 +106,6 @@ def upscale_pictures(
 
 def _encode(pixels: Pixels, output: str) -> bytes:
     try:
-        return pictures.encode(pixels, output[output.rindex(".") :])
+        return encode(pixels, output[output.rindex(".") :])
     except InvalidOption as error:
         raise InvalidOption(f"{output}: {str(error).removeprefix('picture: ')}") from error

@@ -39,6 +39,7 @@ class MeshViews:
         self._left = scene.triangles
         self.lenses = (self.array.rows, self.array.cols)
         self.pixels = (self.array.pixels_v, self.array.pixels_u)
+        self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
 
     def start(self) -> None:
         """Opens the backend and places the scene; before `make` and `elemental`. Raises `BackendUnavailable`."""
@@ -114,6 +115,7 @@ class PictureViews:
         self._pitch, self._delta = options.pitch, options.delta
         pixels_v, pixels_u, rows, cols, _ = field.views.shape
         self.lenses, self.pixels = (rows, cols), (pixels_v, pixels_u)
+        self.sample: Pixels = field.views[0, 0, :1, :1]
 
     def start(self) -> None:
         """Everything is there already."""

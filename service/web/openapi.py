@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ciir.renderer.writers.formats import FORMATS
 from ciir.service.web import problems
 from ciir.service.web.routes import results
 
@@ -55,8 +56,8 @@ def describe_result() -> Responses:
     """200 with the result, 304 where the client has it."""
     return {
         200: {
-            "description": "the views: one PNG, a zip with report.json, or an npz",
-            "content": dict.fromkeys(results.MEDIA_TYPES.values(), _BINARY),
+            "description": "the views: one picture, a zip with report.json, or an npz",
+            "content": {entry.media_type: _BINARY for entry in FORMATS.values()},
             "headers": _RESULT_HEADERS,
         },
         304: {"description": "If-None-Match names it: the client has it already", "headers": _RESULT_HEADERS},

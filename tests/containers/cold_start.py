@@ -19,7 +19,7 @@ import time
 import httpx2
 import numpy as np
 
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import ROOT
 
 PROJECT, PORT = "ciir-bench", "18765"

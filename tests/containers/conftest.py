@@ -19,7 +19,7 @@ import httpx2
 import numpy as np
 import pytest
 
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import ROOT
 
 IMAGE = "ciir:test"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.renderer.readers import pictures
+from ciir.renderer.writers.pictures import encode_png
 from tests.fuzz.seeds import CORNERS, FACES, noise, pack
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def glb_of(document: Mapping[str, Any], binary: bytes) -> bytes:
 
 def gltf() -> list[bytes]:
     """With a buffer and a picture beside it, and with both inside."""
-    picture = pictures.encode_png(noise(4, 4, 3))
+    picture = encode_png(noise(4, 4, 3))
     embedded = "data:application/octet-stream;base64," + base64.b64encode(stored()).decode()
     inside = {"uri": "data:image/png;base64," + base64.b64encode(picture).decode()}
     return [
@@ -103,7 +103,7 @@ def gltf() -> list[bytes]:
 
 def glb() -> list[bytes]:
     """With its picture in a buffer view."""
-    picture = pictures.encode_png(noise(4, 4, 3))
+    picture = encode_png(noise(4, 4, 3))
     document = document_of(None, {"bufferView": 6, "mimeType": "image/png"})
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(stored()), "byteLength": len(picture)})
     document["buffers"][0]["byteLength"] += len(picture)

@@ -15,7 +15,8 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from ciir.renderer.readers import jpeg, pictures, tiff
+from ciir.renderer.readers import jpeg, tiff
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def saved(image: Image.Image, form: str, **options: Any) -> bytes:
 
 def png() -> list[bytes]:
     """Every colour type; 1, 8 and 16 bit; a palette and a transparent colour."""
-    kinds = [pictures.encode_png(noise(6, 6, n, dtype)) for n in (1, 2, 3, 4) for dtype in (np.uint8, np.uint16)]
+    kinds = [encode_png(noise(6, 6, n, dtype)) for n in (1, 2, 3, 4) for dtype in (np.uint8, np.uint16)]
     rgb = Image.fromarray(noise(6, 6, 3))
     return [
         *kinds,
@@ -130,7 +131,7 @@ def ply() -> list[bytes]:
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     rows = [(*map(float, corner), 0.0, 0.0, 1.0, 0.5, 0.5, 255, 128, 0) for corner in CORNERS]
     body = "\n".join(" ".join(map(str, row)) for row in rows) + "\n3 0 1 2\n4 0 1 2 3\n"
-    picture = pictures.encode_png(noise(4, 4, 3))
+    picture = encode_png(noise(4, 4, 3))
     written = [pack((head.format("ascii") + body).encode(), picture)]
     for name, order in (("binary_little_endian", "<"), ("binary_big_endian", ">")):
         data = b"".join(struct.pack(order + "8f3B", *row) for row in rows)
@@ -144,7 +145,7 @@ def obj() -> list[bytes]:
     text = b"mtllib a.mtl\n" + b"".join(b"v %d %d %d 1 0.5 0\n" % corner for corner in CORNERS)
     text += b"vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl m\nf 1/1/1 2/2/1 3/3/1\nusemtl n\nf -4//1 -2//1 -1//1\nl 1 2\n"
     library = b"newmtl m\nKd 1 0.5 0\nmap_Kd -clamp on -s 1 1 1 x.png\nmap_d x.png\nnewmtl n\nKd 0\n"
-    return [pack(text, library, pictures.encode_png(noise(4, 4, 4)))]
+    return [pack(text, library, encode_png(noise(4, 4, 4)))]
 
 
 def zips() -> list[bytes]:
@@ -157,7 +158,7 @@ def zips() -> list[bytes]:
 
 def view_sets() -> list[bytes]:
     """The names of views, one a line, and their pictures."""
-    small = pictures.encode_png(noise(4, 4, 3))
+    small = encode_png(noise(4, 4, 3))
     names = (
         b"view_00_00.png\nview_00_01.png\nview_01_00.png\nview_01_01.png",
         b"out_00_00_-1.5_2.0_.png\nout_00_01_0_0.png\nout_01_00_0_0.png\nout_01_01_0_0.png",

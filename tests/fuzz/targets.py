@@ -24,8 +24,9 @@ from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import NAMES, Options
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
@@ -125,7 +126,7 @@ def view_set(data: bytes) -> None:
     )
 
 
-_EIA = pictures.encode_png(seeds.noise(24, 36, 3))
+_EIA = encode_png(seeds.noise(24, 36, 3))
 _OFF = seeds.off()[0]
 
 
@@ -135,9 +136,8 @@ def asked(name: str, file: bytes) -> Callable[[bytes], None]:
     def check(data: bytes) -> None:
         values = zip(NAMES, data.decode("latin-1").split("\n"), strict=False)
         options = Options.parse({option: value for option, value in values if value.strip()})
-        sink = FileSink(io.BytesIO(), None)
-        with sink:
-            report = reconstruct(Bundle.from_upload(name, file, LIMITS), options, sink, max_pixels=20_000)
+        with FileWriter(io.BytesIO(), None) as writer:
+            report = reconstruct(Bundle.from_upload(name, file, LIMITS), options, writer, max_pixels=20_000)
         if not report["views"]:
             raise BrokenPromise("a report without views")
 

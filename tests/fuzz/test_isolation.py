@@ -10,7 +10,7 @@ import zipfile
 
 import pytest
 
-from ciir.renderer.readers import pictures
+from ciir.renderer.writers.pictures import encode_png
 from tests.fuzz import gltf_seeds, seeds
 
 PROGRAM = """
@@ -83,7 +83,7 @@ def outcome(tmp_path_factory):
     """The expected and the actual status of each upload, what the guard saw, and whether anyone called."""
     outside, folder = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("work")
     secret = outside / "secret.png"
-    secret.write_bytes(pictures.encode_png(seeds.noise(4, 4, 3)))
+    secret.write_bytes(encode_png(seeds.noise(4, 4, 3)))
     (folder / "uploads").mkdir()
     with socket.create_server(("127.0.0.1", 0)) as listener:
         listener.settimeout(0)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ciir.renderer.readers import pictures
 from ciir.renderer.scenes import modelling
+from ciir.renderer.writers.pictures import encode_png
 from tests.fuzz import gltf_seeds, seeds
 
 PATH = "/v1/reconstructions"
@@ -89,7 +89,7 @@ def array(number: int) -> Asked:
     waves = [np.sin(x * rng.uniform(5, 60) + y * rng.uniform(5, 60)) for _ in range(3)]
     picture = np.stack(waves, axis=2) * 100 + 128 + rng.normal(0, 2, (750, 750, 1))
     views = "all" if number % ALL_VIEWS == 0 else "cross"
-    data = pictures.encode_png(np.clip(picture, 0, 255).astype(np.uint8))
+    data = encode_png(np.clip(picture, 0, 255).astype(np.uint8))
     return Asked("array", "array.png", data, {"lenses": "50x50", "views": views})
 
 

@@ -30,7 +30,7 @@ def test_pixel_mapping_and_back(sides: tuple[int, int, int, int], channels: int,
         for u in range(pixels_u):
             row, column = (v, u) if pickup == "virtual" else (pixels_v - 1 - v, pixels_u - 1 - u)
             assert np.array_equal(field.views[v, u], eia[row::pixels_v, column::pixels_u])
-    back = field.to_eia(pickup=pickup)
+    back = field.eia(pickup=pickup)
     assert back.dtype == dtype
     assert np.array_equal(back, eia)
 
@@ -47,7 +47,7 @@ def test_views_are_no_copy(pickup: Pickup) -> None:
 
 def test_an_optical_pickup_turns_each_elemental_image_by_half_a_turn() -> None:
     eia = picture(6, 10, 3, np.uint16)
-    turned = LightField.from_eia(eia, rows=2, cols=2).to_eia(pickup="optical")
+    turned = LightField.from_eia(eia, rows=2, cols=2).eia(pickup="optical")
     for y in (0, 1):
         for x in (0, 1):
             block = np.s_[3 * y : 3 * y + 3, 5 * x : 5 * x + 5]

@@ -11,6 +11,7 @@ from tests.support.paths import ROOT
 CODE = r"""
 import base64, json, struct, sys
 
+from ciir.renderer.writers.pictures import encode, encode_png
 from ciir.renderer.readers import inputs, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.errors import InputError
@@ -68,7 +69,7 @@ def read(main, given):
         return (str(error),)
 
 
-picture = pictures.encode_png(np.zeros((2, 2, 3), np.uint8))
+picture = encode_png(np.zeros((2, 2, 3), np.uint8))
 for main, given in files("own.png"):  # loads all modules
     read(main, given | {"own.png": picture})
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx2
 import pytest
 
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import make_picture
 from tests.support.servers import run_server
 

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli import output_path
 from ciir.service.cli.main import main
 from tests.support.inputs import CUBE, make_picture

@@ -14,7 +14,8 @@ import pytest
 
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
-from ciir.renderer.readers.pictures import decode, encode_png
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import CUBE, EIA_PNG, make_picture
 from tests.support.servers import run_python, run_server
 

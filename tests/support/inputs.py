@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 
 CUBE = b"""OFF
 8 6 0

@@ -10,6 +10,7 @@ import numpy as np
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures, view_set
+from ciir.renderer.writers.pictures import encode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,8 +36,8 @@ def pixel_mapping(effort: Effort) -> Iterator[Found | Skipped]:
             shape = (rows * pixels_v, cols * pixels_u, channels)
             eia = cast("Pixels", random.integers(0, np.iinfo(depth).max + 1, shape, dtype=depth))
             field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=pickup)
-            back = field.to_eia(pickup=pickup)
-            came = back, _through(back, ".png"), _through(back, ".tif"), _as_files(field).to_eia(pickup=pickup)
+            back = field.eia(pickup=pickup)
+            came = back, _through(back, ".png"), _through(back, ".tif"), _as_files(field).eia(pickup=pickup)
             where = f"{channels} channels, {rows}x{cols} lenses of {pixels_v}x{pixels_u} pixels, {pickup}"
             for way, picture in zip(lost, came, strict=True):
                 lost[way] = max(lost[way], (_differ(picture, eia), where))
@@ -51,16 +52,14 @@ def _differ(one: Pixels, other: Pixels) -> int:
 
 
 def _through(picture: Pixels, suffix: str) -> Pixels:
-    return pictures.decode(pictures.encode(picture, suffix), name=f"picture{suffix}")
+    return pictures.decode(encode(picture, suffix), name=f"picture{suffix}")
 
 
 def _as_files(field: LightField) -> LightField:
     """The light field as it comes back from one PNG for each view."""
     pixels_v, pixels_u = field.views.shape[:2]
     files = {
-        f"view_{v:02d}_{u:02d}.png": pictures.encode(field.views[v, u], ".png")
-        for v in range(pixels_v)
-        for u in range(pixels_u)
+        f"view_{v:02d}_{u:02d}.png": encode(field.views[v, u], ".png") for v in range(pixels_v) for u in range(pixels_u)
     }
     return view_set.read(files, name="views", grid=None)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.readers import pictures
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.pictures import SUFFIXES, encode
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
 
@@ -21,8 +21,8 @@ def run(args: argparse.Namespace) -> None:
     """Writes the elemental image array, and the report where one is asked for."""
     path = Path(args.out)
     suffix = path.suffix.lower()
-    if suffix not in pictures.SUFFIXES or args.out.endswith("/"):
-        listed = ", ".join(sorted(pictures.SUFFIXES))
+    if suffix not in SUFFIXES or args.out.endswith("/"):
+        listed = ", ".join(SUFFIXES)
         raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
     output_path.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     with replacing(path) as file:
 
         def keep(pixels: Pixels) -> None:
-            file.write(pictures.encode(pixels, suffix))
+            file.write(encode(pixels, suffix))
 
         report = pipeline.elemental(source, options, keep)
     common.finish(report, args.report)

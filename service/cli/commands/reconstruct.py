@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.folder import FolderWriter
+from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
-from ciir.service.pipeline.outputs import FORMATS, FileSink, FolderSink
 
 if TYPE_CHECKING:
     import argparse
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and prints what was written."""
-    is_file = output_path.is_file(args.out, [f".{name}" for name in FORMATS], what="views")
+    is_file = output_path.is_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
     output_path.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
@@ -33,11 +34,11 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _to_file(source: Source, options: Options, path: Path) -> Report:
-    suffix = path.suffix.lower().removeprefix(".")
-    with replacing(path) as file, FileSink(file, suffix) as sink, common.bar("view") as count:
-        return pipeline.reconstruct(source, options, sink, progress=count)
+    name = BY_SUFFIX[path.suffix.lower()].name
+    with replacing(path) as file, FileWriter(file, name) as writer, common.progress_bar("view") as progress:
+        return pipeline.reconstruct(source, options, writer, progress=progress)
 
 
 def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
-    with FolderSink(path, given) as sink, common.bar("view") as count:
-        return pipeline.reconstruct(source, options, sink, progress=count)
+    with FolderWriter(path, given) as writer, common.progress_bar("view") as progress:
+        return pipeline.reconstruct(source, options, writer, progress=progress)

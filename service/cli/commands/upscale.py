@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.readers import pictures
 from ciir.renderer.readers.registry import READ, is_picture
 from ciir.renderer.writers.atomic_write import Staged, replacing
+from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.upscale_pictures import Write
 
-_TAKEN = ", ".join([*sorted(pictures.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
+_TAKEN = ", ".join([*SUFFIXES, ".zip"]) + ", or a folder of such pictures"
 
 
 def run(args: argparse.Namespace) -> None:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> None:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
         report = _folder(bundle, output_names(names), path, options)
         report["notes"] = [f"left out, not a picture of this folder: {name}" for name in left_out]
-    elif output_path.is_file(args.out, sorted(pictures.SUFFIXES), what="a picture"):
+    elif output_path.is_file(args.out, SUFFIXES, what="a picture"):
         report = _single(bundle, bundle.main, path, options)
     else:
         outputs = output_names([bundle.main])
@@ -69,8 +69,8 @@ def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:
 def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Options) -> Report:
     staged = Staged(path)
     try:
-        with common.bar("picture", total=len(outputs)) as count:
-            report = _upscaled(bundle, outputs, staged.write, options, count)
+        with common.progress_bar("picture") as progress:
+            report = _upscaled(bundle, outputs, staged.write, options, progress)
         staged.commit()
     finally:
         staged.discard()

@@ -144,26 +144,20 @@ def _is_memory(error: BaseException) -> bool:
 def reconstruct(work: Task, allowed: TaskLimits) -> Result:
     """Writes the result and its report; raises whatever the pipeline does."""
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.writers.formats import FileWriter
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.outputs import FileSink
 
     options = Options.parse(work.request.options)
     bundle = Bundle.from_upload(work.request.name, work.source.read_bytes(), allowed.limits)
     teller = Teller(work.told)
-
-    class Sink(FileSink):
-        def begin(self, count: int) -> None:
-            teller.views = count
-            super().begin(count)
-
-    with work.target.open("w+b") as file, Sink(file, work.request.format) as sink:
+    with work.target.open("w+b") as file, FileWriter(file, work.request.format) as writer:
         report = pipeline.reconstruct(
-            bundle, options, sink, max_pixels=allowed.output_pixels, progress=teller.done, clock=teller
+            bundle, options, writer, max_pixels=allowed.output_pixels, progress=teller.done, clock=teller
         )
     kept = {name: told for name, told in report.items() if name != "views"}  # up to 65,536, which each poll would parse
     work.report.write_bytes(json.dumps(kept, allow_nan=False).encode())
-    return Result(sink.format, work.target.stat().st_size, {})
+    return Result(writer.format.name, work.target.stat().st_size, {})
 
 
 class Teller(Clock):
@@ -171,10 +165,8 @@ class Teller(Clock):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self.views = 0
-        """How many there will be; 0 where nobody knows yet."""
         self._path, self._lock, self._begun_stages = path, threading.Lock(), set[str]()
-        self._stage, self._views_done, self._told = "decode", 0, float("-inf")
+        self._stage, self._views_done, self._views, self._told = "decode", 0, 0, float("-inf")
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -187,16 +179,16 @@ class Teller(Clock):
         with super().stage(name):
             yield
 
-    def done(self, views: int) -> None:
-        """So many more views are finished."""
+    def done(self, views_done: int, views: int) -> None:
+        """`views_done` of `views` are finished."""
         with self._lock:
-            self._views_done += views
-            if self._views_done == self.views or time.monotonic() - self._told >= PROGRESS_SECONDS:
+            self._views_done, self._views = views_done, views
+            if views_done in (0, views) or time.monotonic() - self._told >= PROGRESS_SECONDS:
                 self._tell()
 
     def _tell(self) -> None:
         self._told = time.monotonic()
-        data = {"stage": self._stage, "views_done": self._views_done, "views": self.views}
+        data = {"stage": self._stage, "views_done": self._views_done, "views": self._views}
         with self._path.open("ab", buffering=0) as file:
             file.write(json.dumps(data).encode() + b"\n")
 
@@ -213,11 +205,11 @@ def warm_up() -> list[str]:
     from ciir.models import catalogue
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.views import parse_views
+    from ciir.renderer.writers.formats import FileWriter
     from ciir.service.jobs.workers import sandbox
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline import upscaling
     from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.outputs import FileSink
     from ciir.service.pipeline.plan import Plan
 
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
@@ -227,9 +219,9 @@ def warm_up() -> list[str]:
             every = parse_views("all", *_WARM_GRID)
             for wanted in ([(1, 1)], every):  # one by all cores, many with one each: sessions of their own
                 run(dict.fromkeys(every, view), wanted)
-    with FileSink(io.BytesIO(), "png") as sink:
-        mesh = Bundle.from_upload("mesh.off", _WARM_MESH)
-        pipeline.reconstruct(mesh, Options(lenses=(8, 8), pixels=(3, 3), model="none"), sink)
+    mesh = Bundle.from_upload("mesh.off", _WARM_MESH)
+    with FileWriter(io.BytesIO(), "png") as writer:
+        pipeline.reconstruct(mesh, Options(lenses=(8, 8), pixels=(3, 3), model="none"), writer)
     return sandbox.missing
 
 

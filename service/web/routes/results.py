@@ -9,6 +9,7 @@ from anyio import to_thread
 from fastapi import Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
+from ciir.renderer.writers.formats import FORMATS
 from ciir.service.web import problems
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from ciir.service.jobs.jobs import Jobs
 
 ROOT = "/v1/reconstructions"
-MEDIA_TYPES = {"png": "image/png", "zip": "application/zip", "npz": "application/x-npz"}
 CACHE = "private, no-cache"
 """Of results: whoever asked may keep them, and asks with the tag whether they still are the same."""
 CHUNK = 2**18
@@ -121,8 +121,8 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
 
 def make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
     """Of an answer that holds the result; `timings`: milliseconds by stage."""
-    # A zip and an npz hold a report with timings, so two that were made of one id differ in these: a weak tag.
-    tag = f'"{job.id}"' if result.format == "png" else f'W/"{job.id}"'
+    # A report holds timings, so that two results of one id differ in them: a weak tag.
+    tag = f'W/"{job.id}"' if FORMATS[result.format].holds_report else f'"{job.id}"'
     return {
         "ETag": tag,
         "Cache-Control": CACHE,
@@ -149,7 +149,7 @@ async def respond_with_result(
     file, start = await to_thread.run_sync(_opened, jobs, job.id)
     fields = make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
     fields["Content-Disposition"] = f'attachment; filename="{job.id}.{result.format}"'
-    media_type = MEDIA_TYPES[result.format]
+    media_type = FORMATS[result.format].media_type
     if len(start) == result.size:
         file.close()
         return Response(start, headers=fields, media_type=media_type)

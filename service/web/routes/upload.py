@@ -11,8 +11,8 @@ from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.writers.formats import FORMATS, check_format
 from ciir.service.pipeline.options import HELP, NAMES, Options
-from ciir.service.pipeline.outputs import FORMATS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -77,8 +77,8 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
         raise InvalidOption(f"{listed}: no such field; known are {', '.join((FILE, FORMAT, *NAMES))}")
-    if wanted is not None and wanted not in FORMATS:
-        raise InvalidOption(f"{FORMAT}: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
+    if wanted is not None:
+        check_format(wanted)
     options = Options.parse(texts)
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")

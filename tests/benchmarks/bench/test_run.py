@@ -9,7 +9,7 @@ import pytest
 from ciir.benchmarks.bench import arrays
 from ciir.benchmarks.bench.run import Asked, bench, quick
 from ciir.models import catalogue
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 
 

@@ -6,7 +6,7 @@ from ciir.benchmarks.bench.work import halved, works
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import Options
 
 
@@ -22,7 +22,7 @@ def field(rows=24, cols=20):
 
 
 def given(views):
-    return Bundle.from_upload("eia.png", encode_png(LightField(views).to_eia()))
+    return Bundle.from_upload("eia.png", encode_png(LightField(views).eia()))
 
 
 def test_a_mesh_gives_one_work_for_each_count_and_sampling():

@@ -8,16 +8,17 @@ import pytest
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers import inputs, pictures
+from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import ROOT
 
 SHARED = ROOT.parent / "shared"
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 EIA = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
-PNG = pictures.encode_png(EIA)
+PNG = encode_png(EIA)
 
 
 def read(files: dict[str, bytes], main: str | None = None, **options: object) -> Scene | LightField:
@@ -90,7 +91,7 @@ def test_neither_mesh_nor_pictures() -> None:
 
 
 def test_a_set_of_views_with_a_point_cloud_beside_it() -> None:
-    picture = pictures.encode_png(np.zeros((2, 3, 3), np.uint8))
+    picture = encode_png(np.zeros((2, 3, 3), np.uint8))
     files = {f"view_{v}_{u}.png": picture for v in range(2) for u in range(3)} | {"cloud.ply": b"ply\n"}
     field = read(files)
     assert isinstance(field, LightField)

@@ -15,6 +15,7 @@ from PIL import Image, ImageOps
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers import pictures
+from ciir.renderer.writers.pictures import encode, encode_png
 
 PIXELS = st.tuples(
     st.sampled_from([np.uint8, np.uint16]), st.integers(1, 9), st.integers(1, 9), st.integers(1, 4)
@@ -51,7 +52,7 @@ def tiff(pixels: np.ndarray, **options: object) -> bytes:
 @SETTINGS
 @given(pixels=PIXELS, suffix=st.sampled_from([".png", ".PNG", ".tif", ".tiff"]))
 def test_every_bit_survives_png_and_tiff(pixels: pictures.Pixels, suffix: str) -> None:
-    read = pictures.decode(pictures.encode(pixels, suffix), name="x")
+    read = pictures.decode(encode(pixels, suffix), name="x")
     assert read.dtype == pixels.dtype
     assert np.array_equal(read, pixels)
 
@@ -59,14 +60,14 @@ def test_every_bit_survives_png_and_tiff(pixels: pictures.Pixels, suffix: str) -
 @SETTINGS
 @given(pixels=PIXELS)
 def test_other_readers_agree_with_our_png(pixels: pictures.Pixels) -> None:
-    read = np.asarray(Image.open(io.BytesIO(pictures.encode_png(pixels))))
+    read = np.asarray(Image.open(io.BytesIO(encode_png(pixels))))
     if pixels.dtype == np.uint8 or pixels.shape[2] == 1:  # Pillow keeps 8 bits of the others
         assert np.array_equal(read.reshape(pixels.shape), pixels)
 
 
 def test_strided_pixels_are_written_as_they_stand() -> None:
     views = noise(12, 18, 3)[1::3, 2::2]
-    assert np.array_equal(pictures.decode(pictures.encode_png(views), name="x"), views)
+    assert np.array_equal(pictures.decode(encode_png(views), name="x"), views)
 
 
 ADAM7 = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
@@ -156,7 +157,7 @@ def test_jpeg_segments_may_be_filled_and_nothing_may_lie_between_them() -> None:
 def test_jpeg_is_read_as_stored_and_written_close() -> None:
     ramp = np.linspace(0, 255, 32 * 32 * 3).reshape(32, 32, 3).astype(np.uint8)
     for pixels in (ramp, ramp[..., :1]):
-        read = pictures.decode(pictures.encode(pixels, ".jpg"), name="x")
+        read = pictures.decode(encode(pixels, ".jpg"), name="x")
         assert read.shape == pixels.shape
         assert np.abs(read.astype(int) - pixels).max() <= 8
 
@@ -216,10 +217,10 @@ def test_kinds_that_are_not_read(data: bytes, words: str) -> None:
 
 
 WHOLE = {
-    "png": pictures.encode(noise(40, 30, 3), ".png"),
-    "png of 16 bit": pictures.encode(noise(40, 30, 4, dtype=np.uint16), ".png"),
-    "jpg": pictures.encode(noise(40, 30, 3), ".jpg"),
-    "tif": pictures.encode(noise(40, 30, 3), ".tif"),
+    "png": encode(noise(40, 30, 3), ".png"),
+    "png of 16 bit": encode(noise(40, 30, 4, dtype=np.uint16), ".png"),
+    "jpg": encode(noise(40, 30, 3), ".jpg"),
+    "tif": encode(noise(40, 30, 3), ".tif"),
     "tif by lzw": tiff(noise(40, 30, 3), photometric="rgb", compression="lzw"),
     "tif uncompressed": tiff(noise(40, 30, 3), photometric="rgb"),
 }
@@ -280,7 +281,7 @@ def test_a_huge_tiff_header_is_refused() -> None:
 
 
 def test_a_tiff_tag_of_control_characters_is_told_in_one_line() -> None:
-    data = bytearray(pictures.encode(np.zeros((4, 4, 3), np.uint8), ".tif"))
+    data = bytearray(encode(np.zeros((4, 4, 3), np.uint8), ".tif"))
     tag = data.index(struct.pack("<HHI", 259, 3, 1))  # compression, a number
     data[tag : tag + 12] = struct.pack("<HHI4s", 259, 2, 2, b"\1\n")  # text
     with pytest.raises(UnsupportedType, match=r"a TIFF of compression \?") as caught:
@@ -310,24 +311,24 @@ def test_a_png_without_pixels_is_unreadable() -> None:
 @pytest.mark.parametrize("shape", [(4, 4, 2), (4, 4, 4)])
 def test_jpeg_holds_no_alpha(shape: tuple[int, ...]) -> None:
     with pytest.raises(InvalidOption, match=r"name the file \.png or \.tif"):
-        pictures.encode(noise(*shape), ".jpeg")
+        encode(noise(*shape), ".jpeg")
 
 
 def test_jpeg_holds_no_16_bits_and_no_long_sides() -> None:
     with pytest.raises(InvalidOption, match="3 channels of 16 bit"):
-        pictures.encode(noise(4, 4, 3, dtype=np.uint16), ".jpg")
+        encode(noise(4, 4, 3, dtype=np.uint16), ".jpg")
     with pytest.raises(InvalidOption, match="1x65501"):
-        pictures.encode(np.zeros((1, 65_501, 1), np.uint8), ".jpg")
+        encode(np.zeros((1, 65_501, 1), np.uint8), ".jpg")
 
 
 def test_other_suffixes_are_refused() -> None:
     with pytest.raises(InvalidOption, match=r"'\.webp' can't be written"):
-        pictures.encode(noise(4, 4, 3), ".webp")
+        encode(noise(4, 4, 3), ".webp")
 
 
 def test_encoding_is_deterministic() -> None:
     for suffix in (".png", ".tif", ".jpg"):
-        assert pictures.encode(noise(9, 9, 3), suffix) == pictures.encode(noise(9, 9, 3), suffix)
+        assert encode(noise(9, 9, 3), suffix) == encode(noise(9, 9, 3), suffix)
 
 
 def test_importing_loads_no_decoder() -> None:

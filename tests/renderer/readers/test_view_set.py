@@ -9,13 +9,14 @@ from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, Unsuppo
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import pictures, view_set
+from ciir.renderer.writers.pictures import encode, encode_png
 from tests.support.paths import SHARED
 
 
 def picture(v: int, u: int, *, channels: int = 3, dtype: type = np.uint8, suffix: str = ".png") -> bytes:
     """2x3 pixels that say which view they are."""
     pixels = np.full((2, 3, channels), 16 * v + u, dtype)
-    return pictures.encode(pixels, suffix)
+    return encode(pixels, suffix)
 
 
 def read(files: Mapping[str, bytes], grid: tuple[int, int] | None = None) -> LightField:
@@ -160,9 +161,9 @@ def test_a_grid_that_does_not_fit() -> None:
 @pytest.mark.parametrize(
     ("odd", "words"),
     [
-        (pictures.encode(np.zeros((3, 3, 3), np.uint8), ".png"), "3x3 pixels of 3 x 8 bit"),
-        (pictures.encode(np.zeros((2, 3, 1), np.uint8), ".png"), "2x3 pixels of 1 x 8 bit"),
-        (pictures.encode(np.zeros((2, 3, 3), np.uint16), ".png"), "2x3 pixels of 3 x 16 bit"),
+        (encode(np.zeros((3, 3, 3), np.uint8), ".png"), "3x3 pixels of 3 x 8 bit"),
+        (encode(np.zeros((2, 3, 1), np.uint8), ".png"), "2x3 pixels of 1 x 8 bit"),
+        (encode(np.zeros((2, 3, 3), np.uint16), ".png"), "2x3 pixels of 3 x 16 bit"),
     ],
 )
 def test_the_picture_that_differs_is_named(odd: bytes, words: str) -> None:
@@ -210,9 +211,9 @@ def knights() -> LightField:
 
 def test_knights_as_views_and_as_an_eia_are_the_same(knights: LightField) -> None:
     assert knights.views.shape == (17, 17, 256, 256, 3)
-    assert np.array_equal(LightField.from_eia(knights.to_eia(), rows=256, cols=256).views, knights.views)
+    assert np.array_equal(LightField.from_eia(knights.eia(), rows=256, cols=256).views, knights.views)
     corner = LightField(knights.views[:, :, :64, :48])
-    eia = pictures.decode(pictures.encode_png(corner.to_eia()), name="eia")
+    eia = pictures.decode(encode_png(corner.eia()), name="eia")
     assert np.array_equal(LightField.from_eia(eia, rows=64, cols=48).views, corner.views)
 
 

@@ -11,7 +11,8 @@ import pytest
 
 from ciir import models
 from ciir.models.card import Accuracy
-from ciir.renderer.readers.pictures import decode, encode
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
 from ciir.service.settings import Settings
 from tests.support.inputs import BAD_INPUTS, EIA, contains_all, make_picture

@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import decode, encode_png
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Request
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.settings import Settings
 from tests.support.inputs import make_picture
 
@@ -68,8 +69,8 @@ def test_a_worker_that_is_killed_in_each_stage_costs_no_job(service, helpers):
     jobs = service.jobs()
     service.consumer(jobs, killer)
     file = io.BytesIO()
-    with FileSink(file, "zip") as sink:
-        pipeline.reconstruct(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), sink)
+    with FileWriter(file, "zip") as writer:
+        pipeline.reconstruct(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), writer)
     expected = views(file)
     try:
         for stage in STAGES:

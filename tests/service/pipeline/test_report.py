@@ -1,5 +1,3 @@
-import json
-
 import pytest
 
 from ciir.service.pipeline import report
@@ -29,12 +27,6 @@ def test_counts_what_was_read_once():
     assert files["a"] == files["a"]
     assert (files.bytes_read, files.files_read) == (3, 1)
     assert list(files) == ["a", "b"]
-
-
-def test_json_is_utf8_and_refuses_nan():
-    assert json.loads(report.to_json({"name": "Würfel"})) == {"name": "Würfel"}
-    with pytest.raises(ValueError, match="Out of range"):
-        report.to_json({"x": float("nan")})
 
 
 def test_what_was_skipped_is_told_in_a_line():

@@ -12,11 +12,12 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.memory import MemoryWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline import plan, schedule
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import PngSink
 from ciir.service.pipeline.run import elemental, reconstruct
 from tests.support.inputs import BAD_INPUTS, CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
@@ -24,32 +25,27 @@ from tests.support.paths import SHARED
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 
 
-class Kept:
-    """A sink that keeps pixels."""
+class Recorder(MemoryWriter):
+    """Keeps pixels, how many views were announced, and the report."""
 
-    def __init__(self):
-        self.views = {}
-        self.begun = None
-        self.report = None
+    begun = None
+    report = None
 
-    def begin(self, count):
+    def begin(self, count, sample):
+        assert sample.shape[:2] == (1, 1)
         self.begun = count
-
-    def add(self, view, pixels):
-        self.views[view] = pixels
-        return "name"
 
     def finish(self, report):
         self.report = report
 
 
 def run(source, **options):
-    sink = Kept()
-    report = reconstruct(source, Options(**options), sink)
-    assert sink.report == report
-    assert sink.begun == len(sink.views) == len(report["views"])
+    writer = Recorder()
+    report = reconstruct(source, Options(**options), writer)
+    assert writer.report == report
+    assert writer.begun == len(writer.views) == len(report["views"])
     json.dumps(report, allow_nan=False)
-    return sink.views, report
+    return writer.views, report
 
 
 @pytest.fixture
@@ -102,7 +98,7 @@ def test_pitch_and_delta_that_are_known_are_told():
 
 
 def test_an_optical_pickup_is_turned_back():
-    turned = LightField.from_eia(EIA, rows=6, cols=9).to_eia(pickup="optical")
+    turned = LightField.from_eia(EIA, rows=6, cols=9).eia(pickup="optical")
     views, _ = run(eia_bundle(turned), lenses=(6, 9), views="0,3", model="none", pickup="optical")
     assert np.array_equal(views[0, 3], EIA[0::4, 3::4])
 
@@ -114,7 +110,7 @@ def test_upscaled_views_are_what_the_model_makes_of_them():
         mapped = np.ascontiguousarray(EIA[v::4, u::4])[np.newaxis]
         assert np.array_equal(pixels, models.upscale_pixels(models.load("bicubic", scale=3), mapped)[0])
     assert report["model"] == {"name": "bicubic", "scale": 3, "sha256": None}
-    assert report["views"][0] == {"v": 0, "u": 2, "file": "name", "height": 18, "width": 27}
+    assert report["views"][0] == {"v": 0, "u": 2, "file": "view_00_02.png", "height": 18, "width": 27}
 
 
 def test_the_network_is_told_by_its_hash():
@@ -130,12 +126,14 @@ def test_batches_change_nothing(cube, monkeypatch):
         counts = []
         with monkeypatch.context() as patch:
             patch.setattr(schedule, "BATCH_PIXELS", 1000)
-            sink = Kept()
+            writer = Recorder()
             asked = Options(views="all", model="bicubic", **options)
-            reconstruct(source, asked, sink, progress=counts.append)
-        assert len(counts) > 1
-        assert sum(counts) == len(whole)
-        assert all(np.array_equal(sink.views[view], whole[view]) for view in whole)
+            reconstruct(source, asked, writer, progress=lambda done, total, counts=counts: counts.append((done, total)))
+        assert len(counts) > 2
+        assert counts[0] == (0, len(whole))
+        assert counts[-1] == (len(whole), len(whole))
+        assert counts == sorted(set(counts))
+        assert all(np.array_equal(writer.views[view], whole[view]) for view in whole)
 
 
 def test_a_mesh_with_no_option(cube):
@@ -210,7 +208,7 @@ def test_an_optical_elemental_image_array(cube):
     for pickup in ("virtual", "optical"):
         elemental(cube, Options(**SMALL, pickup=pickup), kept.append)
     assert not np.array_equal(*kept)
-    assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").to_eia(), kept[0])
+    assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").eia(), kept[0])
 
 
 def test_elemental_wants_a_mesh():
@@ -291,28 +289,28 @@ def test_an_elemental_image_array_without_the_object_is_told(cube):
     assert "shows the object" in elemental(cube, wide, lambda _: None)["notes"][0]
 
 
-def test_the_sink_refuses_before_a_backend_is_opened(cube, monkeypatch):
+def test_the_writer_refuses_before_a_backend_is_opened(cube, monkeypatch):
     monkeypatch.setattr("ciir.renderer.backends.open_backend", pytest.fail)
     with pytest.raises(InvalidOption, match="png holds one view and 5"):
-        reconstruct(cube, Options(views="cross", **SMALL), PngSink(io.BytesIO()))
+        reconstruct(cube, Options(views="cross", **SMALL), FileWriter(io.BytesIO(), "png"))
 
 
 def test_limit_on_all_pixels_together():
-    sink = Kept()
+    writer = Recorder()
     options = Options(lenses=(6, 9), views="all", model="bicubic")
     with pytest.raises(TooLarge, match="16 views of 12x18"):
-        reconstruct(eia_bundle(EIA), options, sink, max_pixels=16 * 12 * 18 - 1)
-    assert sink.begun is None
-    reconstruct(eia_bundle(EIA), options, sink, max_pixels=16 * 12 * 18)
+        reconstruct(eia_bundle(EIA), options, writer, max_pixels=16 * 12 * 18 - 1)
+    assert writer.begun is None
+    reconstruct(eia_bundle(EIA), options, writer, max_pixels=16 * 12 * 18)
 
 
 @pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
 def test_faults_come_before_anything_is_written(bad_input):
     name, data, texts, _, _ = bad_input
-    sink = Kept()
+    writer = Recorder()
     with pytest.raises(Error):
-        reconstruct(Bundle.from_upload(name, data), Options.parse(texts), sink)
-    assert sink.begun is None
+        reconstruct(Bundle.from_upload(name, data), Options.parse(texts), writer)
+    assert writer.begun is None
 
 
 @needs_shared
@@ -320,7 +318,7 @@ def test_knights_as_a_folder_and_as_an_eia():
     folder = Bundle.from_path(SHARED / "data/lightfields/knights")
     from_folder, report = run(folder, views="cross", model="none")
     middle = LightField(read(folder, lenses=None, pixels=None).views[:, :, 96:160, 96:160])  # what is quick to encode
-    from_eia, _ = run(eia_bundle(middle.to_eia()), lenses=(64, 64), views="cross", model="none")
+    from_eia, _ = run(eia_bundle(middle.eia()), lenses=(64, 64), views="cross", model="none")
     assert report["lens_array"]["pixels_v"] == report["lens_array"]["pixels_u"] == 17
     assert from_folder.keys() == from_eia.keys()
     assert len(from_eia) == 5
@@ -387,14 +385,14 @@ def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
     monkeypatch.setattr(pipeline.MeshViews, "take", failing("render", pipeline.MeshViews.take))
     opened = pipeline.opened
     monkeypatch.setattr(pipeline, "opened", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
-    sink = Kept()
-    sink.add = failing("encode", sink.add)
+    writer = Recorder()
+    writer.write = failing("encode", writer.write)
     options = Options(views="all", model="bicubic", **SMALL)
     with pytest.raises(OSError, match=f"^{stage} {turn}$"):
-        reconstruct(cube, options, sink, progress=failing("progress", lambda _: None))
-    assert len(sink.views) == turn + (stage == "progress")
+        reconstruct(cube, options, writer, progress=failing("progress", lambda done, total: None))
+    assert len(writer.views) == turn
     assert seen["render"] <= turn + 5  # no more were begun than wait in two queues
-    assert sink.report is None
+    assert writer.report is None
     assert pipeline_threads() == []
 
 
@@ -410,12 +408,12 @@ def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypat
         return take(self, pictures, count)
 
     monkeypatch.setattr(pipeline.MeshViews, "take", second_fails)
-    sink = Kept()
+    writer = Recorder()
 
     def first_fails(view, pixels):
         raise OSError("the first view")
 
-    sink.add = first_fails
+    writer.write = first_fails
     with pytest.raises(OSError, match="the first view"):
-        reconstruct(cube, Options(views="all", model="bicubic", **SMALL), sink)
+        reconstruct(cube, Options(views="all", model="bicubic", **SMALL), writer)
     assert pipeline_threads() == []

@@ -3,7 +3,8 @@ import pytest
 
 from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
-from ciir.renderer.readers.pictures import decode, encode
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
 from tests.support.inputs import EIA, make_picture
 

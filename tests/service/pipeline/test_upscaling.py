@@ -1,18 +1,16 @@
 """Views through a light-field network, from bytes to pixels, with a stand-in whose results plain loops repeat."""
 
-import io
-
 import numpy as np
 import pytest
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.memory import MemoryWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline import schedule
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import NpzSink
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.upscale_pictures import upscale_pictures
 from tests.support.inputs import CUBE, EIA_PNG, make_picture
@@ -25,11 +23,9 @@ MESH = {"lenses": (12, 10), "pixels": (5, 6), "backend": "raytrace"}
 
 def run(source, **options):
     """The views by (v, u), and the report."""
-    file = io.BytesIO()
-    report = reconstruct(source, Options(**options), NpzSink(file))
-    file.seek(0)
-    with np.load(file) as arrays:
-        return dict(zip(map(tuple, arrays["positions"].tolist()), arrays["views"], strict=True)), report
+    writer = MemoryWriter()
+    report = reconstruct(source, Options(**options), writer)
+    return writer.views, report
 
 
 def as_array(views, grid):
@@ -137,9 +133,9 @@ def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(c
 
 def test_views_that_only_help_count_for_the_limit(cube, stand_in):
     options = Options(views="0,5", model="field", **MESH)
-    reconstruct(cube, options, NpzSink(io.BytesIO()), max_pixels=9 * 120)
+    reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120)
     with pytest.raises(TooLarge, match="9 views of 120 samples each, 8 of them around"):
-        reconstruct(cube, options, NpzSink(io.BytesIO()), max_pixels=9 * 120 - 1)
+        reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120 - 1)
 
 
 def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in):

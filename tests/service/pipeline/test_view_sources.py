@@ -1,12 +1,10 @@
 """What is culled of a mesh is told, can be turned off, and changes nothing."""
 
-import io
-
 import numpy as np
 import pytest
 
+from ciir.renderer.writers.memory import MemoryWriter
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import NpzSink
 from ciir.service.pipeline.run import reconstruct
 
 FINE = {"lenses": (20, 20), "pixels": (5, 5), "backend": "raytrace", "model": "none"}
@@ -15,11 +13,9 @@ FINE = {"lenses": (20, 20), "pixels": (5, 5), "backend": "raytrace", "model": "n
 
 def run(**options):
     """The views `(n, H, W, 3)`, and the report."""
-    file = io.BytesIO()
-    report = reconstruct("vase", Options(**options), NpzSink(file))
-    file.seek(0)
-    with np.load(file) as arrays:
-        return arrays["views"], report
+    writer = MemoryWriter()
+    report = reconstruct("vase", Options(**options), writer)
+    return np.stack(list(writer.views.values())), report
 
 
 @pytest.mark.parametrize("strategy", [{}, {"strategy": "direct", "scale": 1, "lenses": (10, 10)}])

@@ -4,11 +4,11 @@ import re
 from urllib.parse import quote
 
 import pytest
+from ciir.service.pipeline.outputs import FORMATS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.service.pipeline.options import NAMES
-from ciir.service.pipeline.outputs import FORMATS
 from tests.support.web import check_problem, run_app
 
 POST = "/v1/reconstructions"

@@ -19,6 +19,7 @@ from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import encode_srgb, shade
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import SHARED
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
@@ -72,7 +73,7 @@ class Model:
         return len(self.json["accessors"]) - 1
 
     def texture(self, pixels: np.ndarray = PIXELS, **sampler: int) -> "Model":
-        self.json["images"] = [{"bufferView": self.view(pictures.encode_png(pixels)), "mimeType": "image/png"}]
+        self.json["images"] = [{"bufferView": self.view(encode_png(pixels)), "mimeType": "image/png"}]
         self.json["samplers"] = [sampler]
         self.json["textures"] = [{"source": 0, "sampler": 0}]
         self.material["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}

@@ -9,15 +9,16 @@ import trimesh
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
-from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import off
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.scene import Scene
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import SHARED
 
 MESHES = SHARED / "data" / "meshes"
-PICTURE = pictures.encode_png(np.full((4, 4, 3), 128, np.uint8))
+PICTURE = encode_png(np.full((4, 4, 3), 128, np.uint8))
 
 
 def textured_glb() -> bytes:

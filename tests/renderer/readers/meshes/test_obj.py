@@ -6,18 +6,19 @@ import pytest
 
 from ciir.errors import InputError, InvalidGeometry, TooLarge, Unreadable
 from ciir.renderer.limits import Limits
-from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import mtl, obj
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
 from ciir.renderer.surface import DEFAULT_COLOR, Surface
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.paths import SHARED
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UV = b"vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
-PICTURE = pictures.encode_png(np.arange(16, dtype=np.uint8).reshape(2, 2, 4))
+PICTURE = encode_png(np.arange(16, dtype=np.uint8).reshape(2, 2, 4))
 FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
 
 

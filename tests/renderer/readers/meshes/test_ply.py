@@ -8,18 +8,19 @@ import trimesh
 
 from ciir.errors import InputError, TooLarge, Unreadable
 from ciir.renderer.limits import Limits
-from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import shade
 from ciir.renderer.surface import DEFAULT_COLOR
+from ciir.renderer.writers.pictures import encode_png
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 FACE = "property list uchar int vertex_indices\n"
 FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
-PICTURE = pictures.encode_png(np.zeros((2, 2, 3), np.uint8))
+PICTURE = encode_png(np.zeros((2, 2, 3), np.uint8))
 
 
 def header(form: str, vertex: str, faces: int, face: str = FACE, comment: str = "") -> bytes:

@@ -1,8 +1,8 @@
 import numpy as np
 
-from ciir.renderer.readers import pictures
 from ciir.renderer.readers.meshes import texture_files
 from ciir.renderer.readers.meshes.texture_files import Resolver, rgba8
+from ciir.renderer.writers.pictures import encode_png
 
 
 def test_pixels_of_every_kind_become_rgba() -> None:
@@ -17,7 +17,7 @@ def test_pixels_of_every_kind_become_rgba() -> None:
 
 
 def test_a_texture_is_made_once_for_each_wrap() -> None:
-    resolver = Resolver({"x.png": pictures.encode_png(np.zeros((1, 1, 3), np.uint8))}, "a.obj")
+    resolver = Resolver({"x.png": encode_png(np.zeros((1, 1, 3), np.uint8))}, "a.obj")
     first = resolver.texture("x.png", opaque=True)
     assert resolver.texture("x.png", opaque=True) is first
     clamped = resolver.texture("x.png", opaque=True, wrap_u="clamp")
@@ -28,7 +28,7 @@ def test_a_texture_is_made_once_for_each_wrap() -> None:
 
 
 def test_all_textures_together_have_a_limit() -> None:
-    picture = pictures.encode_png(np.zeros((2, 3, 3), np.uint8))
+    picture = encode_png(np.zeros((2, 3, 3), np.uint8))
     resolver = Resolver({"x.png": picture, "y.png": picture}, "a.obj", max_pixels=10)
     assert resolver.texture("x.png", opaque=True) is not None
     assert resolver.texture("y.png", opaque=True) is None
@@ -48,7 +48,7 @@ def test_names_are_relative_to_the_mesh_and_stay_within() -> None:
 
 
 def corrupt(height: int, width: int) -> bytes:
-    data = pictures.encode_png(np.zeros((height, width, 3), np.uint8))
+    data = encode_png(np.zeros((height, width, 3), np.uint8))
     at = data.index(b"IDAT") + 6
     return data[:at] + bytes(4) + data[at + 4 :]
 
@@ -62,7 +62,7 @@ def test_a_corrupt_texture_is_charged_before_it_is_decoded() -> None:
 
 
 def test_a_texture_that_takes_all_that_there_is() -> None:
-    data = pictures.encode_png(np.zeros((20, 30, 3), np.uint8))
+    data = encode_png(np.zeros((20, 30, 3), np.uint8))
     resolver = Resolver({"x.png": data, "y.png": data}, "a.obj", max_pixels=600)
     assert resolver.texture("x.png", opaque=True) is not None
     assert resolver.texture("y.png", opaque=True) is None
@@ -70,8 +70,8 @@ def test_a_texture_that_takes_all_that_there_is() -> None:
 
 
 def test_a_texture_too_wide_to_draw_is_left_out_with_a_note() -> None:
-    data = pictures.encode_png(np.zeros((1, texture_files.MAX_SIDE + 1, 1), np.uint8))
-    fits = pictures.encode_png(np.zeros((texture_files.MAX_SIDE, 1, 1), np.uint8))
+    data = encode_png(np.zeros((1, texture_files.MAX_SIDE + 1, 1), np.uint8))
+    fits = encode_png(np.zeros((texture_files.MAX_SIDE, 1, 1), np.uint8))
     resolver = Resolver({"x.png": data, "y.png": fits}, "a.obj")
     assert resolver.texture("x.png", opaque=True) is None
     assert resolver.texture("y.png", opaque=True) is not None

@@ -17,14 +17,14 @@ import pytest
 
 from ciir.errors import Cancelled, WorkerDied
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import encode_png
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.outputs import FileSink
 from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
@@ -111,8 +111,8 @@ def test_it_makes_what_the_pipeline_makes_and_tells_how_far_it_is(opened, work):
     given = work(options, "zip")
     outcome = run(opened(), given, told.append)
     file = io.BytesIO()
-    with FileSink(file, "zip") as sink:
-        report = pipeline.reconstruct(Bundle.from_upload("upload.off", CUBE), Options.parse(options), sink)
+    with FileWriter(file, "zip") as writer:
+        report = pipeline.reconstruct(Bundle.from_upload("upload.off", CUBE), Options.parse(options), writer)
     assert pictures_in(file) == pictures_in(given.target)
     assert isinstance(outcome, Result)
     assert (outcome.format, outcome.size) == ("zip", given.target.stat().st_size)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from ciir.errors import QueueFull, QueueUnavailable
-from ciir.renderer.readers.pictures import decode, encode_png
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.web import multipart
 from ciir.service.web.routes import results
 from tests.support.inputs import BAD_INPUTS, CUBE, EIA, contains_all

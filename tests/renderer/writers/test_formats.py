@@ -7,17 +7,19 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import decode
-from ciir.service.pipeline.outputs import FileSink, FolderSink, file_name
+from ciir.renderer.writers.folder import FolderWriter
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.writer import file_name
 from tests.support.inputs import EIA, make_picture
 
 VIEWS = [(0, 1), (14, 0), (100, 7)]
 
 
-def fill(sink, dtype=np.uint8):
+def fill(writer, dtype=np.uint8):
     pictures = [make_picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
-    sink.begin(len(VIEWS))
-    names = [sink.add(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
-    sink.finish({"answer": 42, "notes": []})
+    writer.begin(len(VIEWS), pictures[0][:1, :1])
+    names = [writer.write(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
+    writer.finish({"answer": 42, "notes": []})
     assert names == [file_name(view) for view in VIEWS]
     return names, pictures
 
@@ -27,8 +29,8 @@ def test_names():
 
 
 def test_folder(tmp_path):
-    with FolderSink(tmp_path / "out") as sink:
-        names, pictures = fill(sink)
+    with FolderWriter(tmp_path / "out") as writer:
+        names, pictures = fill(writer)
     for name, picture in zip(names, pictures, strict=True):
         assert np.array_equal(decode((tmp_path / "out" / name).read_bytes(), name=name), picture)
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == {"answer": 42, "notes": []}
@@ -36,16 +38,16 @@ def test_folder(tmp_path):
 
 
 def test_a_folder_that_is_not_finished_leaves_nothing(tmp_path):
-    with FolderSink(tmp_path / "out") as sink:
-        sink.begin(1)
-        sink.add((0, 0), EIA)
+    with FolderWriter(tmp_path / "out") as writer:
+        writer.begin(1, EIA[:1, :1])
+        writer.write((0, 0), EIA)
         assert len(list(tmp_path.iterdir())) == 1
     assert list(tmp_path.iterdir()) == []
 
 
 def test_zip():
     file = io.BytesIO()
-    names, pictures = fill(FileSink(file, "zip"))
+    names, pictures = fill(FileWriter(file, "zip"))
     with zipfile.ZipFile(file) as archive:
         assert archive.namelist() == [*names, "report.json"]
         for name, picture in zip(names, pictures, strict=True):
@@ -56,7 +58,7 @@ def test_zip():
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_npz(dtype):
     file = io.BytesIO()
-    _, pictures = fill(FileSink(file, "npz"), dtype)
+    _, pictures = fill(FileWriter(file, "npz"), dtype)
     file.seek(0)
     with np.load(file, allow_pickle=False) as arrays:
         assert arrays["views"].dtype == dtype
@@ -67,22 +69,22 @@ def test_npz(dtype):
 
 def test_png_holds_one_view():
     file = io.BytesIO()
-    sink = FileSink(file, "png")
+    writer = FileWriter(file, "png")
     with pytest.raises(InvalidOption, match=r"png.*3"):
-        sink.begin(3)
-    sink.begin(1)
-    sink.add((0, 0), EIA)
-    sink.finish({})
+        writer.begin(3, EIA[:1, :1])
+    writer.begin(1, EIA[:1, :1])
+    writer.write((0, 0), EIA)
+    writer.finish({})
     assert np.array_equal(decode(file.getvalue(), name="x"), EIA)
 
 
 @pytest.mark.parametrize(("count", "chosen"), [(1, "png"), (2, "zip")])
 def test_format_follows_the_count(count, chosen):
-    sink = FileSink(io.BytesIO(), None)
-    sink.begin(count)
-    assert sink.format == chosen
+    writer = FileWriter(io.BytesIO(), None)
+    writer.begin(count, np.zeros((1, 1, 3), np.uint8))
+    assert writer.format.name == chosen
 
 
 def test_unknown_format():
-    with pytest.raises(InvalidOption, match=r"'gif'.*png, zip, npz"):
-        FileSink(io.BytesIO(), "gif")
+    with pytest.raises(InvalidOption, match=r"'gif'.*png, tiff, jpeg, zip, npz"):
+        FileWriter(io.BytesIO(), "gif")

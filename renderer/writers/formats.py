@@ -1,0 +1,92 @@
+"""The formats that views are written in as one file: one registry.
+
+A new picture format is registered in `renderer.writers.pictures` and is here by that; a format for several views is a
+module with its `Writer`, and its line in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import IO, TYPE_CHECKING, Any
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers import pictures
+from ciir.renderer.writers.archives import NpzWriter, ZipWriter
+from ciir.renderer.writers.single import SingleWriter
+from ciir.renderer.writers.writer import Writer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of one file."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    """Of file names, lower case."""
+    media_type: str
+    open: Callable[[IO[bytes]], Writer]
+    """Makes a writer into a binary file."""
+    holds_report: bool
+    """Whether the report, and with it the times of that run, is in the file."""
+
+
+FORMATS = {
+    entry.name: entry
+    for entry in (
+        *(
+            Format(picture.name, picture.suffixes, picture.media_type, partial(SingleWriter, picture=picture), False)
+            for picture in pictures.FORMATS
+        ),
+        Format("zip", (".zip",), "application/zip", ZipWriter, True),
+        Format("npz", (".npz",), "application/x-npz", NpzWriter, True),
+    )
+}
+"""By name."""
+BY_SUFFIX = {suffix: entry for entry in FORMATS.values() for suffix in entry.suffixes}
+
+
+def check_format(name: str) -> None:
+    """Raises `InvalidOption` where `name` is no format of `FORMATS`."""
+    if name not in FORMATS:
+        raise InvalidOption(f"format: {name[:40]!r} is not known; give {', '.join(FORMATS)}")
+
+
+class FileWriter(Writer):
+    """Writes one file in the format that was asked for; without one, PNG for one view and zip for several."""
+
+    def __init__(self, file: IO[bytes], wanted: str | None) -> None:
+        if wanted is not None:
+            check_format(wanted)
+        self._file = file
+        self._wanted = wanted
+        self._writer: Writer | None = None
+        self.format = FORMATS["zip"]
+        """Final from `begin` on."""
+
+    def begin(self, count: int, sample: Pixels) -> None:
+        """Selects the format."""
+        self.format = FORMATS[self._wanted or ("png" if count == 1 else "zip")]
+        self._writer = self.format.open(self._file)
+        self._writer.begin(count, sample)
+
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Writes the view."""
+        assert self._writer is not None  # noqa: S101 - `begin` was called: the contract of Writer
+        return self._writer.write(view, pixels)
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Completes the file."""
+        assert self._writer is not None  # noqa: S101
+        self._writer.finish(report)
+
+    def discard(self) -> None:
+        """Closes an archive that is not finished."""
+        if self._writer is not None:
+            self._writer.discard()

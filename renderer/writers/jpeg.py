@@ -1,0 +1,38 @@
+"""Encodes JPEG by Pillow."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+
+MAX_SIDE = 65_500
+"""Most pixels along one side: libjpeg's own limit."""
+
+
+def encode(pixels: Pixels) -> bytes:
+    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, quality 95, full chroma resolution.
+
+    Raises `InvalidOption` where JPEG can't hold the pixels.
+    """
+    if pixels.dtype != np.uint8 or (pixels.ndim == 3 and pixels.shape[2] != 3):
+        channels = pixels.shape[2] if pixels.ndim == 3 else 1
+        raise InvalidOption(
+            f"picture: JPEG holds 8-bit grey or RGB, not {channels} channels of {8 * pixels.itemsize} bit; "
+            "name the file .png or .tif"
+        )
+    if max(pixels.shape[:2]) > MAX_SIDE:
+        raise InvalidOption(
+            f"picture: JPEG holds at most {MAX_SIDE} pixels along a side, not {pixels.shape[0]}x{pixels.shape[1]}; "
+            "name the file .png or .tif"
+        )
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "JPEG", quality=95, subsampling=0)
+    return file.getvalue()

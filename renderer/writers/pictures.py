@@ -1,0 +1,65 @@
+"""The picture formats that are written: one registry.
+
+A new format is a module beside this one with `encode(pixels) -> bytes`, and its line in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+
+
+@dataclass(frozen=True)
+class PictureFormat:
+    """A format of single pictures."""
+
+    name: str
+    """Also the name of the module with its `encode`."""
+    suffixes: tuple[str, ...]
+    """Of file names, lower case; the first is the usual one."""
+    media_type: str
+
+    def encode(self, pixels: Pixels) -> bytes:
+        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit.
+
+        Raises `InvalidOption` where the format can't hold them. The encoder is imported when it is first needed.
+        """
+        squeezed = pixels[..., 0] if pixels.shape[2] == 1 else pixels
+        encoder = import_module(f"ciir.renderer.writers.{self.name}").encode
+        return cast("bytes", encoder(np.ascontiguousarray(squeezed)))
+
+
+FORMATS = (
+    PictureFormat("png", (".png",), "image/png"),
+    PictureFormat("tiff", (".tif", ".tiff"), "image/tiff"),
+    PictureFormat("jpeg", (".jpg", ".jpeg"), "image/jpeg"),
+)
+BY_SUFFIX = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
+SUFFIXES = tuple(BY_SUFFIX)
+"""What the name of a picture that is written ends with, in lower case."""
+
+
+def encode(pixels: Pixels, suffix: str) -> bytes:
+    """The file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit.
+
+    PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
+
+    Raises `InvalidOption` for another suffix, or where the format can't hold the pixels.
+    """
+    entry = BY_SUFFIX.get(suffix.lower())
+    if entry is None:
+        raise InvalidOption(f"picture: {suffix!r} can't be written; end the name with {', '.join(SUFFIXES)}")
+    return entry.encode(pixels)
+
+
+def encode_png(pixels: Pixels) -> bytes:
+    """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
+    return BY_SUFFIX[".png"].encode(pixels)

@@ -1,0 +1,30 @@
+"""Encodes TIFF: one page of 8 or 16 bit grey or RGB, with or without alpha (TIFF 6.0)."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import tifffile
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+
+
+def encode(pixels: Pixels) -> bytes:
+    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels."""
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    colours = 3 if channels >= 3 else 1
+    file = io.BytesIO()
+    tifffile.imwrite(
+        file,
+        pixels,
+        photometric="rgb" if colours == 3 else "minisblack",
+        planarconfig="contig" if channels > 1 else None,
+        extrasamples=["unassalpha"] if channels > colours else None,
+        compression="deflate",
+        predictor=True,
+        metadata=None,
+        software=False,
+    )
+    return file.getvalue()

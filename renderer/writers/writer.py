@@ -1,0 +1,62 @@
+"""The base class of all writers of views, and what writers share."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from types import TracebackType
+    from typing import Self
+
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+
+REPORT = "report.json"
+ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+"""The earliest date of a zip: the same views make the same bytes."""
+
+
+class Writer(ABC):
+    """Takes the views of one reconstruction in a `with` block: `begin`, `write` for each view, `finish`.
+
+    Where the block ends without `finish`, no part of an output stays.
+    """
+
+    @abstractmethod
+    def begin(self, count: int, sample: Pixels) -> None:
+        """Prepares for `count` views with the channels and the depth of `sample`, `(1, 1, C)`, before any is made.
+
+        Raises `InvalidOption` where the format can't hold them.
+        """
+
+    @abstractmethod
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Encodes and keeps view (v, u), `(H, W, C)`; returns its file name."""
+
+    @abstractmethod
+    def finish(self, report: dict[str, Any]) -> None:
+        """Adds the report where the format holds one, and completes the output."""
+
+    def discard(self) -> None:  # noqa: B027 - most writers have nothing to remove
+        """Removes what was written before `finish`; does nothing after it."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.discard()
+
+
+def file_name(view: View) -> str:
+    """`view_VV_UU.png`."""
+    return f"view_{view[0]:02d}_{view[1]:02d}.png"
+
+
+def report_json(report: Mapping[str, Any]) -> bytes:
+    """A report as it is written everywhere: UTF-8, indented, with a line end."""
+    return (json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
