@@ -20,12 +20,12 @@ import numpy as np
 
 from ciir.benchmarks.bench.work import views
 from ciir.models import catalogue
-from ciir.models.metrics import luma, psnr
 from ciir.models.single.interpolation import Bicubic
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import Options
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 from ciir.training.evaluation.pictures import upscaler
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def main(argv: list[str] | None = None) -> int:
     given = parser.parse_args(argv)
     sources: dict[str, Source] = {name: name for name in SCENES}
     sources |= {path.stem: Bundle.from_path(path) for path in given.mesh}
-    names = given.model or [entry.name for entry in catalogue.entries() if given.scale in entry.scales]
-    fields = {entry.name for entry in catalogue.entries() if entry.is_light_field}
+    names = given.model or [entry.name for entry in catalogue.list_entries() if given.scale in entry.scales]
+    fields = {entry.name for entry in catalogue.list_entries() if entry.is_light_field}
     models = {name: None if name in fields else upscaler(name, scale=given.scale) for name in names}
     wide = max(12, *(len(Path(name).stem) + 2 for name in models))
     lenses, pixels = (given.lenses, given.lenses), (15, 15)
@@ -81,7 +81,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def score(made: Iterable[NDArray[np.uint8]], truth: Iterable[NDArray[np.uint8]]) -> float:
     """Mean Y-PSNR in dB."""
-    return float(np.mean([psnr(luma(a), luma(b), border=0) for a, b in zip(made, truth, strict=True)]))
+    return float(
+        np.mean([compute_psnr(rgb_to_luma(a), rgb_to_luma(b), border=0) for a, b in zip(made, truth, strict=True)])
+    )
 
 
 if __name__ == "__main__":

@@ -22,11 +22,11 @@ from ciir.benchmarks.bench.work import views as rendered
 from ciir.benchmarks.parallax import disparities
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
-from ciir.models.metrics import luma, psnr
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.readers.bundle import Bundle
 from ciir.service.pipeline.options import Options
 from ciir.training.data import degrade, light_fields
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -51,12 +51,12 @@ ROUNDS = 9
 
 def upscaled(model: str, low: Views, at: tuple[int, int]) -> NDArray[np.uint8]:
     """View `at` of a small light field by `model`, which sees the others too where it can."""
-    if model in catalogue.singles():
-        single: NDArray[np.uint8] = upscale_pixels(catalogue.load(model), low[at][np.newaxis])[0]
+    if model in catalogue.list_single_image_names():
+        single: NDArray[np.uint8] = upscale_pixels(catalogue.load_upscaler(model), low[at][np.newaxis])[0]
         return single
     grid = (low.shape[0], low.shape[1])
     every = {(v, u): low[v, u] for v in range(grid[0]) for u in range(grid[1])}
-    network, alone = catalogue.load_light_field(model), catalogue.load(catalogue.DEFAULT)
+    network, alone = catalogue.load_light_field_network(model), catalogue.load_upscaler(catalogue.DEFAULT)
     made, _ = upscale_views(network, alone, every, [at], grid)
     picture: NDArray[np.uint8] = made[0].astype(np.uint8)
     return picture
@@ -64,7 +64,14 @@ def upscaled(model: str, low: Views, at: tuple[int, int]) -> NDArray[np.uint8]:
 
 def score(model: str, low: Views, truths: dict[tuple[int, int], NDArray[np.uint8]]) -> float:
     """Mean Y-PSNR in dB of the views that there is a truth of; a border of 2 is cut."""
-    return float(np.mean([psnr(luma(upscaled(model, low, at)), luma(truth), border=2) for at, truth in truths.items()]))
+    return float(
+        np.mean(
+            [
+                compute_psnr(rgb_to_luma(upscaled(model, low, at)), rgb_to_luma(truth), border=2)
+                for at, truth in truths.items()
+            ]
+        )
+    )
 
 
 def of(pair: Pair, at: Sequence[tuple[int, int]]) -> dict[tuple[int, int], NDArray[np.uint8]]:
@@ -136,8 +143,8 @@ def parallax(folder: Path, models: Sequence[str], write: Callable[[str], object]
         for model in models:
             far: list[NDArray[np.float64]] = []
             for axis, other in ((0, (4, 3)), (1, (3, 4))):
-                here, there = (luma(upscaled(model, low, at)) for at in ((3, 3), other))
-                true_here, true_there = (luma(high[at]) for at in ((3, 3), other))
+                here, there = (rgb_to_luma(upscaled(model, low, at)) for at in ((3, 3), other))
+                true_here, true_there = (rgb_to_luma(high[at]) for at in ((3, 3), other))
                 difference = disparities(here, there, axis) - disparities(true_here, true_there, axis)
                 far.append(np.abs(difference).ravel())
             found = np.concatenate(far)
@@ -163,11 +170,11 @@ def times(models: Sequence[str], folder: Path, write: Callable[[str], object]) -
 
 def job(model: str, threads: int | None, low: Views) -> Callable[[], dict[str, float]]:
     """The middle one of 5x5 views."""
-    if model in catalogue.singles():
-        single = catalogue.load(model, threads=threads)
+    if model in catalogue.list_single_image_names():
+        single = catalogue.load_upscaler(model, threads=threads)
         return lambda: timed(lambda: upscale_pixels(single, low[2, 2][np.newaxis]))
-    network = catalogue.load_light_field(model, threads=threads)
-    alone = catalogue.load(catalogue.DEFAULT, threads=threads)
+    network = catalogue.load_light_field_network(model, threads=threads)
+    alone = catalogue.load_upscaler(catalogue.DEFAULT, threads=threads)
     every = {(v, u): low[v, u] for v in range(5) for u in range(5)}
     return lambda: timed(lambda: upscale_views(network, alone, every, [(2, 2)], (5, 5)))
 

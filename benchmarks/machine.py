@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from ciir.models import processor
-from ciir.models.session import available_cores
+from ciir.models.sessions import count_available_cores
 
 PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch")
 
@@ -15,9 +15,9 @@ PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch")
 def describe() -> dict[str, Any]:
     """Processor, cores, system and versions; None for what is not installed."""
     return {
-        "processor": processor.name(),
-        "cores": available_cores(),
-        "int8": not processor.against_int8(),
+        "processor": processor.processor_name(),
+        "cores": count_available_cores(),
+        "int8": not processor.int8_unsupported_reason(),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in PACKAGES},

@@ -28,11 +28,11 @@ from tqdm import tqdm
 
 from ciir.benchmarks import peers_tables
 from ciir.benchmarks.peers_tables import Figures
-from ciir.models import card as cards
-from ciir.models.card import Sizes
+from ciir.models import cards
+from ciir.models.cards import Sizes
 from ciir.models.catalogue import BASELINES
-from ciir.models.session import open_session
-from ciir.models.upscaler import finish
+from ciir.models.sessions import open_session
+from ciir.models.upscaler import clip_output
 from ciir.training.evaluation.pictures import evaluate
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
-    from ciir.models.card import Accuracy
+    from ciir.models.cards import Accuracy
 
 SETS = ("Set5", "Set14", "BSD100")
 LEARNING_RATE = 5e-4
@@ -129,7 +129,7 @@ class Whole:
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`."""
         (output,) = self.session.run(None, {to_onnx.INPUT: images})
-        return finish(np.array(output), self.name)
+        return clip_output(np.array(output), self.name)
 
 
 def accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
@@ -140,7 +140,7 @@ def accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accurac
     card = checkpoint.with_name(f"{name}.json")
     if not card.exists() or card.stat().st_mtime < checkpoint.stat().st_mtime:
         export.export(checkpoint, card.parent, accuracy_on=sets)
-    return cards.read(card).accuracy
+    return cards.read_card(card).accuracy
 
 
 def take_turns(what: str, jobs: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:

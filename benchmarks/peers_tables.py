@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from ciir.models.session import available_cores
+from ciir.models.sessions import count_available_cores
 from ciir.training.loop.trainer import commit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from ciir.models.card import Accuracy
+    from ciir.models.cards import Accuracy
     from ciir.training.recipe import Recipe
 
 NONE = "-"
@@ -90,7 +90,7 @@ def write(
     machine = {
         "processor": f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}",
         "gpu": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
-        "cores": available_cores(),
+        "cores": count_available_cores(),
         "cores_of_the_machine": os.cpu_count(),
         "training_threads": torch.get_num_threads(),
         "view_threads": 1,

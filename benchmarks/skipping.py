@@ -22,7 +22,7 @@ r = 8, a third of each side. What else was tried, all of it the same to the bit 
   enough; but onnxruntime's `Pad` took as much time as the smaller box won;
 - that before every second or fourth layer, and no padding in between. It wins, least on large views, but takes a second
   file for each network, and where the object is nearer than 2*r to an edge of the view that axis needs the zeros;
-- boxes cut in two along rows or columns where that saves enough (`models.single.skip.boxes`, which does so): the
+- boxes cut in two along rows or columns where that saves enough (`models.single.skipping.boxes`, which does so): the
 globe at 512
   lenses gains; at 100 and 200 the halo that a cut adds costs what it saves.
 """
@@ -42,7 +42,7 @@ import numpy as np
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
-from ciir.models.single.skip import Tally
+from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.backends import culling, open_backend
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
     View = NDArray[np.uint8]
-    Upscale = Callable[[bool, Tally], NDArray[np.uint8]]
+    Upscale = Callable[[bool, SkipStatistics], NDArray[np.uint8]]
 
 MODELS = ("fast-int8", "field-int8")
 MIDDLE, SIDE = 7, 5
@@ -81,7 +81,7 @@ class Row(NamedTuple):
     skipping: float
     """Milliseconds, median."""
     whole: float
-    tally: Tally
+    skipped_pixels: SkipStatistics
     ratio: float
     """How many times faster skipping is: median over rounds."""
     differs: int
@@ -89,37 +89,39 @@ class Row(NamedTuple):
     @property
     def seen(self) -> float:
         """Share of the view that went through the network."""
-        return 1 - (self.tally.plain + self.tally.repeated) / self.tally.pixels
+        return 1 - (self.skipped_pixels.uniform + self.skipped_pixels.repeated) / self.skipped_pixels.pixels
 
 
 def measured(upscale: Upscale, rounds: int) -> Row:
     """Both in turns, each first in every other round; the first round of each doesn't count."""
-    tally = Tally()
-    pair = [upscale(True, tally).astype(int), upscale(False, Tally()).astype(int)]
+    skipped_pixels = SkipStatistics()
+    pair = [upscale(True, skipped_pixels).astype(int), upscale(False, SkipStatistics()).astype(int)]
     times: dict[bool, list[float]] = {True: [], False: []}
     for number in range(rounds):
         for is_skipping in (number % 2 == 0, number % 2 == 1):
             begun = time.perf_counter()
-            upscale(is_skipping, Tally())
+            upscale(is_skipping, SkipStatistics())
             times[is_skipping].append(1000 * (time.perf_counter() - begun))
     skipped, whole = (statistics.median(times[key]) for key in (True, False))
     ratio = statistics.median(slow / quick for quick, slow in zip(times[True], times[False], strict=True))
-    return Row(skipped, whole, tally, ratio, int(np.abs(pair[0] - pair[1]).max()))
+    return Row(skipped, whole, skipped_pixels, ratio, int(np.abs(pair[0] - pair[1]).max()))
 
 
 def upscaler(name: str, views: dict[tuple[int, int], View]) -> Upscale:
     """What model `name` makes of the middle one of `SIDE` x `SIDE` views `(H, W, 3)`; it opens the model."""
     middle = (SIDE // 2, SIDE // 2)
-    if next(entry for entry in catalogue.entries() if entry.name == name).is_light_field:
-        network, alone = catalogue.load_light_field(name), catalogue.load(catalogue.DEFAULT)
+    if next(entry for entry in catalogue.list_entries() if entry.name == name).is_light_field:
+        network, alone = catalogue.load_light_field_network(name), catalogue.load_upscaler(catalogue.DEFAULT)
 
-        def together(skipping: bool, tally: Tally) -> NDArray[np.uint8]:
-            made, _ = upscale_views(network, alone, views, [middle], (SIDE, SIDE), skipping=skipping, tally=tally)
+        def together(skipping: bool, skipped_pixels: SkipStatistics) -> NDArray[np.uint8]:
+            made, _ = upscale_views(
+                network, alone, views, [middle], (SIDE, SIDE), skip=skipping, statistics=skipped_pixels
+            )
             return made.astype(np.uint8)
 
         return together
-    model, picture = catalogue.load(name), np.ascontiguousarray(views[middle][np.newaxis])
-    return lambda skipping, tally: upscale_pixels(model, picture, skipping=skipping, tally=tally)
+    model, picture = catalogue.load_upscaler(name), np.ascontiguousarray(views[middle][np.newaxis])
+    return lambda skipping, skipped_pixels: upscale_pixels(model, picture, skip=skipping, statistics=skipped_pixels)
 
 
 def rendered(mesh: Scene, lenses: int) -> dict[tuple[int, int], View]:

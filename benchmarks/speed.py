@@ -42,7 +42,8 @@ import numpy as np
 from ciir.benchmarks.bench.timing import alone, in_turns, timed
 from ciir.benchmarks.bench.work import views, views_and_report
 from ciir.models import catalogue
-from ciir.models.session import Network, available_cores, open_session
+from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.models.card import Card
+    from ciir.models.cards import Card
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
 
@@ -109,20 +110,20 @@ def product(*, int8: bool, side: int = GEMM) -> Callable[[], object]:
         [numpy_helper.from_array(right, "b")],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
-    session = open_session(onnx.ModelProto.SerializeToString(model), available_cores())
+    session = open_session(onnx.ModelProto.SerializeToString(model), count_available_cores())
     return lambda: session.run(["c"], {"a": left})
 
 
-def network(name: str) -> Network:
+def network(name: str) -> SingleImageNetwork:
     """A shipped network of single pictures."""
-    return Network(catalogue.SHIPPED / f"{name}.json")
+    return SingleImageNetwork(catalogue.SHIPPED / f"{name}.json")
 
 
 def view(rounds: int) -> Iterator[str | Checked]:
     """A view by the default and by the paper's generator, and the share of the peak that each reaches."""
     pixels = np.random.default_rng(0).integers(0, 256, (1, SIDE, SIDE, 3), np.uint8)
     planes = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2), np.float32) / np.float32(255)
-    default = catalogue.default()
+    default = catalogue.default_name()
     networks = {name: network(name) for name in (PAPER, default)}
     jobs = {"float GEMM": quickest(product(int8=False)), "int8 GEMM": quickest(product(int8=True))}
     for name, model in networks.items():
@@ -166,24 +167,24 @@ def usual(source: Source, options: Options) -> NDArray[np.uint8]:
     mapped = LightField.from_eia(eia, rows=array.rows, cols=array.cols).views
     v, u, rows, cols, channels = mapped.shape
     small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)
-    large: NDArray[np.uint8] = upscale_pixels(catalogue.load(PAPER), small, skipping=False)
+    large: NDArray[np.uint8] = upscale_pixels(catalogue.load_upscaler(PAPER), small, skip=False)
     return LightField(large.reshape(v, u, *large.shape[1:])).eia().astype(np.uint8)
 
 
 def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
     """The upscaled elemental image array by each way."""
     options = Options(lenses=LENSES, pixels=PIXELS, views="all")
-    single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default())
+    single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default_name())
     auto = f"auto ({upscaled(source, options)[1]['plan']['model']})"
     jobs = {
         "usual": partial(timed, lambda: usual(source, options)),
         auto: partial(timed, lambda: upscaled(source, options)),
-        catalogue.default(): partial(timed, lambda: upscaled(source, single)),
+        catalogue.default_name(): partial(timed, lambda: upscaled(source, single)),
     }
     times = in_turns(jobs, rounds, reference="usual")
     yield "mesh to an upscaled elemental image array, 50x50 -> 100x100 lenses of 15x15 pixels, seconds"
     yield f"  a render for each lens, then {PAPER}: {times['usual'].median / 1e3:.2f}"
-    for name in (auto, catalogue.default()):
+    for name in (auto, catalogue.default_name()):
         yield f"  {name}: {times[name].median / 1e3:.2f}, {times[name].ratio:.1f} times faster"
     seconds, ratio = times[auto].median / 1e3, times[auto].ratio or 0.0
     yield f"  {auto}: {seconds:.2f} s, at most {MOST_SECONDS:.0f} asked for", seconds <= MOST_SECONDS
@@ -192,7 +193,7 @@ def whole_array(source: Source, rounds: int) -> Iterator[str | Checked]:
 
 def jobs(mesh: Path, rounds: int) -> Iterator[str]:
     """Whole jobs, warm, with their stages, and the start of a process."""
-    source, default = Bundle.from_path(mesh), catalogue.default()
+    source, default = Bundle.from_path(mesh), catalogue.default_name()
 
     def one_view(**options: Any) -> dict[str, float]:
         asked = Options(lenses=LENSES, pixels=PIXELS, **options)
@@ -221,10 +222,10 @@ def jobs(mesh: Path, rounds: int) -> Iterator[str]:
 def int8(rounds: int) -> Iterator[str]:
     """Each int8 network of single pictures against its float twin, on one core and on all."""
     yield "float networks against their int8 twins, milliseconds"
-    cards = [entry.card for entry in catalogue.entries() if entry.card and not entry.is_light_field]
+    cards = [entry.card for entry in catalogue.list_entries() if entry.card and not entry.is_light_field]
     for card in (card for card in cards if card.float_twin):
-        for threads in sorted({1, available_cores()}):
-            pair = [catalogue.load(name, threads=threads) for name in (card.float_twin, card.name)]
+        for threads in sorted({1, count_available_cores()}):
+            pair = [catalogue.load_upscaler(name, threads=threads) for name in (card.float_twin, card.name)]
             for height, width in SIZES:
                 image = np.random.default_rng(0).random((1, 3, height, width), dtype=np.float32)
                 times = in_turns(

@@ -2,15 +2,15 @@
 
 ::
 
-    upscaler = models.load("fast")
+    upscaler = models.load_upscaler("fast")
     large = models.upscale_pixels(upscaler, views)     # (N, H, W, C) 8 or 16 bit -> (N, 2H, 2W, C)
 """
 
 from __future__ import annotations
 
 from ciir.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
-from ciir.models.card import Accuracy, Card
-from ciir.models.catalogue import DEFAULT, Entry, default, entries, load, names
+from ciir.models.cards import Accuracy, Card
+from ciir.models.catalogue import DEFAULT, Entry, default_name, list_entries, list_names, load_upscaler
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.upscaler import Upscaler
 
@@ -26,9 +26,9 @@ __all__ = [
     "UnknownModel",
     "UnsupportedScale",
     "Upscaler",
-    "default",
-    "entries",
-    "load",
-    "names",
+    "default_name",
+    "list_entries",
+    "list_names",
+    "load_upscaler",
     "upscale_pixels",
 ]

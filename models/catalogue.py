@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
-from ciir.models import card as cards
-from ciir.models import processor
+from ciir.models import cards, processor
 from ciir.models.single.interpolation import SCALES, Bicubic, Nearest
 
 if TYPE_CHECKING:
@@ -22,9 +21,9 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "shipped"
 """Holds an `.onnx` and a `.json` card for each network."""
 DEFAULT = "fast"
-"""The float network for single pictures where none is named; `default` says what takes its place."""
-FIELD = "field"
-"""The one for views of a light field where none is named; `field` says what takes its place."""
+"""The float network for single pictures where none is named; `default_name` says what takes its place."""
+LIGHT_FIELD_DEFAULT = "field"
+"""The one for views of a light field where none is named; `light_field_default_name` says what takes its place."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Name -> constructor from a scale."""
 
@@ -47,12 +46,12 @@ class Entry:
         return self.card is not None and self.card.is_light_field
 
     @property
-    def unsuited(self) -> str:
+    def unsupported_reason(self) -> str:
         """Why it can't run on this machine, in words; empty where it can."""
-        return processor.against_int8() if self.card is not None and self.card.precision == "int8" else ""
+        return processor.int8_unsupported_reason() if self.card is not None and self.card.precision == "int8" else ""
 
 
-def entries() -> list[Entry]:
+def list_entries() -> list[Entry]:
     """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
     return [*_networks(SHIPPED), *(Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES)]
 
@@ -60,35 +59,35 @@ def entries() -> list[Entry]:
 @cache
 def _networks(folder: Path) -> tuple[Entry, ...]:
     """Those whose cards are in a folder, which is looked at once: they don't change while we run."""
-    read = (cards.read(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
+    read = (cards.read_card(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
     return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in read)
 
 
-def names() -> list[str]:
-    """The names of `entries`, in their order."""
-    return [entry.name for entry in entries()]
+def list_names() -> list[str]:
+    """The names of `list_entries`, in their order."""
+    return [entry.name for entry in list_entries()]
 
 
-def singles() -> list[str]:
-    """The names that `load` takes, in the order of `entries`."""
-    return [entry.name for entry in entries() if not entry.is_light_field]
+def list_single_image_names() -> list[str]:
+    """The names that `load_upscaler` takes, in the order of `list_entries`."""
+    return [entry.name for entry in list_entries() if not entry.is_light_field]
 
 
-def default() -> str:
-    """The model that is used for single pictures where none is named: `quickest` of `DEFAULT`."""
-    return quickest(DEFAULT)
+def default_name() -> str:
+    """The model that is used for single pictures where none is named: `prefer_int8` of `DEFAULT`."""
+    return prefer_int8(DEFAULT)
 
 
-def field() -> str:
-    """The one that is used for views of a light field where none is named: `quickest` of `FIELD`."""
-    return quickest(FIELD)
+def light_field_default_name() -> str:
+    """The one that is used for views of a light field where none is named: `prefer_int8` of `LIGHT_FIELD_DEFAULT`."""
+    return prefer_int8(LIGHT_FIELD_DEFAULT)
 
 
-def quickest(name: str) -> str:
+def prefer_int8(name: str) -> str:
     """The int8 twin of the network `name` where one is shipped and this processor is made for it, else `name`."""
-    if processor.against_int8():
+    if processor.int8_unsupported_reason():
         return name
-    cards_of_all = [entry.card for entry in entries() if entry.card is not None]
+    cards_of_all = [entry.card for entry in list_entries() if entry.card is not None]
     return next((card.name for card in cards_of_all if card.float_twin == name and card.precision == "int8"), name)
 
 
@@ -97,7 +96,7 @@ _fields: dict[tuple[str, int | None], LightFieldNetwork] = {}
 _lock = threading.Lock()
 
 
-def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
+def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
     """The model `name`, made once for each combination of arguments; may be called from several threads.
 
     `threads`: cores for each call of a network, all of the process's where None.
@@ -112,10 +111,12 @@ def load(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
         return _loaded[key]
 
 
-def load_light_field(name: str = FIELD, *, scale: int = 2, threads: int | None = None) -> LightFieldNetwork:
+def load_light_field_network(
+    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, threads: int | None = None
+) -> LightFieldNetwork:
     """The light-field network `name`, made once; may be called from several threads. See `models.light_field.views`.
 
-    Raises as `load`, and `UnsuitedModel` where the model takes single pictures.
+    Raises as `load_upscaler`, and `UnsuitedModel` where the model takes single pictures.
     """
     with _lock:
         entry = _entry(name, scale)
@@ -130,7 +131,7 @@ def load_light_field(name: str = FIELD, *, scale: int = 2, threads: int | None =
 
 def _entry(name: str, scale: int) -> Entry:
     """Raises `UnknownModel` or `UnsupportedScale`."""
-    known = {entry.name: entry for entry in entries()}
+    known = {entry.name: entry for entry in list_entries()}
     if name not in known:
         raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
     if scale not in known[name].scales:
@@ -147,6 +148,8 @@ def _make(name: str, scale: int, threads: int | None) -> Upscaler:
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
         )
-    from ciir.models.session import Network  # not before a network is asked for: `ciir models` needs none
+    from ciir.models.single.network import (
+        SingleImageNetwork,  # not before a network is asked for: `ciir models` needs none
+    )
 
-    return Network(SHIPPED / f"{name}.json", threads=threads)
+    return SingleImageNetwork(SHIPPED / f"{name}.json", threads=threads)

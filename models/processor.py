@@ -18,7 +18,7 @@ ARM = frozenset({"asimddp"})
 
 
 @cache
-def against_int8() -> str:
+def int8_unsupported_reason() -> str:
     """Why int8 networks are not for this processor, in words; empty where they are.
 
     Linux says what its processor can do, and all of Apple's own have the dot product. Elsewhere nothing is assumed:
@@ -43,7 +43,7 @@ def against_int8() -> str:
     return "this processor has no VNNI" if names is X86 else "this processor has no dot product (asimddp)"
 
 
-def name() -> str:
+def processor_name() -> str:
     """The processor, as the system calls it."""
     try:
         with CPUINFO.open(encoding="utf-8", errors="replace") as file:

@@ -43,7 +43,7 @@ class Upscaler(Protocol):
         ...
 
 
-def check(images: NDArray[np.float32]) -> None:
+def check_images(images: NDArray[np.float32]) -> None:
     """Raises `InvalidImage` unless `images` is `(N, 3, H, W)` float32 in [0, 1] with H and W from 1."""
     if images.dtype != np.float32:
         raise InvalidImage(f"pictures of type {images.dtype}: give float32 in [0, 1]")
@@ -61,7 +61,7 @@ def check(images: NDArray[np.float32]) -> None:
     )
 
 
-def finish(output: NDArray[np.float32], name: str) -> NDArray[np.float32]:
+def clip_output(output: NDArray[np.float32], name: str) -> NDArray[np.float32]:
     """`output` clipped to [0, 1] in place. Raises `BrokenNetwork` naming `name` where it is not finite."""
     if output.size and not (np.isfinite(output.min()) and np.isfinite(output.max())):
         raise BrokenNetwork(f"{name}: the network's output is not finite; reinstall it or choose another model")

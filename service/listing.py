@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ciir.models import card, catalogue
+from ciir.models import catalogue
 
 
 def list_models() -> list[dict[str, Any]]:
     """Each entry of the catalogue: name, kind, scales, what it takes, whether it is the default for single pictures,
     and the card (null for none).
     """
-    default = catalogue.default()
+    default = catalogue.default_name()
     return [
         {
             "name": entry.name,
@@ -19,7 +19,7 @@ def list_models() -> list[dict[str, Any]]:
             "scales": list(entry.scales),
             "takes": "a view and those around it" if entry.is_light_field else "a picture",
             "default": entry.name == default,
-            "card": card.to_dict(entry.card) if entry.card is not None else None,
+            "card": entry.card.to_dict() if entry.card is not None else None,
         }
-        for entry in catalogue.entries()
+        for entry in catalogue.list_entries()
     ]

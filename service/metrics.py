@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
-_SKIPPED = ("plain", "repeated")
+_SKIPPED = ("uniform", "repeated")
 
 
 class Metrics:

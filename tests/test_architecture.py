@@ -19,7 +19,7 @@ ONLY_IN = {
     "pyrender": "renderer/backends/opengl.py",
     "OpenGL": "renderer/backends/opengl.py",
     "embreex": "renderer/backends/embree.py",
-    "onnxruntime": "models/session.py",
+    "onnxruntime": "models/sessions.py",
 }
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from ciir.benchmarks import peers
 from ciir.benchmarks.peers_tables import Figures, table
-from ciir.models.card import Accuracy
+from ciir.models.cards import Accuracy
 from ciir.training.networks import make
 
 TINY = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models.metrics import SSIM_RADIUS, Plane, luma, ssim_map
+from ciir.training.evaluation.metrics import SSIM_RADIUS, Plane, compute_ssim_map, rgb_to_luma
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,12 +47,12 @@ def compare(pictures: NDArray[np.uint8], truth: NDArray[np.uint8], object_: NDAr
     similar: list[Plane] = []
     slope: list[Plane] = []
     for picture, true, mask in zip(pictures, truth, counted, strict=True):
-        made, wanted = luma(picture), luma(true)
+        made, wanted = rgb_to_luma(picture), rgb_to_luma(true)
         square.append(((made - wanted) ** 2)[mask])
         slope.append(_gradient(made - wanted)[mask[:-1, :-1]])
         if min(made.shape) > 2 * SSIM_RADIUS:
             inside = mask[SSIM_RADIUS:-SSIM_RADIUS, SSIM_RADIUS:-SSIM_RADIUS]
-            similar.append(ssim_map(made, wanted)[inside])
+            similar.append(compute_ssim_map(made, wanted)[inside])
     mse = float(np.mean(np.concatenate(square)))
     slopes, windows = np.sort(np.concatenate(slope)), np.concatenate([*similar, np.empty(0)])
     worst = slopes[-max(1, round(WORST * len(slopes))) :]

@@ -11,7 +11,7 @@ import numpy as np
 from ciir.benchmarks.bench.timing import Stages, in_turns, timed
 from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
-from ciir.models.session import available_cores
+from ciir.models.sessions import count_available_cores
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
@@ -79,7 +79,7 @@ def lines(models: Sequence[str], *, rounds: int, quick: bool) -> Iterator[Line]:
         {f"whole job, 50x50 lenses, {model}": {n: _views(model, n) for n in VIEWS[:most]} for model in models[:1]},
         min(rounds, 3),
     )
-    cores = range(1, available_cores() + 1)
+    cores = range(1, count_available_cores() + 1)
     yield from _measured(
         "threads",
         {f"upscale 200x200, {model}": {n: _upscaling(model, 200, threads=n) for n in cores} for model in models},
@@ -107,7 +107,7 @@ def _measured(over: str, jobs: Mapping[str, Mapping[int, Callable[[], Stages]]],
 
 def _upscaling(model: str, lenses: int, threads: int | None = None) -> Callable[[], Stages]:
     image = np.random.default_rng(lenses).random((1, 3, lenses, lenses), dtype=np.float32)
-    network = catalogue.load(model, threads=threads)
+    network = catalogue.load_upscaler(model, threads=threads)
     return lambda: timed(lambda: network(image))
 
 

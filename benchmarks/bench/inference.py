@@ -38,7 +38,7 @@ class Row:
 
 def engines(models: Sequence[str]) -> tuple[dict[str, Engine], dict[str, str]]:
     """`NETWORK: ENGINE` -> what runs it, and what is missing here -> why."""
-    found: dict[str, Engine] = {f"{name}: onnxruntime": catalogue.load(name) for name in models}
+    found: dict[str, Engine] = {f"{name}: onnxruntime": catalogue.load_upscaler(name) for name in models}
     missing: dict[str, str] = {}
     if PAPER in models:
         if find_spec("torch") and find_spec("onnx"):
@@ -75,9 +75,9 @@ def rows(
         times = in_turns(jobs, rounds, reference=reference)
         for name, engine in found.items():
             network = name.partition(":")[0]
-            card = next(entry.card for entry in catalogue.entries() if entry.name == network)
+            card = next(entry.card for entry in catalogue.list_entries() if entry.name == network)
             twin = card.float_twin if card is not None and card.float_twin else network
-            far = float(np.abs(engine(image) - catalogue.load(twin)(image)).max()) * 255
+            far = float(np.abs(engine(image) - catalogue.load_upscaler(twin)(image)).max()) * 255
             measured.append(Row(name, height, width, times[name], far))
     return measured, missing
 

@@ -69,18 +69,18 @@ def methods() -> tuple[list[Method], dict[str, str]]:
     """All methods, cheap ones first, and the networks that are left out: name -> why."""
     found: list[Method] = []
     left_out: dict[str, str] = {}
-    for entry in catalogue.entries():
+    for entry in catalogue.list_entries():
         if SCALE not in entry.scales:
             left_out[entry.name] = f"upscales by {entry.scales}, not by {SCALE}"
-        elif entry.unsuited:
-            left_out[entry.name] = entry.unsuited
+        elif entry.unsupported_reason:
+            left_out[entry.name] = entry.unsupported_reason
         else:
             card = entry.card
             kind = "interpolation" if card is None else "int8 network" if card.precision == "int8" else "float network"
             kind = "light-field network" if entry.is_light_field else kind
             cost = card.macs_per_output_pixel if card is not None else None
             found.append(Method(entry.name, WORDS.get(entry.name, entry.kind), {"model": entry.name}, cost, kind))
-    default = next(method for method in found if method.name == catalogue.default())
+    default = next(method for method in found if method.name == catalogue.default_name())
     whole = replace(
         default,
         name=f"{default.name}-whole",

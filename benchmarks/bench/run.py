@@ -17,7 +17,7 @@ from ciir.benchmarks.bench.methods import Method, methods
 from ciir.benchmarks.bench.results import Result, as_rows, measured, points
 from ciir.benchmarks.bench.timing import Alone, alone
 from ciir.benchmarks.bench.work import PIXELS, SAMPLINGS, SCALE, works
-from ciir.models.catalogue import DEFAULT, default
+from ciir.models.catalogue import DEFAULT, default_name
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import Options
@@ -218,7 +218,7 @@ def _frontier_lines(frontier: Mapping[str, Sequence[str]]) -> list[str]:
     """Which methods no other beats in both time and error, and whether the default is one of them."""
     return [
         f"- {where}: {', '.join(f'`{name}`' for name in names)}"
-        + ("" if default() in names else f" (not the default, `{default()}`)")
+        + ("" if default_name() in names else f" (not the default, `{default_name()}`)")
         for where, names in frontier.items()
     ]
 

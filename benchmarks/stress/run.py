@@ -95,16 +95,20 @@ def chosen_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]
 
     Raises `InvalidOption` where a name is no network's.
     """
-    singles = catalogue.singles()
-    networks = {entry.name: entry for entry in catalogue.entries() if entry.card is not None and entry.name in singles}
+    singles = catalogue.list_single_image_names()
+    networks = {
+        entry.name: entry for entry in catalogue.list_entries() if entry.card is not None and entry.name in singles
+    }
     for name in names:
         if name not in networks:
             raise InvalidOption(f"--model: no network {name[:40]!r} here; give some of {', '.join(networks)}")
     asked = [entry for name, entry in networks.items() if not names or name in names]
     unsuited = [
-        Skipped(entry.name, f"{entry.unsuited}; another machine is needed") for entry in asked if entry.unsuited
+        Skipped(entry.name, f"{entry.unsupported_reason}; another machine is needed")
+        for entry in asked
+        if entry.unsupported_reason
     ]
-    return tuple(entry.name for entry in asked if not entry.unsuited), unsuited
+    return tuple(entry.name for entry in asked if not entry.unsupported_reason), unsuited
 
 
 def run(groups: Sequence[str], effort: Effort) -> Iterator[Outcome]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ciir.models.light_field import network
-from ciir.models.light_field.windows import SIDE
+from ciir.models.light_field.windows import WINDOW_SIDE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,7 +79,7 @@ def margined(picture: Pixels, part: Span, by: int) -> Pixels:
     """
     if not by:
         return picture[part]
-    margin = abs(by) * (SIDE // 2)
+    margin = abs(by) * (WINDOW_SIDE // 2)
     rows, cols = (
         np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
         for side, length in zip(part, picture.shape[:2], strict=True)
@@ -90,7 +90,7 @@ def margined(picture: Pixels, part: Span, by: int) -> Pixels:
 
 def moved(plane: NDArray[Value], by: int, offset: tuple[int, int]) -> NDArray[Value]:
     """Of a part with its margin, `(H, W)`, what lies `by` pixels further for each view down and right."""
-    margin = abs(by) * (SIDE // 2)
+    margin = abs(by) * (WINDOW_SIDE // 2)
     rows, cols = (
         slice(margin + by * step, length - margin + by * step) for step, length in zip(offset, plane.shape, strict=True)
     )

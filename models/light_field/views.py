@@ -8,13 +8,13 @@ import numpy as np
 
 from ciir.errors import InvalidImage
 from ciir.models.light_field import disparity
-from ciir.models.light_field import skip as plain_views
-from ciir.models.light_field.windows import axis, window
+from ciir.models.light_field import skipping as light_field_skipping
+from ciir.models.light_field.windows import list_window, select_axis
 from ciir.models.parallel import each, suits
-from ciir.models.session import BATCH, WINDOW
-from ciir.models.single import skip
+from ciir.models.sessions import BATCH, WINDOW
+from ciir.models.single import skipping
 from ciir.models.single.pixels import upscale_pixels
-from ciir.models.single.skip import Tally
+from ciir.models.single.skipping import SkipStatistics
 from ciir.models.tiles import split
 
 if TYPE_CHECKING:
@@ -30,58 +30,60 @@ if TYPE_CHECKING:
 
     View = tuple[int, int]
 
-TRUSTED, DOUBTED = 0.6, 0.75
+CONFIDENT, UNCERTAIN = 0.6, 0.75
 """Doubt up to which the light-field network's picture is taken, and from which the other's is. Views of one scene come
 to 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), strange ones to 0.6 to 1."""
-NEGLIGIBLE = 0.1
+MINIMUM_FALLBACK_SHARE = 0.1
 """Share of a view's pixels in doubt that is left as it is: at silhouettes some always are."""
 ROWS = 256
 """Rows of a picture that are blended at once."""
 
 
-def needed(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
+def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
     """Every view (v, u) of the windows about `wanted`, in a grid of `grid` views, row by row and each once."""
-    return sorted({view for at in wanted for view, _ in window(at, grid)})
+    return sorted({view for at in wanted for view, _ in list_window(at, grid)})
 
 
 def upscale_views(
     network: LightFieldNetwork,
-    alone: Upscaler,
+    fallback: Upscaler,
     views: Mapping[View, Pixels],
     wanted: Sequence[View],
     grid: tuple[int, int],
     *,
-    skipping: bool = True,
-    tally: Tally | None = None,
+    skip: bool = True,
+    statistics: SkipStatistics | None = None,
 ) -> tuple[Pixels, float]:
     """The views `wanted` of a light field of `grid` = (V, U) views, `(len(wanted), scale*H, scale*W, C)`; and the share
-    of their pixels that `alone`, a model of single pictures, made for the most part.
+    of their pixels that `fallback`, a model of single pictures, made for the most part.
 
     That is where the views around don't match: another scene, noise, disparities that none of the network's planes has.
-    Between `TRUSTED` and `DOUBTED` of its doubt one goes over into the other, in views of which more than `NEGLIGIBLE`
-    is in doubt. Where the content of a view moves by more than a whole pixel to the next, views are first moved back by
-    whole pixels (`models.light_field.disparity`). What a view becomes does not depend on which others are wanted.
+    Between `CONFIDENT` and `UNCERTAIN` of its doubt one goes over into the other, in views of which more than
+    `MINIMUM_FALLBACK_SHARE` is in doubt. Where the content of a view moves by more than a whole pixel to the next,
+    views are first moved back by whole pixels (`models.light_field.disparity`). What a view becomes does not depend on
+    which others are wanted.
 
-    `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of `needed`.
+    `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type;
+    at least those of `list_required_views`.
     Grey comes back as the mean of three channels. The result is of the same type, rounded to nearest. Large views are
     made in tiles, of all views one place after the other: what is held beside input and result stays small.
 
-    `skipping`: whether to leave out what `models.single.skip` and `models.light_field.skip` find, which doesn't
+    `skip`: whether to leave out what `models.single.skipping` and `models.light_field.skipping` find, which doesn't
     change the result;
-    what was skipped is added to `tally`.
+    what was skipped is added to `statistics`.
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
-    first = _alike(views, wanted[0], needed(wanted, grid))
-    tally = Tally() if tally is None else tally
+    first = _alike(views, wanted[0], list_required_views(wanted, grid))
+    statistics = SkipStatistics() if statistics is None else statistics
     pixels = first.shape[0] * first.shape[1]
-    tally.pixels += len(wanted) * pixels
-    may_repeat = skipping and len(wanted) > 1
-    firsts = plain_views.repeats(views, wanted, grid) if may_repeat else list(range(len(wanted)))
+    statistics.pixels += len(wanted) * pixels
+    may_repeat = skip and len(wanted) > 1
+    firsts = light_field_skipping.repeats(views, wanted, grid) if may_repeat else list(range(len(wanted)))
     singles = sorted(set(firsts))
-    tally.repeated += (len(wanted) - len(singles)) * pixels
-    job = _Job(network, views, grid, skipping, tally)
-    result, left = _blended(job, alone, [wanted[number] for number in singles])
+    statistics.repeated += (len(wanted) - len(singles)) * pixels
+    job = _Job(network, views, grid, skip, statistics)
+    result, left = _blended(job, fallback, [wanted[number] for number in singles])
     places = np.searchsorted(singles, firsts)
     return result if len(singles) == len(wanted) else result[places], float(left[places].mean())
 
@@ -92,12 +94,12 @@ class _Job(NamedTuple):
     network: LightFieldNetwork
     views: Mapping[View, Pixels]
     grid: tuple[int, int]
-    skipping: bool
-    tally: Tally
+    skip: bool
+    statistics: SkipStatistics
 
 
-def _blended(job: _Job, alone: Upscaler, wanted: Sequence[View]) -> tuple[Pixels, NDArray[np.float64]]:
-    """The views `wanted`, and the share of each that `alone` made."""
+def _blended(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> tuple[Pixels, NDArray[np.float64]]:
+    """The views `wanted`, and the share of each that `fallback` made."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     result = np.empty((len(wanted), height * scale, width * scale, channels), first.dtype)
@@ -110,9 +112,9 @@ def _blended(job: _Job, alone: Upscaler, wanted: Sequence[View]) -> tuple[Pixels
         _make(job, chosen, colours, by, _Made(result, doubt))
     left = np.zeros(len(wanted))
     for number, at in enumerate(wanted):
-        strange = np.clip((doubt[number, ..., 0] - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
-        if np.mean(strange > 0) > NEGLIGIBLE:
-            _blend(result[number], _alone(alone, job.views[at], job.skipping), strange)
+        strange = np.clip((doubt[number, ..., 0] - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
+        if np.mean(strange > 0) > MINIMUM_FALLBACK_SHARE:
+            _blend(result[number], _upscale_alone(fallback, job.views[at], job.skip), strange)
             left[number] = np.mean(strange > 0.5)
     return result, left
 
@@ -122,11 +124,11 @@ def _fill(job: _Job, at: View, result: Pixels, doubt: NDArray[np.float32]) -> Pi
     None where there is no such colour.
     """
     network = job.network
-    colour = plain_views.colour(network, job.views[at]) if job.skipping else None
+    colour = light_field_skipping.colour(network, job.views[at]) if job.skip else None
     if colour is not None:
-        large, doubtful = plain_views.pattern(network, colour, at, job.grid)
-        skip.fill(result, _rounded(large, result), network.radius, network.scale)
-        skip.fill(doubt, doubtful, network.radius, 1)
+        large, doubtful = light_field_skipping.pattern(network, colour, at, job.grid)
+        skipping.fill(result, _rounded(large, result), network.radius, network.scale)
+        skipping.fill(doubt, doubtful, network.radius, 1)
     return colour
 
 
@@ -141,15 +143,15 @@ def _make(
     around. The views around are moved by `by`.
     """
     network, views, grid = job[:3]
-    every = needed(list(chosen.values()), grid)
+    every = list_required_views(list(chosen.values()), grid)
     height, width = views[every[0]].shape[:2]
     for tile in split(height, width, radius=network.radius, window=WINDOW):
         lumas = {view: disparity.luma(views[view], tile.window, by) for view in every}
-        differing = plain_views.Differing(views, grid, tile, by)
+        differing = light_field_skipping.Differing(views, grid, tile, by)
         parts: list[tuple[int, Tile]] = []
         for number, at in chosen.items():
             colour = colours[number]
-            boxes = [tile] if colour is None else differing.boxes(at, colour, network.radius, job.tally)
+            boxes = [tile] if colour is None else differing.boxes(at, colour, network.radius, job.statistics)
             parts += [(number, box) for box in boxes]
         runs = list(_together(parts, chosen, grid))
         abreast = network.threads if suits(len(runs), network.threads) else 1
@@ -185,7 +187,7 @@ class _Run(NamedTuple):
         rows, cols, some = run
         image = np.stack([_colour(views[self.chosen[number]][part.window]) for number, part in some])
         around = np.stack([self._around(part, self.chosen[number], grid) for number, part in some])
-        both = network(image, around, rows.there, cols.there, cores=self.cores)
+        both = network(image, around, rows.present, cols.present, cores=self.cores)
         large, doubt = (one.transpose(0, 2, 3, 1) for one in both)
         for (number, part), picture, doubtful in zip(some, large, doubt, strict=True):
             kept = _rounded(picture[part.source(network.scale)], self.made.pictures)
@@ -195,7 +197,9 @@ class _Run(NamedTuple):
     def _around(self, tile: Tile, at: View, grid: tuple[int, int]) -> NDArray[np.float32]:
         """A part of the views of a window about one, `(25, h, w)`."""
         part = tile.inside(self.tile.window)
-        return np.stack([disparity.moved(self.lumas[view], self.by, offset)[part] for view, offset in window(at, grid)])
+        return np.stack(
+            [disparity.moved(self.lumas[view], self.by, offset)[part] for view, offset in list_window(at, grid)]
+        )
 
 
 def _rounded(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:
@@ -205,9 +209,9 @@ def _rounded(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:
     return levels
 
 
-def _alone(upscaler: Upscaler, view: Pixels, skipping: bool) -> Pixels:
+def _upscale_alone(upscaler: Upscaler, view: Pixels, skip: bool) -> Pixels:
     # Its type variable takes 8 or 16 bit, where a view is either: one of them stands for both.
-    made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skipping=skipping)[0]
+    made: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skip=skip)[0]
     return made
 
 
@@ -245,14 +249,14 @@ def _together(
     groups: dict[tuple[object, ...], list[tuple[int, Tile]]] = {}
     for number, part in parts:
         v, u = chosen[number]
-        there = axis(v, grid[0]).there.tobytes() + axis(u, grid[1]).there.tobytes()
+        there = select_axis(v, grid[0]).present.tobytes() + select_axis(u, grid[1]).present.tobytes()
         rows, cols = part.window
         groups.setdefault((there, rows.stop - rows.start, cols.stop - cols.start), []).append((number, part))
     for some in groups.values():
         v, u = chosen[some[0][0]]
-        most = max(1, BATCH // skip.area(some[0][1].window))
+        most = max(1, BATCH // skipping.area(some[0][1].window))
         for begin in range(0, len(some), most):
-            yield axis(v, grid[0]), axis(u, grid[1]), some[begin : begin + most]
+            yield select_axis(v, grid[0]), select_axis(u, grid[1]), some[begin : begin + most]
 
 
 def _colour(picture: Pixels) -> NDArray[np.float32]:

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
     View = tuple[int, int]
 
-SIDE = 5
+WINDOW_SIDE = 5
 """Views along each side of a window."""
-LEAST = 3
+MINIMUM_GRID = 3
 """Least views along each side of a grid for its views to help one another; any smaller one goes view by view."""
 
 
@@ -21,12 +21,12 @@ class Axis(NamedTuple):
     """The rows, or the columns, of a window."""
 
     views: tuple[int, ...]
-    """Their `SIDE` numbers in the grid; beyond its border the view's own again."""
-    there: NDArray[np.float32]
-    """`(SIDE,)`: 1, or 0 for those beyond the border."""
+    """Their `WINDOW_SIDE` numbers in the grid; beyond its border the view's own again."""
+    present: NDArray[np.float32]
+    """`(WINDOW_SIDE,)`: 1, or 0 for those beyond the border."""
 
 
-def axis(position: int, count: int) -> Axis:
+def select_axis(position: int, count: int) -> Axis:
     """The window about number `position` of `count`: two to each side, as far as there are any.
 
     It isn't pushed inwards at the border: views further away see the scene too differently to be of use.
@@ -35,15 +35,15 @@ def axis(position: int, count: int) -> Axis:
     """
     if not 0 <= position < count:
         raise ValueError(f"view {position} of {count}: give 0 to {count - 1}")
-    offsets = range(-(SIDE // 2), SIDE // 2 + 1)
+    offsets = range(-(WINDOW_SIDE // 2), WINDOW_SIDE // 2 + 1)
     there = [0 <= position + offset < count for offset in offsets]
     views = tuple(position + offset * is_there for offset, is_there in zip(offsets, there, strict=True))
     return Axis(views, np.array(there, np.float32))
 
 
-def window(at: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:
+def list_window(at: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:
     """The views (v, u) of the window about one of a grid of `grid`, row by row, and how far down and to the right of it
     each is.
     """
-    rows, cols = axis(at[0], grid[0]), axis(at[1], grid[1])
+    rows, cols = select_axis(at[0], grid[0]), select_axis(at[1], grid[1])
     return [((row, col), (row - at[0], col - at[1])) for row in rows.views for col in cols.views]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import UnsupportedScale
-from ciir.models.upscaler import check
+from ciir.models.upscaler import check_images
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +19,7 @@ KEYS_A = -0.5
 """Keys' parameter, as MATLAB's `imresize` has it."""
 
 
-def keys(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def keys_kernel(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """The cubic convolution kernel (Keys, IEEE Trans. ASSP 29(6), 1981, equation 4) at distances `x` in samples."""
     a, d = KEYS_A, np.abs(x)
     near = (a + 2) * d**3 - (a + 3) * d**2 + 1
@@ -48,7 +48,7 @@ class Bicubic:
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`."""
-        check(images)
+        check_images(images)
         return np.clip(self._along(self._along(images, 2), 3), 0.0, 1.0)
 
     def _along(self, images: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -65,7 +65,7 @@ class Bicubic:
             every = [slice(None)] * 4
             every[axis] = slice(phase, None, self.scale)
             offset = (phase + 0.5) / self.scale - 0.5
-            for tap, weight in zip(taps, keys(np.array(taps) - offset).astype(np.float32), strict=True):
+            for tap, weight in zip(taps, keys_kernel(np.array(taps) - offset).astype(np.float32), strict=True):
                 if weight:
                     window = [slice(None)] * 4
                     window[axis] = slice(tap + self.radius, tap + self.radius + length)
@@ -86,5 +86,5 @@ class Nearest:
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`."""
-        check(images)
+        check_images(images)
         return images.repeat(self.scale, axis=2).repeat(self.scale, axis=3)

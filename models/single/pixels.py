@@ -9,8 +9,8 @@ import numpy as np
 
 from ciir.errors import InvalidImage
 from ciir.models import tiles
-from ciir.models.single import skip
-from ciir.models.single.skip import Tally
+from ciir.models.single import skipping
+from ciir.models.single.skipping import SkipStatistics
 
 if TYPE_CHECKING:
     from typing import Any
@@ -27,7 +27,7 @@ BLOCK = 1 << 20
 
 
 def upscale_pixels(
-    upscaler: Upscaler, pictures: NDArray[Depth], *, skipping: bool = True, tally: Tally | None = None
+    upscaler: Upscaler, pictures: NDArray[Depth], *, skip: bool = True, statistics: SkipStatistics | None = None
 ) -> NDArray[Depth]:
     """`(N, H, W, C)` -> `(N, scale*H, scale*W, C)` of the same type, rounded to nearest.
 
@@ -36,9 +36,9 @@ def upscale_pixels(
     what is hidden doesn't bleed into what shows, and alpha has a pass of its own. Alpha is exact where it was flat:
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
-    `skipping`: whether to leave out what `models.single.skip` finds, which doesn't change the result; what was
+    `skip`: whether to leave out what `models.single.skipping` finds, which doesn't change the result; what was
     skipped is
-    added to `tally`.
+    added to `statistics`.
 
     Raises `InvalidImage` where the array is of another shape or type.
     """
@@ -46,25 +46,25 @@ def upscale_pixels(
         raise InvalidImage(f"an array of shape {pictures.shape}: give (N, H, W, C) with C from 1 to 4")
     if pictures.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(f"pictures of type {pictures.dtype}: give 8 or 16 bit unsigned integers")
-    tally = Tally() if tally is None else tally
+    statistics = SkipStatistics() if statistics is None else statistics
     count, height, width, _ = pictures.shape
-    tally.pixels += count * height * width
-    if not skipping:
+    statistics.pixels += count * height * width
+    if not skip:
         return _whole(upscaler, pictures)
-    firsts = skip.repeats(pictures) if count > 1 else [0] * count
+    firsts = skipping.repeats(pictures) if count > 1 else [0] * count
     singles = sorted(set(firsts))
     if len(singles) == count:
-        return _boxed(upscaler, pictures, tally)
-    tally.repeated += (count - len(singles)) * height * width
-    made = _boxed(upscaler, pictures[singles], tally)
+        return _boxed(upscaler, pictures, statistics)
+    statistics.repeated += (count - len(singles)) * height * width
+    made = _boxed(upscaler, pictures[singles], statistics)
     return made[np.searchsorted(singles, firsts)]
 
 
-def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], tally: Tally) -> NDArray[Depth]:
+def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], statistics: SkipStatistics) -> NDArray[Depth]:
     """All of them, but only what is not one colour all around is computed."""
     count, height, width, channels = pictures.shape
     scale, radius = upscaler.scale, upscaler.radius
-    found = [skip.found(picture, radius) for picture in pictures] if skip.suits(upscaler) else []
+    found = [skipping.found(picture, radius) for picture in pictures] if skipping.suits(upscaler) else []
     if all(colour is None for colour, _ in found):
         return _whole(upscaler, pictures)
     result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)
@@ -72,8 +72,8 @@ def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], tally: Tally) -> NDArra
     for number, (colour, boxes) in enumerate(found):
         if colour is not None:
             pattern = _pattern(cast("Any", upscaler), colour.tobytes(), pictures.dtype.name)
-            skip.fill(result[number], pattern, radius, scale)
-            tally.plain += max(0, height * width - sum(skip.area(box.window) for box in boxes))
+            skipping.fill(result[number], pattern, radius, scale)
+            statistics.uniform += max(0, height * width - sum(skipping.area(box.window) for box in boxes))
         for box in boxes:
             alike.setdefault(pictures[number][box.window].shape, []).append((number, box))
     for some in alike.values():
@@ -85,7 +85,7 @@ def _boxed(upscaler: Upscaler, pictures: NDArray[Depth], tally: Tally) -> NDArra
 
 @lru_cache(maxsize=64)
 def _pattern(upscaler: Any, colour: bytes, dtype: str) -> NDArray[Any]:
-    """What a picture of one colour becomes, as `skip.fill` takes it."""
+    """What a picture of one colour becomes, as `skipping.fill` takes it."""
     side = 2 * upscaler.radius + 1
     one = np.frombuffer(colour, dtype)
     made: NDArray[Any] = _whole(upscaler, np.tile(one, (1, side, side, 1)))[0]

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import Error, InvalidOption
-from ciir.models.catalogue import DEFAULT, FIELD
+from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
 from ciir.service.errors import find_response, join_lines
 from ciir.service.pipeline.options import HELP, NAMES
 
@@ -153,7 +153,8 @@ def _add_training(command: Callable[..., argparse.ArgumentParser]) -> None:
         nargs="*",
         metavar="MODEL FOLDER",
         help="a name that `ciir models` lists, or an exported network's .json; then folders of pairs, or of any "
-        f"pictures with --degradation, or none with --light-field (and the model {FIELD} where none is named)",
+        f"pictures with --degradation, or none with --light-field (and the model {LIGHT_FIELD_DEFAULT} where none is "
+        "named)",
     )
     add.add_argument(
         "--degradation",

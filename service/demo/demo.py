@@ -52,7 +52,7 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
     `tell` hears of each step when it is done. Lenses average over their pitch, as real ones do. Scenes, backend and
     network are made ready before anything is timed.
     """
-    upscaler = catalogue.load(catalogue.DEFAULT)
+    upscaler = catalogue.load_upscaler(catalogue.DEFAULT)
     upscaler(np.zeros((1, 3, *LENSES), np.float32))
     open_backend(backend, rays=LENSES[0] * LENSES[1] * LENSLET_SAMPLES**2)
     mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")

@@ -20,7 +20,7 @@ import numpy as np
 
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import upscale_views
-from ciir.models.session import available_cores
+from ciir.models.sessions import count_available_cores
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer import backends
 from ciir.renderer.backends import culling
@@ -95,7 +95,7 @@ def total(stages: Sequence[Stage], written: int, batches: int) -> float:
     """
     stages = [*stages, Stage(0.0, written * WRITE_MS)]
     spent = [stage.views for stage in stages]
-    slowest = max(*spent, sum(stage.views * stage.cores for stage in stages) / available_cores())
+    slowest = max(*spent, sum(stage.views * stage.cores for stage in stages) / count_available_cores())
     return JOB_MS + sum(stage.once for stage in stages) + (sum(spent) + (batches - 1) * slowest) / batches
 
 
@@ -117,11 +117,11 @@ class Costs:
 
     def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
         """Cost of `views` in `batches`, `pixels` of each given to a model of the catalogue."""
-        card = next(entry.card for entry in catalogue.entries() if entry.name == model)
+        card = next(entry.card for entry in catalogue.list_entries() if entry.name == model)
         name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
         ms = self._get(name, lambda: measure(_upscaler(model, scale)) / (VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS))
         starts = card is not None and "onnxruntime" not in sys.modules
-        cores = 1 if card is None else available_cores()
+        cores = 1 if card is None else count_available_cores()
         return Stage(NETWORK_START_MS * starts, ms * (views * (pixels + VIEW_PIXELS) + batches * CALL_PIXELS), cores)
 
     def _get(self, name: str, measured: Callable[[], float]) -> float:
@@ -152,7 +152,8 @@ def costs() -> Costs:
 def machine() -> str:
     """What measurements hold for: processor, cores and versions."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("ciir", "numpy", "onnxruntime", "embreex", "pyrender"))
-    return f"{processor.name()}, {available_cores()} cores, Python {platform.python_version()}, {packages}"
+    cores = count_available_cores()
+    return f"{processor.processor_name()}, {cores} cores, Python {platform.python_version()}, {packages}"
 
 
 def _read(path: Path | None) -> dict[str, float]:
@@ -174,7 +175,7 @@ def measure(run: Callable[[], object]) -> float:
         run()
         spent.append(max(time.process_time() - worked, 1e-9))
         busy = max(busy, spent[-1] / max(time.perf_counter() - begun, 1e-9))
-    return 1000 * min(spent) / min(busy, available_cores())
+    return 1000 * min(spent) / min(busy, count_available_cores())
 
 
 def _factor(backend: str) -> float:
@@ -191,10 +192,13 @@ def _upscaler(model: str, scale: int) -> Callable[[], object]:
     """What upscales views of noise, alike but for a pixel: those of a light field match, and nothing is skipped."""
     pictures = np.tile(np.random.default_rng(0).integers(0, 256, (SIDE, SIDE, 3), np.uint8), (49, 1, 1, 1))
     pictures[:, 0, 0, 0] = np.arange(49)
-    if model in catalogue.singles():
-        single = catalogue.load(model, scale=scale)
+    if model in catalogue.list_single_image_names():
+        single = catalogue.load_upscaler(model, scale=scale)
         return lambda: upscale_pixels(single, pictures[:VIEWS])
-    network, fallback = catalogue.load_light_field(model, scale=scale), catalogue.load(catalogue.default(), scale=scale)
+    network, fallback = (
+        catalogue.load_light_field_network(model, scale=scale),
+        catalogue.load_upscaler(catalogue.default_name(), scale=scale),
+    )
     views = dict(zip(np.ndindex(7, 7), pictures, strict=True))
     wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are whole
     return lambda: upscale_views(network, fallback, views, wanted, (7, 7))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import UnknownModel
 from ciir.models import catalogue, processor
-from ciir.models.light_field.views import needed
-from ciir.models.light_field.windows import LEAST
+from ciir.models.light_field.views import list_required_views
+from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Choice:
 
 def check_model(name: str) -> None:
     """Raises `UnknownModel` where `name` is no value of the option `model`."""
-    known = (*catalogue.names(), AUTO, NO_MODEL)
+    known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if name not in known:
         raise UnknownModel(f"model: no {name[:40]!r} here; give one of {', '.join(known)}")
 
@@ -53,14 +53,15 @@ def check_model(name: str) -> None:
 def choose(options: Options, job: Job) -> Choice:
     """What `options.model`, one that `check_model` lets pass, comes to for `job`.
 
-    `auto` takes `catalogue.field()` where the views around each wanted one are there or are made anyway, elsewhere
-    `catalogue.default()`: int8 networks where the processor is made for them. A light-field network that was named has
-    a mesh's neighbours rendered; where views can't help one another the default takes its place.
+    `auto` takes `catalogue.light_field_default_name()` where the views around each wanted one are there or are made
+    anyway, elsewhere `catalogue.default_name()`: int8 networks where the processor is made for them. A light-field
+    network that was named has a mesh's neighbours rendered; where views can't help one another the default takes its
+    place.
     """
     if options.model == NO_MODEL:
         return Choice(NO_MODEL)
-    fields = {entry.name: entry for entry in catalogue.entries() if entry.is_light_field}
-    default, field, further = catalogue.default(), catalogue.field(), _further(job)
+    fields = {entry.name: entry for entry in catalogue.list_entries() if entry.is_light_field}
+    default, field, further = catalogue.default_name(), catalogue.light_field_default_name(), _further(job)
     if options.model == AUTO:
         against = _against(field, fields.get(field), options.scale, job, further)
         if against:
@@ -76,10 +77,10 @@ def choose(options: Options, job: Job) -> Choice:
 
 def _precision(name: str) -> str:
     """Why `auto` takes the network `name` in its precision."""
-    card = next(entry.card for entry in catalogue.entries() if entry.name == name)
+    card = next(entry.card for entry in catalogue.list_entries() if entry.name == name)
     if card is not None and card.precision == "int8":
         return "; in int8, which this processor is made for"
-    against = processor.against_int8()
+    against = processor.int8_unsupported_reason()
     return f"; in float, as {against}" if against else ""
 
 
@@ -89,8 +90,8 @@ def _views(job: Job) -> str:
 
 def _alone(job: Job) -> str:
     """Why the views of `job` can't help one another; empty where they can."""
-    if min(job.grid) < LEAST:
-        return f"{_views(job)} are not the {LEAST}x{LEAST} or more that help one another"
+    if min(job.grid) < MINIMUM_GRID:
+        return f"{_views(job)} are not the {MINIMUM_GRID}x{MINIMUM_GRID} or more that help one another"
     if job.is_transparent:
         return "views with transparency can't help one another"
     return ""
@@ -98,7 +99,7 @@ def _alone(job: Job) -> str:
 
 def _further(job: Job) -> int:
     """How many views of a mesh would be rendered only to help those that are wanted."""
-    return len(set(needed(job.wanted, job.grid)) - set(job.wanted)) if job.is_mesh else 0
+    return len(set(list_required_views(job.wanted, job.grid)) - set(job.wanted)) if job.is_mesh else 0
 
 
 def _against(name: str, field: Entry | None, scale: int, job: Job, further: int) -> str:

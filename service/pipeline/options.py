@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import DEFAULT, FIELD
+from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
 from ciir.renderer.light_field import Pickup
 from ciir.renderer.readers.names import clean_text
 
@@ -23,8 +23,8 @@ AUTO, NO_MODEL = "auto", "none"
 """Values of `model` that name none of the catalogue: `service.pipeline.model_selection` chooses; views stay as they
 were made."""
 AUTO_TAKES = (
-    f"{FIELD} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; their int8 twins "
-    "where the processor is made for them"
+    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; their "
+    "int8 twins where the processor is made for them"
 )
 """What `auto` comes to, in words; `service.pipeline.model_selection` has the rule."""
 MAX_SCALE = 8

@@ -12,7 +12,7 @@ import numpy as np
 from ciir.errors import BackendUnavailable, InvalidOption, TooLarge
 from ciir.models import catalogue
 from ciir.models.catalogue import DEFAULT
-from ciir.models.light_field.views import needed
+from ciir.models.light_field.views import list_required_views
 from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.renderer.lens_array import LensArray
@@ -24,7 +24,7 @@ from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.schedule import at_once
 
 if TYPE_CHECKING:
-    from ciir.models.card import Card
+    from ciir.models.cards import Card
     from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.model_selection import Job
@@ -114,7 +114,7 @@ def _select_strategy(options: Options, job: Job, mesh: Scene | None, limit: int 
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
     array, name = mesh_array(options), choose(options, job).model
-    model = next(entry for entry in catalogue.entries() if entry.name == name)
+    model = next(entry for entry in catalogue.list_entries() if entry.name == name)
     pixels = array.rows * array.cols
     rays: dict[Strategy, int] = {
         "upscale": pixels * samples(options) ** 2,
@@ -124,8 +124,8 @@ def _select_strategy(options: Options, job: Job, mesh: Scene | None, limit: int 
         return "upscale", f"upscale, as {rays['direct']:,} samples for each view at the larger size are over the limit"
     if options.scale not in model.scales:
         return "direct", f"direct, as {name} doesn't upscale by {options.scale}"
-    if model.unsuited:
-        return "direct", f"direct, as {model.unsuited}"
+    if model.unsupported_reason:
+        return "direct", f"direct, as {model.unsupported_reason}"
     predicted = _predict(options, job, mesh, model, rays)
     taken = min(predicted, key=predicted.__getitem__)
     backend = backends.predict_backend(options.backend, triangles=mesh.triangles, rays=rays[taken])
@@ -162,7 +162,7 @@ def _predict(options: Options, job: Job, mesh: Scene, model: Entry, rays: dict[S
     batches = math.ceil(wanted / at_once(written))
     seen = round(pixels * _seen(mesh, array, model.card)) if model.card and options.skip == "exact" else pixels
     upscaling = costs.upscaling(model.name, options.scale, pixels=seen, views=wanted, batches=batches)
-    made = len(needed(job.wanted, job.grid)) if model.is_light_field else wanted
+    made = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else wanted
     stages: dict[Strategy, list[cost.Stage]] = {
         "upscale": [render("upscale", made), upscaling],
         "direct": [render("direct", wanted)],

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from ciir.models.single.skip import Tally
+from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.views import parse_views
@@ -74,8 +74,8 @@ def reconstruct(
         in_order = turns(job.wanted, job.grid, together=together, is_light_field=plan.is_light_field)
         made = [view for turn in in_order for view in turn.new]
         plans.check_work(maker.samples, len(made), max_pixels, plan.strategy, further=len(made) - len(job.wanted))
-    tally = Tally()
-    enlarge = _load(plan, job.grid, tally, clock, skipping=options.skip == "exact")
+    statistics = SkipStatistics()
+    enlarge = _load(plan, job.grid, statistics, clock, skip=options.skip == "exact")
     writer.begin(len(job.wanted), maker.sample)
     if progress is not None:
         progress(0, len(job.wanted))
@@ -95,7 +95,7 @@ def reconstruct(
             if progress is not None:
                 progress(len(written), len(job.wanted))
 
-    left_out = ({} if enlarge is None else skipped(tally)) | maker.skipped() or None
+    left_out = ({} if enlarge is None else skipped(statistics)) | maker.skipped() or None
     is_upscaled_mesh = isinstance(content, Scene) and plan.strategy == "upscale"
     report: Report = {
         "input": given.described(content),
@@ -207,8 +207,8 @@ def _maker(content: Scene | LightField, options: Options, plan: Plan, clock: Clo
     return PictureViews(content, options, clock)
 
 
-def _load(plan: Plan, grid: tuple[int, int], tally: Tally, clock: Clock, *, skipping: bool) -> Enlarge | None:
+def _load(plan: Plan, grid: tuple[int, int], statistics: SkipStatistics, clock: Clock, *, skip: bool) -> Enlarge | None:
     if plan.model == NO_MODEL:
         return None
     with clock.stage("upscale"):  # the first call in a process reads the network
-        return opened(plan, grid, skipping=skipping, tally=tally)
+        return opened(plan, grid, skip=skip, statistics=statistics)

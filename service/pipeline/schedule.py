@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.views import needed
+from ciir.models.light_field.views import list_required_views
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ def turns(wanted: Sequence[View], grid: tuple[int, int], *, together: int, is_li
     Where all views are wanted row by row, those of 5 rows of `grid` and of one turn are kept at a time.
     """
     parts = [wanted[first : first + together] for first in range(0, len(wanted), together)]
-    windows = [needed(part, grid) for part in parts] if is_light_field else parts
+    windows = [list_required_views(part, grid) for part in parts] if is_light_field else parts
     made = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}
     last = {view: number for number, window in enumerate(windows) for view in window}
     return [

@@ -10,7 +10,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.models import catalogue
-from ciir.models.single.skip import Tally
+from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.readers import pictures
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.options import AUTO, NO_MODEL
@@ -51,13 +51,13 @@ def upscale_pictures(
     *,
     model: str,
     scale: int,
-    skipping: bool = True,
+    skip: bool = True,
     progress: Progress | None = None,
 ) -> Report:
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
-    `model`: one that takes single pictures; `auto` is the catalogue's default. `skipping`: whether to leave out
+    `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether to leave out
     what needn't be computed.
 
     Raises the input faults of `ciir.errors`, with the picture's name, and those of `ciir.errors`.
@@ -65,11 +65,11 @@ def upscale_pictures(
     clock = Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
-    name_of_model = catalogue.default() if model == AUTO else model
+    name_of_model = catalogue.default_name() if model == AUTO else model
     with clock.stage("upscale"):
-        upscaler = catalogue.load(name_of_model, scale=scale)
+        upscaler = catalogue.load_upscaler(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
-    tally = Tally()
+    statistics = SkipStatistics()
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name)
@@ -77,8 +77,8 @@ def upscale_pictures(
         check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
         with clock.stage("upscale"):
             begun = time.perf_counter()
-            large = enlarge(upscaler, pixels[np.newaxis], skipping=skipping, tally=tally)[0]
-            tally.seconds += time.perf_counter() - begun
+            large = enlarge(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
+            statistics.seconds += time.perf_counter() - begun
         with clock.stage("encode"):
             write(output, _encode(large, output))
         height, width, channels = large.shape
@@ -98,7 +98,7 @@ def upscale_pictures(
         "pictures": done,
         "notes": [],
         "model": describe_model(name_of_model, scale),
-        "skipped": skipped(tally),
+        "skipped": skipped(statistics),
         "timings_ms": clock.timings_ms(),
         "versions": versions("onnxruntime"),
     }

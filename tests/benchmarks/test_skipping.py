@@ -24,9 +24,9 @@ def test_shares_of_a_view():
 def test_both_are_run_as_often_and_compared():
     asked = []
 
-    def upscale(is_skipping, tally):
+    def upscale(is_skipping, statistics):
         asked.append(is_skipping)
-        tally.pixels, tally.plain = 100, 25 * is_skipping
+        statistics.pixels, statistics.uniform = 100, 25 * is_skipping
         return np.array([200 if is_skipping else 3], np.uint8)
 
     row = skipping.measured(upscale, rounds=4)

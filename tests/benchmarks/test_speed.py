@@ -10,7 +10,7 @@ from ciir.models import catalogue
 
 
 def test_multiply_adds_are_the_cards():
-    card = catalogue.load("paper").card
+    card = catalogue.load_upscaler("paper").card
     assert speed.multiply_adds(card, 360, 640) == pytest.approx(146.4e9, rel=1e-3)  # README's, for 1280x720
 
 

@@ -12,86 +12,89 @@ from ciir.models.catalogue import SHIPPED
 
 
 def test_names_and_entries():
-    entries = models.entries()
-    assert [entry.name for entry in entries] == models.names()
-    assert models.DEFAULT in models.names()
-    assert models.names()[-2:] == ["bicubic", "nearest"]
+    entries = models.list_entries()
+    assert [entry.name for entry in entries] == models.list_names()
+    assert models.DEFAULT in models.list_names()
+    assert models.list_names()[-2:] == ["bicubic", "nearest"]
     assert all((entry.card is None) == (entry.kind == "interpolation") for entry in entries)
 
 
-@pytest.mark.parametrize("name", catalogue.singles())
+@pytest.mark.parametrize("name", catalogue.list_single_image_names())
 def test_each_model_loads_and_keeps_its_contract(name):
-    (entry,) = (entry for entry in models.entries() if entry.name == name)
-    if entry.unsuited:
-        pytest.skip(entry.unsuited)
-    upscaler = models.load(name, scale=entry.scales[0])
+    (entry,) = (entry for entry in models.list_entries() if entry.name == name)
+    if entry.unsupported_reason:
+        pytest.skip(entry.unsupported_reason)
+    upscaler = models.load_upscaler(name, scale=entry.scales[0])
     assert (upscaler.name, upscaler.scale) == (name, entry.scales[0])
-    assert models.load(name, scale=entry.scales[0]) is upscaler
+    assert models.load_upscaler(name, scale=entry.scales[0]) is upscaler
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.onnx")), ids=lambda path: path.stem)
 def test_each_shipped_network_has_its_card(path):
-    (entry,) = (entry for entry in models.entries() if entry.name == path.stem)
+    (entry,) = (entry for entry in models.list_entries() if entry.name == path.stem)
     assert entry.card.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     bytes_each = {"float32": 4, "int8": 1}[entry.card.precision]
     assert path.stat().st_size > bytes_each * entry.card.parameters  # the weights are inside
 
 
 def test_int8_twins_name_their_float_network_and_only_they_can_be_unsuited(monkeypatch):
-    monkeypatch.setattr(models.catalogue.processor, "against_int8", lambda: "it is too old")
-    for entry in models.entries():
+    monkeypatch.setattr(models.catalogue.processor, "int8_unsupported_reason", lambda: "it is too old")
+    for entry in models.list_entries():
         is_int8 = entry.card is not None and entry.card.precision == "int8"
-        assert entry.unsuited == ("it is too old" if is_int8 else "")
+        assert entry.unsupported_reason == ("it is too old" if is_int8 else "")
         if is_int8:
-            assert entry.card.float_twin in models.names()
+            assert entry.card.float_twin in models.list_names()
 
 
 def test_an_unknown_model():
     with pytest.raises(UnknownModel, match=r"'fancy'.*paper.*bicubic"):
-        models.load("fancy")
+        models.load_upscaler("fancy")
 
 
 @pytest.mark.parametrize(("name", "scale"), [("paper", 3), ("bicubic", 9), ("nearest", 1)])
 def test_a_scale_that_a_model_does_not_have(name, scale):
     with pytest.raises(UnsupportedScale, match="scale"):
-        models.load(name, scale=scale)
+        models.load_upscaler(name, scale=scale)
 
 
 def test_threads_that_ask_at_once_get_one_model():
     with ThreadPoolExecutor(8) as pool:
-        loaded = list(pool.map(lambda _: models.load("paper", threads=1), range(8)))
+        loaded = list(pool.map(lambda _: models.load_upscaler("paper", threads=1), range(8)))
     assert len({id(upscaler) for upscaler in loaded}) == 1
 
 
 def test_listing_imports_no_runtime():
     """`ciir models` must answer within a second."""
     heavy = {"onnxruntime", "torch", "PIL", "onnx", "skimage", "scipy"}
-    code = f"import sys, models; models.entries(); print({heavy} & sys.modules.keys())"
+    code = f"import sys; from ciir import models; models.list_entries(); print({heavy} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 - ours
     assert done.stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("name", [entry.name for entry in models.entries() if entry.is_light_field])
+@pytest.mark.parametrize("name", [entry.name for entry in models.list_entries() if entry.is_light_field])
 def test_a_light_field_network_is_loaded_as_one_and_refused_as_another(name):
-    (entry,) = (entry for entry in models.entries() if entry.name == name)
-    if entry.unsuited:
-        pytest.skip(entry.unsuited)
-    network = catalogue.load_light_field(name)
+    (entry,) = (entry for entry in models.list_entries() if entry.name == name)
+    if entry.unsupported_reason:
+        pytest.skip(entry.unsupported_reason)
+    network = catalogue.load_light_field_network(name)
     assert network.name == name
-    assert network is catalogue.load_light_field(name)
+    assert network is catalogue.load_light_field_network(name)
     with pytest.raises(UnsuitedModel, match=f"model {name}: .* use `ciir reconstruct`, or name fast"):
-        models.load(name)
+        models.load_upscaler(name)
 
 
 def test_a_single_picture_network_is_no_light_field_one():
     with pytest.raises(UnsuitedModel, match="model fast: it upscales single pictures"):
-        catalogue.load_light_field("fast")
+        catalogue.load_light_field_network("fast")
 
 
 def test_an_int8_twin_is_the_default_where_the_processor_is_made_for_it(monkeypatch):
-    monkeypatch.setattr(catalogue.processor, "against_int8", lambda: "")
-    assert (catalogue.default(), catalogue.field()) == ("fast-int8", "field-int8")
-    assert catalogue.quickest("gan") == "gan"  # which has no twin
-    assert catalogue.quickest("bicubic") == "bicubic"
-    monkeypatch.setattr(catalogue.processor, "against_int8", lambda: "it is too old")
-    assert (catalogue.default(), catalogue.field()) == (catalogue.DEFAULT, catalogue.FIELD)
+    monkeypatch.setattr(catalogue.processor, "int8_unsupported_reason", lambda: "")
+    assert (catalogue.default_name(), catalogue.light_field_default_name()) == ("fast-int8", "field-int8")
+    assert catalogue.prefer_int8("gan") == "gan"  # which has no twin
+    assert catalogue.prefer_int8("bicubic") == "bicubic"
+    monkeypatch.setattr(catalogue.processor, "int8_unsupported_reason", lambda: "it is too old")
+    assert (catalogue.default_name(), catalogue.light_field_default_name()) == (
+        catalogue.DEFAULT,
+        catalogue.LIGHT_FIELD_DEFAULT,
+    )

@@ -13,11 +13,11 @@ def machine(tmp_path, monkeypatch):
         monkeypatch.setattr(processor, "CPUINFO", tmp_path / "cpuinfo")
         if cpuinfo is not None:
             (tmp_path / "cpuinfo").write_text(cpuinfo)
-        processor.against_int8.cache_clear()
-        return processor.against_int8()
+        processor.int8_unsupported_reason.cache_clear()
+        return processor.int8_unsupported_reason()
 
     yield pretend
-    processor.against_int8.cache_clear()
+    processor.int8_unsupported_reason.cache_clear()
 
 
 X86 = "processor\t: 0\nmodel name\t: avx512_vnni lookalike\nflags\t\t: fpu sse2 avx2 {} erms\n"

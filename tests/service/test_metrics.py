@@ -7,7 +7,7 @@ from ciir.service.metrics import CountingPool, Metrics
 
 REPORT = {
     "timings_ms": {"decode": 1000, "total": 3000},
-    "plan": {"skipped": {"pixels": 200, "plain": 0.25, "repeated": 0.5}},
+    "plan": {"skipped": {"pixels": 200, "uniform": 0.25, "repeated": 0.5}},
 }
 
 

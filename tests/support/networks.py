@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 
 from ciir.models import catalogue
-from ciir.models.card import Tensor
+from ciir.models.cards import Tensor
 
 
 class StandIn:
     """Repeats each pixel and moves it halfway to the mean luma of the window, so that a wrong view shows."""
 
-    name, scale, radius, threads = catalogue.FIELD, 2, 0, 1
+    name, scale, radius, threads = catalogue.LIGHT_FIELD_DEFAULT, 2, 0, 1
     uncertainty = 0.3
 
     def __call__(self, image, around, rows, cols, *, cores=None):
@@ -37,18 +37,20 @@ def upscale_as_stand_in(views, view):
 
 def install_stand_in(monkeypatch):
     """Makes a `StandIn` the catalogue's `field` network and returns it; names are not replaced by their int8 twins."""
-    entries = [entry for entry in catalogue.entries() if entry.name != catalogue.FIELD]
+    entries = [entry for entry in catalogue.list_entries() if entry.name != catalogue.LIGHT_FIELD_DEFAULT]
     (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
     further = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
-    card = dataclasses.replace(fast.card, name=catalogue.FIELD, further=further)
-    entries.insert(0, dataclasses.replace(fast, name=catalogue.FIELD, card=card))
-    load = catalogue.load_light_field
+    card = dataclasses.replace(fast.card, name=catalogue.LIGHT_FIELD_DEFAULT, further=further)
+    entries.insert(0, dataclasses.replace(fast, name=catalogue.LIGHT_FIELD_DEFAULT, card=card))
+    load = catalogue.load_light_field_network
     network = StandIn()
 
-    def load_light_field(name=catalogue.FIELD, *, scale=2, threads=None):
-        return network if (name, scale) == (catalogue.FIELD, 2) else load(name, scale=scale, threads=threads)
+    def load_light_field(name=catalogue.LIGHT_FIELD_DEFAULT, *, scale=2, threads=None):
+        return (
+            network if (name, scale) == (catalogue.LIGHT_FIELD_DEFAULT, 2) else load(name, scale=scale, threads=threads)
+        )
 
-    monkeypatch.setattr(catalogue, "entries", lambda: entries)
-    monkeypatch.setattr(catalogue, "quickest", lambda name: name)
-    monkeypatch.setattr(catalogue, "load_light_field", load_light_field)
+    monkeypatch.setattr(catalogue, "list_entries", lambda: entries)
+    monkeypatch.setattr(catalogue, "prefer_int8", lambda name: name)
+    monkeypatch.setattr(catalogue, "load_light_field_network", load_light_field)
     return network

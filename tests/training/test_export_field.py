@@ -12,11 +12,10 @@ import onnxruntime
 import torch
 from PIL import Image
 
-from ciir.models import card as cards
-from ciir.models import processor
+from ciir.models import cards, processor
 from ciir.models.light_field.network import LightFieldNetwork
-from ciir.models.light_field.windows import axis
-from ciir.models.session import open_session
+from ciir.models.light_field.windows import select_axis
+from ciir.models.sessions import open_session
 from ciir.training.data import degrade
 from ciir.training.data.layered_scenes import TEXTURE
 from ciir.training.evaluation import light_fields
@@ -26,7 +25,8 @@ from ciir.training.export.export import compare, export, export_int8, from_check
 from ciir.training.loop import checkpoints
 from ciir.training.networks.light_field import LightFieldGenerator
 
-suited = pytest.mark.skipif(bool(processor.against_int8()), reason=processor.against_int8() or "it is suited")
+reason = processor.int8_unsupported_reason()
+suited = pytest.mark.skipif(bool(reason), reason=reason or "it is suited")
 OPTIONS = {"widths": [8, 16, 16], "planes": 5, "width": 16, "depth": 1}
 
 
@@ -58,7 +58,7 @@ def exported(checkpoint, views, tmp_path_factory):
 
 
 def test_the_card(exported, views):
-    card = cards.read(exported)
+    card = cards.read_card(exported)
     assert card.is_light_field
     assert [tensor.name for tensor in card.further] == ["around", "rows", "cols"]
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 4 + 2 + 1 + 1 + 1 + 1, 7)
@@ -72,7 +72,7 @@ def test_the_card(exported, views):
 
 
 def test_the_file_has_the_inputs_that_the_card_tells(exported):
-    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read(exported)
+    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read_card(exported)
     assert model.opset_import[0].version == card.opset
     tensors = (card.input, *card.further, card.output, *card.further_outputs)
     for value, tensor in zip((*model.graph.input, *model.graph.output), tensors, strict=True):
@@ -129,7 +129,7 @@ def test_a_view_alone_is_the_same_to_the_bit_as_among_others(exported):
     network = exported.with_suffix(".onnx").read_bytes()
     random = np.random.default_rng(5)
     image, around = (random.random((3, planes, 45, 38), dtype=np.float32) for planes in (3, 25))
-    rows, cols = axis(0, 5).there, axis(3, 5).there
+    rows, cols = select_axis(0, 5).present, select_axis(3, 5).present
     several = open_session(network, 1).run(None, {"image": image, "around": around, "rows": rows, "cols": cols})
     one = {"image": image[:1], "around": around[:1], "rows": rows, "cols": cols}
     for threads in (1, 2, 4):
@@ -151,7 +151,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "DRAWN", 1)
     monkeypatch.setattr(calibration, "SIDE", 32)
     path = export_int8(checkpoint, tmp_path, calibrate=[views], accuracy_on=[views])
-    card, twin = cards.read(path), cards.read(exported)
+    card, twin = cards.read_card(path), cards.read_card(exported)
     assert (card.name, card.precision, card.float_twin) == ("near-int8", "int8", "near")
     assert (card.further, card.radius, card.parameters) == (twin.further, twin.radius, twin.parameters)
     assert card.training.recipe["int8"] == {"calibrate": [views.as_posix()], "float_layers": []}
@@ -159,7 +159,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
         assert ours.psnr == pytest.approx(theirs.psnr, abs=0.1)
     random = np.random.default_rng(2)
     image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
-    inputs = (image, around, axis(0, 5).there, axis(3, 5).there)
+    inputs = (image, around, select_axis(0, 5).present, select_axis(3, 5).present)
     (made, doubt), (wanted, exact) = (LightFieldNetwork(card)(*inputs) for card in (path, exported))
     difference = np.abs(made - wanted)
     np.testing.assert_allclose(doubt, exact, atol=1e-6)

@@ -116,5 +116,5 @@ def test_a_shipped_recipe_goes_on_from_shipped_ones(path):
 
 @pytest.mark.parametrize("name", ["fast", "quality"])
 def test_what_ships_is_the_mean_that_its_recipe_makes(name):
-    averaged = catalogue.load(name).card.training.recipe["averaged"]
+    averaged = catalogue.load_upscaler(name).card.training.recipe["averaged"]
     assert sorted(legs(f"{name}-shipped")) == sorted(leg for path in averaged for leg in legs(Path(path).parent.name))

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from ciir.models.light_field.windows import SIDE, axis
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.data import degrade, layered_scenes
 from ciir.training.data.crops import RENDERED, check
 from ciir.training.data.layered_scenes import LUMA
@@ -47,7 +47,7 @@ GRAIN = (0.15, 2 / 255)
 
 
 class Window(NamedTuple):
-    """Which views of a window are there, `(SIDE,)` each: see `models.light_field.windows.Axis.there`."""
+    """Which views of a window are there, `(WINDOW_SIDE,)` each: see `models.light_field.windows.Axis.present`."""
 
     rows: Tensor
     cols: Tensor
@@ -145,7 +145,9 @@ class ViewCrops:
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
-                made = layered_scenes.scenes(random, self.pictures, self.batch, side=self.side + ROOM, window=SIDE)
+                made = layered_scenes.scenes(
+                    random, self.pictures, self.batch, side=self.side + ROOM, window=WINDOW_SIDE
+                )
                 views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
                 last = sorted(self._blocks)[1 - BLOCKS :]
                 self._blocks = {**{number: self._blocks[number] for number in last}, block: (views, colours)}
@@ -173,8 +175,8 @@ class _Large:
 def _window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]] = GRIDS) -> Window:
     """Which of the views around are there, by the shares of `grids`."""
     shares = np.array([share for _, _, share in grids])
-    rows, cols = (axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
-    return Window(torch.from_numpy(rows.there), torch.from_numpy(cols.there))
+    rows, cols = (select_axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
+    return Window(torch.from_numpy(rows.present), torch.from_numpy(cols.present))
 
 
 def _small(kind: str, fine: Tensor) -> degrade.Pair:
@@ -211,7 +213,7 @@ def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, ease: fl
     image = (image + grain * normal(image)).clamp(0, 1)
     around = (around + grain * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
     around = around.clone()
-    around[:, SIDE * SIDE // 2] = _luma(image)[:, 0]
+    around[:, WINDOW_SIDE * WINDOW_SIDE // 2] = _luma(image)[:, 0]
     return image, around
 
 
@@ -220,7 +222,7 @@ def _turned(
 ) -> tuple[Inputs, Tensor]:
     """All crops of a batch upside down, left to right, and with rows for columns, each half of the time."""
     rows, cols = window
-    around = around.reshape(-1, SIDE, SIDE, *around.shape[2:])
+    around = around.reshape(-1, WINDOW_SIDE, WINDOW_SIDE, *around.shape[2:])
     if random.random() < 0.5:
         image, around, high, rows = image.flip(2), around.flip(1, 3), high.flip(2), rows.flip(0)
     if random.random() < 0.5:

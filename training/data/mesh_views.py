@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from ciir.models.light_field.windows import SIDE as SIDE_OF_WINDOW
+from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
@@ -101,8 +101,8 @@ def window(mesh: Scene, *, seed: int, index: int) -> Field:
     placed = mesh.transform(turned(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
     placed = placed.transform(nearer @ frame_scene(placed, array))
-    top, left = (int(number) for number in random.integers(0, PIXELS - SIDE_OF_WINDOW + 1, 2))
-    views = [(top + v, left + u) for v in range(SIDE_OF_WINDOW) for u in range(SIDE_OF_WINDOW)]
+    top, left = (int(number) for number in random.integers(0, PIXELS - WINDOW_SIDE + 1, 2))
+    views = [(top + v, left + u) for v in range(WINDOW_SIDE) for u in range(WINDOW_SIDE)]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
     middle = len(views) // 2
     colours, lumas = {}, {}

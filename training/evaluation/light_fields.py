@@ -9,16 +9,15 @@ import numpy as np
 from tqdm import tqdm
 
 from ciir.errors import UnsupportedScale
-from ciir.models import card as cards
-from ciir.models import catalogue
-from ciir.models.card import Accuracy
+from ciir.models import cards, catalogue
+from ciir.models.cards import Accuracy
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.views import upscale_views
-from ciir.models.light_field.windows import LEAST
-from ciir.models.metrics import luma, psnr, ssim
-from ciir.models.session import Network
+from ciir.models.light_field.windows import MINIMUM_GRID
+from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import light_fields
+from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
@@ -67,10 +66,10 @@ def score(
     Raises `ValueError` where there is no full grid of views of one size, or it is smaller than `grid`, or the views are
     too small to be scored, or too few for a light-field network.
     """
-    if isinstance(network, LightFieldNetwork) and min(grid) < LEAST:
+    if isinstance(network, LightFieldNetwork) and min(grid) < MINIMUM_GRID:
         raise ValueError(
-            f"--grid {grid[0]}x{grid[1]}: {network.name} takes {LEAST}x{LEAST} views or more; give those, or another "
-            "model"
+            f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
+            "those, or another model"
         )
     low, high = light_fields.degraded(light_fields.read(folder, grid=grid), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
@@ -78,14 +77,14 @@ def score(
     psnrs, ssims = [], []
     for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            alone = catalogue.load(catalogue.DEFAULT, scale=network.scale)
+            alone = catalogue.load_upscaler(catalogue.DEFAULT, scale=network.scale)
             made, _ = upscale_views(network, alone, given, [view], grid)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
-        got, truth = luma(made[0].astype(np.uint8)), luma(high[view])
-        psnrs.append(psnr(got, truth, border=network.scale))
+        got, truth = rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[view])
+        psnrs.append(compute_psnr(got, truth, border=network.scale))
         try:
-            ssims.append(ssim(got, truth, border=network.scale))
+            ssims.append(compute_ssim(got, truth, border=network.scale))
         except ValueError as error:
             raise ValueError(f"{folder}: {error}; name larger views") from error
     name = f"{folder.name} {grid[0]}x{grid[1]} ({degradation})"
@@ -95,10 +94,10 @@ def score(
 def _network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
     if model.endswith(".json"):
         path = Path(model)
-        card = cards.read(path)
+        card = cards.read_card(path)
         if card.scale != scale:
             raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
-        return LightFieldNetwork(path) if card.is_light_field else Network(path)
-    if model in catalogue.names() and model not in catalogue.singles():
-        return catalogue.load_light_field(model, scale=scale)
-    return catalogue.load(model, scale=scale)
+        return LightFieldNetwork(path) if card.is_light_field else SingleImageNetwork(path)
+    if model in catalogue.list_names() and model not in catalogue.list_single_image_names():
+        return catalogue.load_light_field_network(model, scale=scale)
+    return catalogue.load_upscaler(model, scale=scale)

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ciir.models.card import Accuracy
-from ciir.models.catalogue import load
-from ciir.models.metrics import luma, psnr, ssim
-from ciir.models.session import Network
+from ciir.models.cards import Accuracy
+from ciir.models.catalogue import load_upscaler
+from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
+from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,9 +53,9 @@ def evaluate(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accu
                 f"{picture.shape[0]}x{picture.shape[1]} of its LR; name a folder of pairs at scale {upscaler.scale}"
             )
         got, truth = _luma(picture), _luma(high)
-        psnrs.append(psnr(got, truth, border=upscaler.scale))
+        psnrs.append(compute_psnr(got, truth, border=upscaler.scale))
         try:
-            ssims.append(ssim(got, truth, border=upscaler.scale))
+            ssims.append(compute_ssim(got, truth, border=upscaler.scale))
         except ValueError as error:
             raise ValueError(f"{file}: {error}; take it out of the folder") from error
     name = f"{folder.name} ({degradation})" if degradation else folder.name
@@ -72,7 +72,7 @@ def upscaler(model: str, *, scale: int = 2) -> Upscaler:
 
     Raises `ciir.errors.ModelError` where there is no such model.
     """
-    return Network(Path(model)) if model.endswith(".json") else load(model, scale=scale)
+    return SingleImageNetwork(Path(model)) if model.endswith(".json") else load_upscaler(model, scale=scale)
 
 
 def low_files(folder: Path) -> list[Path]:
@@ -113,4 +113,4 @@ def _degraded(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Pictu
 
 def _luma(picture: Picture) -> NDArray[np.float64]:
     """As the published scripts have it: grey isn't squeezed into the studio range, which would add 1.3 dB."""
-    return luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)
+    return rgb_to_luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)

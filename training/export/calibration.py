@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from ciir.models.light_field.windows import SIDE as SIDE_OF_WINDOW
-from ciir.models.light_field.windows import axis
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
 from ciir.training.data import degrade, light_field_crops, mesh_views, pictures
 from ciir.training.data.light_field_sample import Inputs
@@ -111,7 +110,7 @@ def _of_views(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
 
 def _of_mesh(field: Field) -> Iterator[Example]:
     """What each kind of array sees of a mesh."""
-    middle = torch.from_numpy(axis(SIDE_OF_WINDOW // 2, SIDE_OF_WINDOW).there)
+    middle = torch.from_numpy(select_axis(WINDOW_SIDE // 2, WINDOW_SIDE).present)
     for kind, views in field.views.items():
         image, around = (part[None].float().div(255) for part in (field.colours[kind], views))
         yield from _of_views(Inputs(image, around, middle, middle), field.high[None].float().div(255))

@@ -15,10 +15,11 @@ import numpy as np
 import torch
 from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, RuntimeException
 
-from ciir.models import card as cards
-from ciir.models.card import Sizes
+from ciir.models import cards
+from ciir.models.cards import Sizes
 from ciir.models.light_field.network import LightFieldNetwork
-from ciir.models.session import Network, available_cores, open_session
+from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.single.network import SingleImageNetwork
 from ciir.training.data import degrade
 from ciir.training.evaluation import light_fields, pictures
 from ciir.training.export import inputs as examples
@@ -161,9 +162,9 @@ def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[P
         path = Path(folder) / f"{card.name}.json"
         network_path = path.with_suffix(".onnx")
         network_path.write_bytes(weights)
-        cards.write(card, path)
+        cards.write_card(card, path)
         if accuracy_on:
-            cards.write(dataclasses.replace(card, accuracy=_scores(path, accuracy_on)), path)
+            cards.write_card(dataclasses.replace(card, accuracy=_scores(path, accuracy_on)), path)
         network_path.replace(out / network_path.name)
         return path.replace(out / path.name)
 
@@ -179,8 +180,8 @@ def _command(card: cards.Card, folders: Sequence[Path]) -> str:
 
 def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
     """Those of the network in `path` on each folder; of a light-field network, on each made small in every way."""
-    if not cards.read(path).is_light_field:
-        upscaler = Network(path)
+    if not cards.read_card(path).is_light_field:
+        upscaler = SingleImageNetwork(path)
         return tuple(pictures.evaluate(upscaler, folder) for folder in folders)
     network = LightFieldNetwork(path)
     tries = itertools.product(folders, degrade.KINDS)
@@ -214,7 +215,7 @@ def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1))
 
     Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
     """
-    session = open_session(weights, threads=available_cores())
+    session = open_session(weights, threads=count_available_cores())
     names = [tensor.name for tensor in examples.inputs(network)]
     whole = WithDoubt(network) if isinstance(network, LightFieldGenerator) else network
     largest = 0.0

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import torch
 from torch import Tensor, nn
 
-from ciir.models import card as cards
-from ciir.models.card import Sizes
+from ciir.models import cards
+from ciir.models.cards import Sizes
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
 

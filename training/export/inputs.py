@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from ciir.models import card as cards
-from ciir.models.light_field.windows import SIDE, axis
+from ciir.models import cards
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.networks.light_field import LightFieldGenerator
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 FREE = ("height", "width")
 IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
 FURTHER = (
-    cards.Tensor("around", ("batch", SIDE * SIDE, *FREE), "float32", 0.0, 1.0),
-    cards.Tensor("rows", (SIDE,), "float32", 0.0, 1.0),
-    cards.Tensor("cols", (SIDE,), "float32", 0.0, 1.0),
+    cards.Tensor("around", ("batch", WINDOW_SIDE * WINDOW_SIDE, *FREE), "float32", 0.0, 1.0),
+    cards.Tensor("rows", (WINDOW_SIDE,), "float32", 0.0, 1.0),
+    cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
 )
 """What a light-field network takes beside the view: see `training.networks.light_field`."""
 DOUBT = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
@@ -50,6 +50,6 @@ def make(network: nn.Module, count: int, height: int, width: int, *, place: Plac
     random = torch.Generator().manual_seed(0)
     made = [torch.rand(count, 3, height, width, generator=random)]
     if isinstance(network, LightFieldGenerator):
-        made.append(torch.rand(count, SIDE * SIDE, height, width, generator=random))
-        made.extend(torch.from_numpy(axis(*at).there) for at in place)
+        made.append(torch.rand(count, WINDOW_SIDE * WINDOW_SIDE, height, width, generator=random))
+        made.extend(torch.from_numpy(select_axis(*at).present) for at in place)
     return made

@@ -14,11 +14,11 @@ from torch.utils.flop_counter import FlopCounterMode
 from ciir.training.export import inputs as examples
 
 if TYPE_CHECKING:
-    from ciir.models.card import Sizes
+    from ciir.models.cards import Sizes
     from ciir.training.export.inputs import Place
 
 WIDEST = 120
-"""Largest radius, input pixels: tiles of 256x256 (`models.session.WINDOW`) then still have something to keep."""
+"""Largest radius, input pixels: tiles of 256x256 (`models.sessions.WINDOW`) then still have something to keep."""
 SMALL = 32
 """Side of the picture whose multiply-adds are counted, pixels: what is padded counts too."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)

@@ -15,8 +15,8 @@ import onnx
 from tqdm import tqdm
 
 from ciir.models import processor
-from ciir.models.metrics import luma
-from ciir.models.session import available_cores, open_session
+from ciir.models.sessions import count_available_cores, open_session
+from ciir.training.evaluation.metrics import rgb_to_luma
 from ciir.training.export import qdq
 from ciir.training.export.qdq import Grid
 
@@ -45,7 +45,7 @@ def quantise(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]
     Raises `ValueError` where the network has no convolution that can run in 8 bits, or all of them are too costly, or
     where this processor would show int8 worse than it is.
     """
-    reason = processor.against_int8()
+    reason = processor.int8_unsupported_reason()
     if reason:
         raise ValueError(f"int8: what it costs can't be measured here, as {reason}; export on another machine")
     model = onnx.load_from_string(weights)
@@ -96,7 +96,7 @@ def _sampled(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Exa
     probe.CopyFrom(model)
     del probe.graph.output[:]
     probe.graph.output.extend(onnx.helper.make_empty_tensor_value_info(name) for name in tensors)
-    session = open_session(probe.SerializeToString(), available_cores())
+    session = open_session(probe.SerializeToString(), count_available_cores())
     random = np.random.default_rng(0)
     found: dict[str, list[_Sample]] = {name: [] for name in tensors}
     for inputs, _ in tqdm(pairs, desc="calibrating", disable=None, unit="view", leave=False):
@@ -141,11 +141,11 @@ def _by_cost(
 
 def _scores(weights: bytes, pairs: Sequence[Example]) -> Values:
     """Y-PSNR in dB of each pair, outputs not rounded; a picture that comes out almost exactly counts as 60 dB."""
-    session = open_session(weights, available_cores())
+    session = open_session(weights, count_available_cores())
     scores = []
     for inputs, high in pairs:
         output, *_ = session.run(None, inputs)
-        error = luma(255 * np.clip(output[0], 0, 1).transpose(1, 2, 0)) - luma(high)
+        error = rgb_to_luma(255 * np.clip(output[0], 0, 1).transpose(1, 2, 0)) - rgb_to_luma(high)
         scores.append(min(60.0, 10 * np.log10(255**2 / max(1e-9, float(np.square(error).mean())))))
     return np.array(scores, np.float32)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import onnx
 import torch
 
-from ciir.models.card import Sizes, Tensor
+from ciir.models.cards import Sizes, Tensor
 from ciir.training.export import inputs as examples
 from ciir.training.networks.light_field import LightFieldGenerator, WithDoubt
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from ciir.models.light_field.windows import axis
-from ciir.models.metrics import luma, psnr
+from ciir.models.light_field.windows import select_axis
 from ciir.training.data import degrade, light_fields
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_sample import Inputs
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,11 +34,11 @@ def fields(folder: Path, scale: int) -> list[Pair]:
 
 def window(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
     """What a light-field network takes for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
-    rows, cols = axis(v, low.shape[0]), axis(u, low.shape[1])
+    rows, cols = select_axis(v, low.shape[0]), select_axis(u, low.shape[1])
     views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
     around = (views @ torch.tensor(LUMA)).flatten(0, 1)[None]
     image = torch.from_numpy(low[v, u]).permute(2, 0, 1)[None].float().div(255)
-    return Inputs(image, around, torch.from_numpy(rows.there), torch.from_numpy(cols.there))
+    return Inputs(image, around, torch.from_numpy(rows.present), torch.from_numpy(cols.present))
 
 
 @torch.no_grad()
@@ -51,6 +51,6 @@ def validate(network: nn.Module, against: list[Pair]) -> float:
         v, u = low.shape[0] // 2, low.shape[1] // 2
         made = network(*(part.to(device) for part in window(low, v, u)))[0].permute(1, 2, 0).cpu()
         picture = made.clamp(0, 1).mul(255).round().byte().numpy()
-        scores.append(psnr(luma(picture), luma(high[v, u]), border=2))
+        scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high[v, u]), border=2))
     network.train()
     return sum(scores) / len(scores)

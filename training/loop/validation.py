@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from ciir.models.metrics import luma, psnr
 from ciir.training.data import degrade, pictures
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,6 +68,6 @@ def validate(network: nn.Module, against: list[Pair], scale: int) -> float:
     scores = []
     for low, high in against:
         picture = _to_pixels(network(degrade.to_tensor(torch.from_numpy(low)).to(device)))
-        scores.append(psnr(luma(picture), luma(high), border=scale))
+        scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high), border=scale))
     network.train()
     return sum(scores) / len(scores)

@@ -10,7 +10,7 @@ from ciir.benchmarks.stress.case import Found
 from ciir.benchmarks.stress.networks import patterns as made
 from ciir.benchmarks.stress.networks.shipped import LEVEL, box
 from ciir.models import catalogue, upscale_pixels
-from ciir.models.metrics import luma, psnr
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -79,7 +79,9 @@ def _followed(
             random = np.random.default_rng(0)
             low = low + np.float32(step * LEVEL) * random.standard_normal(low.shape, dtype=np.float32)
         for name, scores in series.items():
-            scores[index] = _score(upscale_pixels(catalogue.load(name or "bicubic"), _pixels(low)), _pixels(truth))
+            scores[index] = _score(
+                upscale_pixels(catalogue.load_upscaler(name or "bicubic"), _pixels(low)), _pixels(truth)
+            )
     bicubic = series.pop("")
     floor, wide = (BELOW_ON_NOISE if change is None else BELOW_BICUBIC), JUMP * (3 if effort.quick else 1)
     for name, scores in series.items():
@@ -100,8 +102,8 @@ def _pixels(images: Values) -> NDArray[np.uint8]:
 
 def _score(pictures: NDArray[np.uint8], truths: NDArray[np.uint8]) -> float:
     """Mean Y-PSNR in dB; a picture that comes out exactly counts as 60."""
-    pairs = zip(pictures, truths, strict=True)
-    return float(np.mean([min(60.0, psnr(luma(picture), luma(truth), border=2)) for picture, truth in pairs]))
+    pairs = ((rgb_to_luma(picture), rgb_to_luma(truth)) for picture, truth in zip(pictures, truths, strict=True))
+    return float(np.mean([min(60.0, compute_psnr(*pair, border=2)) for pair in pairs]))
 
 
 CASES: tuple[Case, ...] = (brightness, contrast, gamma, noise)

@@ -11,7 +11,7 @@ from ciir.benchmarks.stress.networks import patterns as made
 from ciir.benchmarks.stress.networks import shipped
 from ciir.benchmarks.stress.networks.shipped import LEVEL, UNSEEN, box, peak, rms, worst
 from ciir.models import catalogue, tiles
-from ciir.models.session import available_cores
+from ciir.models.sessions import count_available_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -59,7 +59,7 @@ def turns(effort: Effort) -> Iterator[Found]:
     truth = np.stack(list(made.pictures(2 * SIDE).values()))
     low, names = box(truth), list(made.pictures(2 * SIDE))
     for name in effort.models:
-        run = catalogue.load(name)
+        run = catalogue.load_upscaler(name)
         large = run(low)
         error = rms(large - truth)
         found = {}
@@ -76,7 +76,7 @@ def order(effort: Effort) -> Iterator[Found]:
     images = np.stack([*made.pictures(SIDE // 2).values(), *made.patterns(SIDE // 2, SIDE // 2).values()])
     mixed = np.random.default_rng(0).permutation(len(images))
     for name in effort.models:
-        run = catalogue.load(name)
+        run = catalogue.load_upscaler(name)
         large = run(images)
         moved = float(peak(run(images[mixed]) - large[mixed]).max())
         yield Found(f"{name}: a batch in another order, worst value", 0, moved)
@@ -87,7 +87,7 @@ def order(effort: Effort) -> Iterator[Found]:
 def threads(effort: Effort) -> Iterator[Found]:
     """1, 2, 3 and more threads: the same within half a level of 16 bits."""
     images = np.stack(list(made.pictures(SIDE).values()))
-    counts = (2,) if effort.quick else tuple(sorted({2, 3, 4, 7, available_cores()}))
+    counts = (2,) if effort.quick else tuple(sorted({2, 3, 4, 7, count_available_cores()}))
     for name in effort.models:
         alone = shipped.raw(name, threads=1)(images)
         found = []

@@ -33,7 +33,7 @@ def rounds(effort: Effort) -> Iterator[Found]:
     names = list(made.pictures(SIDE))
     first = np.stack(list(made.pictures(SIDE).values()))
     for name in effort.models:
-        model, images = catalogue.load(name), first
+        model, images = catalogue.load_upscaler(name), first
         drift, ringing = [], []
         for _ in range(10 if effort.quick else ROUNDS):
             images = box(model(images))

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models import card as cards
-from ciir.models import catalogue
-from ciir.models.session import available_cores, open_session
+from ciir.models import cards, catalogue
+from ciir.models.sessions import count_available_cores, open_session
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -36,7 +35,7 @@ def weights(name: str) -> bytes:
 
 def card(name: str) -> cards.Card:
     """The network's card."""
-    return cards.read(catalogue.SHIPPED / f"{name}.json")
+    return cards.read_card(catalogue.SHIPPED / f"{name}.json")
 
 
 def is_int8(name: str) -> bool:
@@ -56,7 +55,7 @@ def twins(effort: Effort) -> Iterator[tuple[str, str]]:
 
 def raw(name: str, *, threads: int | None = None) -> Callable[[Values], Values]:
     """The network as onnxruntime runs it, `TOGETHER` pictures at a time: no check, padding, tiles, or clipping."""
-    session = open_session(weights(name), threads or available_cores())
+    session = open_session(weights(name), threads or count_available_cores())
 
     def run(images: Values) -> Values:
         outputs = [session.run(None, {"image": part})[0] for part in parts(images)]
@@ -127,7 +126,7 @@ def looking_inside(network: bytes, names: Sequence[str]) -> Callable[[Values], d
 
     model = onnx.load_from_string(network)
     model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)
-    session = open_session(model.SerializeToString(), available_cores())
+    session = open_session(model.SerializeToString(), count_available_cores())
 
     def run(images: Values) -> dict[str, NDArray[np.generic]]:
         return dict(zip(names, session.run(list(names), {"image": images}), strict=True))

@@ -86,7 +86,7 @@ def outside_the_range(effort: Effort) -> Iterator[Found | Skipped]:
     wild = made.outside(SIDE, SIDE)
     names, images = _stacked(wild)
     for name in effort.models:
-        model = catalogue.load(name)
+        model = catalogue.load_upscaler(name)
         taken = [key for key, image in wild.items() if not _refuses(model, image[None], "scale the pictures to [0, 1]")]
         yield Found(f"{name}: inputs outside [0, 1] that were not refused", 0, len(taken), ", ".join(taken))
     if missing := in_torch.missing():
@@ -104,7 +104,7 @@ def not_numbers(effort: Effort) -> Iterator[Found]:
     random = np.random.default_rng(0)
     shape = (3, 3, 12, 17)
     for name in effort.models:
-        model, passed = catalogue.load(name), []
+        model, passed = catalogue.load_upscaler(name), []
         for value in (np.nan, np.inf, -np.inf):
             for _ in range(4 if effort.quick else 40):
                 index = tuple(int(random.integers(size)) for size in shape)
@@ -119,7 +119,7 @@ def denormals(effort: Effort) -> Iterator[Found]:
     """Denormal numbers come out as zeros do."""
     given = np.full((1, 3, SIDE, SIDE), made.DENORMAL, np.float32)
     for name in effort.models:
-        model = catalogue.load(name)
+        model = catalogue.load_upscaler(name)
         measured = float(peak(model(given) - model(np.zeros_like(given)))[0])
         yield Found(f"{name}: 1e-40 everywhere against zero, worst value", UNSEEN, measured)
 

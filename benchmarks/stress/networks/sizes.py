@@ -66,7 +66,7 @@ def against_float(effort: Effort) -> Iterator[Found]:
     """int8 against float at every size from 1x1 to 40x40, and 1x4096."""
     tried = {f"{height}x{width}": crop(height, width) for height, width in (*sizes(effort), *_extremes(effort))}
     for name, twin in shipped.twins(effort):
-        large, coarse = catalogue.load(name), catalogue.load(twin)
+        large, coarse = catalogue.load_upscaler(name), catalogue.load_upscaler(twin)
         levels = [peak(coarse(image) - large(image)) / LEVEL for image in tried.values()]
         measured, where = worst(np.concatenate(levels), list(tried))
         yield Found(f"{twin}: against {name} at every size, worst pixel, levels", INT8_WORST, measured, where)
@@ -75,7 +75,7 @@ def against_float(effort: Effort) -> Iterator[Found]:
 def flat(effort: Effort) -> Iterator[Found]:
     """A flat picture of every size comes out flat, and twice as large."""
     for name in effort.models:
-        model = catalogue.load(name)
+        model = catalogue.load_upscaler(name)
         tried = [(size, grey) for size in sizes(effort) for grey in (0.0, 0.5, 1.0)]
         away, wrong = [], []
         for (height, width), grey in tried:
@@ -95,7 +95,7 @@ def in_tiles(effort: Effort) -> Iterator[Found]:
     """Pictures that are split into tiles, 70x1100 and 1x70000: as the graph alone computes them whole."""
     shapes = ((70, 1100),) if effort.quick else ((70, 1100), (1100, 70), (1, 70000), (70000, 1), (300, 300))
     for name in shipped.floats(effort):
-        model, whole, away = catalogue.load(name), shipped.raw(name), []
+        model, whole, away = catalogue.load_upscaler(name), shipped.raw(name), []
         least = shipped.card(name).sizes.minimum
         for height, width in shapes:
             image = crop(height, width)
@@ -113,7 +113,7 @@ def batches(effort: Effort) -> Iterator[Found]:
     """Batches of none, one and many: each picture as alone, to the bit."""
     counts = (0, 1, 2, 9) if effort.quick else (0, 1, 2, 3, 9, 33, 100)
     for name in effort.models:
-        model, wrong = catalogue.load(name), []
+        model, wrong = catalogue.load_upscaler(name), []
         pictures = np.concatenate([made.natural(16, 21, seed=seed)[None] for seed in range(max(counts))])
         alone = np.concatenate([model(picture[None]) for picture in pictures])
         wrong = [str(count) for count in counts if not np.array_equal(model(pictures[:count]), alone[:count])]

@@ -19,10 +19,10 @@ HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y",
 def run(args: argparse.Namespace) -> None:
     """Lists the models, a line each, or all that is known of them as JSON.
 
-    Beside what the service lists: `unsuited`, why this machine's processor can't run a model, empty where it can.
+    Beside what the service lists: `unsupported_reason`, why this processor can't run the model, empty where it can.
     """
-    unsuited = {entry.name: entry.unsuited for entry in catalogue.entries()}
-    models = [model | {"unsuited": unsuited[model["name"]]} for model in listing.list_models()]
+    reasons = {entry.name: entry.unsupported_reason for entry in catalogue.list_entries()}
+    models = [model | {"unsupported_reason": reasons[model["name"]]} for model in listing.list_models()]
     if args.json:
         common.say(json.dumps(models, indent=2, ensure_ascii=False))
         return
@@ -32,8 +32,8 @@ def run(args: argparse.Namespace) -> None:
         common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
     common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_TAKES}")
     for model in models:
-        if model["unsuited"]:
-            common.say(f"{model['name']} is not for this machine: {model['unsuited']}; {_remedy(model['card'])}")
+        if reason := model["unsupported_reason"]:
+            common.say(f"{model['name']} is not for this machine: {reason}; {_remedy(model['card'])}")
 
 
 def _row(model: dict[str, Any]) -> tuple[str, ...]:

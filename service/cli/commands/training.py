@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import FIELD
+from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import pair
@@ -16,7 +16,7 @@ from ciir.service.pipeline.options import pair
 if TYPE_CHECKING:
     import argparse
 
-    from ciir.models.card import Accuracy
+    from ciir.models.cards import Accuracy
 
 EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "spandrel", "safetensors", "einops")
 """What the extra `training` brings."""
@@ -69,7 +69,7 @@ def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
     grid = pair("grid", args.grid or VIEWS)
     from ciir.training.evaluation.light_fields import evaluate
 
-    model = args.words[0] if args.words else FIELD
+    model = args.words[0] if args.words else LIGHT_FIELD_DEFAULT
     try:
         score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
     except ValueError as error:

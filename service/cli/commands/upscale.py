@@ -86,6 +86,6 @@ def _upscaled(
         write,
         model=options.model,
         scale=options.scale,
-        skipping=options.skip == "exact",
+        skip=options.skip == "exact",
         progress=progress,
     )

@@ -213,9 +213,9 @@ def warm_up() -> list[str]:
     from ciir.service.pipeline.plan import Plan
 
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
-    for model, is_light_field in ((catalogue.default(), False), (catalogue.field(), True)):
-        if model in catalogue.names():
-            run = upscaling.opened(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, skipping=False)
+    for model, is_light_field in ((catalogue.default_name(), False), (catalogue.light_field_default_name(), True)):
+        if model in catalogue.list_names():
+            run = upscaling.opened(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, skip=False)
             every = parse_views("all", *_WARM_GRID)
             for wanted in ([(1, 1)], every):  # one by all cores, many with one each: sessions of their own
                 run(dict.fromkeys(every, view), wanted)

@@ -12,6 +12,8 @@ from ciir.benchmarks.bench.timing import in_turns, peak_mib, quartiles
 from ciir.benchmarks.bench.work import works
 from ciir.service.pipeline.options import Options
 
+pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+
 
 def point(method, ms, rmse, kind="float network"):
     return Point(method, kind, "pinhole", 50, ms, rmse)

@@ -12,6 +12,8 @@ from ciir.models import catalogue
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 
+pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
@@ -25,7 +27,7 @@ def test_every_method_has_a_row_and_a_place_in_the_tables(done):
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == len(found["rows"]) == 2 * len({row["method"] for row in rows})
     text = (out / "results.md").read_text(encoding="utf-8")
-    default = catalogue.default()
+    default = catalogue.default_name()
     for name in ("nearest", "fast", f"{default}-whole", "paper", "direct-raster", "direct-rays"):
         assert sum(line.startswith(f"| `{name}`") for line in text.splitlines()) == 3  # two samplings, own process
     assert all(row["ms_median"] for row in rows if not row["fault"])

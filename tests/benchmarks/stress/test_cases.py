@@ -42,8 +42,10 @@ def put(monkeypatch):
 
     def replace(compute):
         monkeypatch.setattr(shipped, "raw", lambda name, threads=None: compute)
-        load = catalogue.load
-        monkeypatch.setattr(catalogue, "load", lambda name, **more: load(name) if name == "bicubic" else Model(compute))
+        load = catalogue.load_upscaler
+        monkeypatch.setattr(
+            catalogue, "load_upscaler", lambda name, **more: load(name) if name == "bicubic" else Model(compute)
+        )
 
     return replace
 
@@ -96,7 +98,7 @@ def test_int8_that_is_not_its_twin_breaks(monkeypatch):
         monkeypatch.setattr(shipped, "raw", by_name.__getitem__)
         assert states(signals.against_float) == holds
     by_name["int8"] = Nearest(2)
-    monkeypatch.setattr(catalogue, "load", by_name.__getitem__)
+    monkeypatch.setattr(catalogue, "load_upscaler", by_name.__getitem__)
     assert states(sizes.against_float) == [False]
 
 
@@ -129,7 +131,7 @@ def test_flat_pictures_and_batches(put):
 
 def test_tiles_that_show(monkeypatch):
     assert states(sizes.in_tiles) == [True]
-    monkeypatch.setattr(catalogue.load("fast"), "radius", 1)
+    monkeypatch.setattr(catalogue.load_upscaler("fast"), "radius", 1)
     assert states(sizes.in_tiles) == [False]
 
 
@@ -248,12 +250,14 @@ def test_variation_is_the_mean_step_between_neighbours():
 
 @pytest.mark.parametrize("case", cliffs.CASES, ids=lambda case: case.__name__)
 def test_cliffs(case, put):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     put(Bicubic(2))
     assert states(case) == [True, True]
     assert [found.measured for found in case(QUICK)] == [0, 0]
 
 
 def test_a_cliff_shows(put):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     bicubic = Bicubic(2)
 
     def gives_up_on_dark(images):

@@ -117,7 +117,7 @@ def test_options_are_checked_before_any_work(option, value, named, capsys):
 
 
 def test_int8_is_skipped_where_the_processor_gets_it_wrong(monkeypatch):
-    monkeypatch.setattr(processor, "against_int8", lambda: "this processor has no VNNI")
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     chosen, skipped = stress.chosen_models(["fast", "fast-int8"])
     assert chosen == ("fast",)
     assert [(each.what, "VNNI" in each.why) for each in skipped] == [("fast-int8", True)]

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidImage
-from ciir.models.light_field.views import DOUBTED, TRUSTED, needed, upscale_views
-from ciir.models.light_field.windows import SIDE, axis
+from ciir.models.light_field.views import CONFIDENT, UNCERTAIN, list_required_views, upscale_views
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 
 
 class Told:
@@ -44,9 +44,9 @@ def field(grid, shape=(3, 4, 3), dtype=np.uint8):
 
 
 def test_a_view_needs_its_window_and_no_more():
-    assert needed([(4, 4)], (9, 9)) == [(v, u) for v in range(2, 7) for u in range(2, 7)]
-    assert needed([(0, 8)], (9, 9)) == [(v, u) for v in range(3) for u in range(6, 9)]
-    assert needed([(1, 1)], (3, 3)) == [(v, u) for v in range(3) for u in range(3)]
+    assert list_required_views([(4, 4)], (9, 9)) == [(v, u) for v in range(2, 7) for u in range(2, 7)]
+    assert list_required_views([(0, 8)], (9, 9)) == [(v, u) for v in range(3) for u in range(6, 9)]
+    assert list_required_views([(1, 1)], (3, 3)) == [(v, u) for v in range(3) for u in range(3)]
 
 
 grids = st.tuples(st.integers(1, 7), st.integers(1, 7))
@@ -57,7 +57,9 @@ grids = st.tuples(st.integers(1, 7), st.integers(1, 7))
 def test_each_view_comes_out_in_its_place(data, grid, channels, dtype):
     views = field(grid, (3, 4, channels), dtype)
     wanted = data.draw(st.lists(st.sampled_from(sorted(views)), min_size=1, max_size=12))
-    got, _ = upscale_views(Told(), alone, {view: views[view] for view in needed(wanted, grid)}, wanted, grid)
+    got, _ = upscale_views(
+        Told(), alone, {view: views[view] for view in list_required_views(wanted, grid)}, wanted, grid
+    )
     assert got.dtype == dtype
     for view, picture in zip(wanted, got, strict=True):
         np.testing.assert_array_equal(picture, views[view].repeat(2, axis=0).repeat(2, axis=1))
@@ -70,7 +72,7 @@ def test_the_network_is_given_the_luma_of_the_window_row_by_row():
     np.testing.assert_allclose(image[0], views[0, 3].transpose(2, 0, 1) / 255, atol=1e-7)
     np.testing.assert_array_equal(rows, [0, 0, 1, 1, 1])
     np.testing.assert_array_equal(cols, [1, 1, 1, 1, 1])
-    for slot, (v, u) in enumerate((v, u) for v in axis(0, 6).views for u in axis(3, 7).views):
+    for slot, (v, u) in enumerate((v, u) for v in select_axis(0, 6).views for u in select_axis(3, 7).views):
         wanted = views[v, u] @ np.array([0.299, 0.587, 0.114]) / 255
         np.testing.assert_allclose(around[0, slot], wanted, atol=1e-6)  # float32
 
@@ -79,7 +81,7 @@ def test_views_whose_windows_stand_alike_go_together():
     network = Told()
     wanted = [(v, u) for v in range(7) for u in range(7)]
     upscale_views(network, alone, field((7, 7)), wanted, (7, 7))
-    assert len(network.calls) == SIDE * SIDE
+    assert len(network.calls) == WINDOW_SIDE * WINDOW_SIDE
     assert max(len(call[0]) for call in network.calls) == 9
 
 
@@ -110,11 +112,11 @@ def test_large_views_go_in_tiles_and_come_out_whole(monkeypatch):
     np.testing.assert_array_equal(got, views[1, 1].repeat(2, axis=0).repeat(2, axis=1))
 
 
-@pytest.mark.parametrize(("doubt", "share"), [(0.5, 0), (TRUSTED + 0.25 * (DOUBTED - TRUSTED), 0), (0.9, 1)])
+@pytest.mark.parametrize(("doubt", "share"), [(0.5, 0), (CONFIDENT + 0.25 * (UNCERTAIN - CONFIDENT), 0), (0.9, 1)])
 def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
     views = field((3, 3))
     (got,), left = upscale_views(Told(doubt), alone, views, [(1, 1)], (3, 3))
-    part = np.clip((doubt - TRUSTED) / (DOUBTED - TRUSTED), 0, 1)
+    part = np.clip((doubt - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - part) * own + part * 255, atol=1.01)  # rounded twice
     assert left == share
@@ -123,14 +125,14 @@ def test_where_the_views_do_not_match_another_model_takes_over(doubt, share):
 def test_what_takes_a_strange_views_place_is_skipped_like_the_rest(monkeypatch):
     asked = []
 
-    def noted(upscaler, pictures, *, skipping):
-        asked.append(skipping)
+    def noted(upscaler, pictures, *, skip):
+        asked.append(skip)
         return pictures.repeat(2, axis=1).repeat(2, axis=2)
 
     monkeypatch.setattr("ciir.models.light_field.views.upscale_pixels", noted)
     views = field((3, 3), (9, 8, 3))
     for skipping in (True, False):
-        upscale_views(Told(0.9), alone, views, [(1, 1)], (3, 3), skipping=skipping)
+        upscale_views(Told(0.9), alone, views, [(1, 1)], (3, 3), skip=skipping)
     assert asked == [True, False]
 
 
@@ -153,7 +155,7 @@ def test_many_runs_go_side_by_side_and_few_take_all_cores():
     got, _ = upscale_views(network, alone, views, sorted(views), (7, 7))
     want, _ = upscale_views(Told(), alone, views, sorted(views), (7, 7))
     np.testing.assert_array_equal(got, want)
-    assert network.cores == [1] * SIDE * SIDE
+    assert network.cores == [1] * WINDOW_SIDE * WINDOW_SIDE
     network.cores.clear()
     upscale_views(network, alone, views, [(3, 3), (0, 0)], (7, 7))
     assert network.cores == [3, 3]

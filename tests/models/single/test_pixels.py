@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hn
 
 from ciir.errors import InvalidImage
-from ciir.models.catalogue import load
+from ciir.models.catalogue import load_upscaler
 from ciir.models.single import pixels
 from ciir.models.single.interpolation import Bicubic, Nearest
 from ciir.models.single.pixels import upscale_pixels
@@ -36,8 +36,8 @@ def test_nearest_gives_every_value_back(pictures):
 @pytest.mark.parametrize("dtype", DEPTHS)
 def test_grey_is_the_mean_of_three_equal_channels(dtype):
     grey = noise(dtype, 1, 9, 8, 1)
-    as_colour = upscale_pixels(load("paper"), grey.repeat(3, axis=3)).astype(float).mean(axis=3, keepdims=True)
-    assert np.abs(upscale_pixels(load("paper"), grey) - as_colour).max() <= 1
+    as_colour = upscale_pixels(load_upscaler("paper"), grey.repeat(3, axis=3)).astype(float).mean(axis=3, keepdims=True)
+    assert np.abs(upscale_pixels(load_upscaler("paper"), grey) - as_colour).max() <= 1
 
 
 def test_hidden_colours_do_not_bleed():
@@ -59,7 +59,7 @@ def test_alpha_is_exact_where_it_was_flat(name, dtype):
     picture = noise(dtype, 1, 20, 20, 4)
     picture[..., 3] = 0
     picture[0, 5:15, 5:15, 3] = peak
-    alpha = upscale_pixels(load(name), picture)[0, ..., 3]
+    alpha = upscale_pixels(load_upscaler(name), picture)[0, ..., 3]
     assert (alpha[12:28, 12:28] == peak).all()
     outside = np.ones((40, 40), bool)
     outside[8:32, 8:32] = False
@@ -70,9 +70,11 @@ def test_alpha_is_exact_where_it_was_flat(name, dtype):
 def test_an_opaque_picture_comes_out_as_without_alpha(channels):
     picture = noise(np.uint8, 2, 6, 7, channels)
     picture[..., -1] = 255
-    got = upscale_pixels(load("paper"), picture)
+    got = upscale_pixels(load_upscaler("paper"), picture)
     assert (got[..., -1] == 255).all()
-    assert np.array_equal(got[..., :-1], upscale_pixels(load("paper"), np.ascontiguousarray(picture[..., :-1])))
+    assert np.array_equal(
+        got[..., :-1], upscale_pixels(load_upscaler("paper"), np.ascontiguousarray(picture[..., :-1]))
+    )
 
 
 def test_16_bits_stay_16_bits():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ciir import models
-from ciir.models.card import Accuracy
+from ciir.models.cards import Accuracy
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
@@ -90,7 +90,7 @@ def test_upscale_a_picture(tmp_path):
     (tmp_path / "a.png").write_bytes(encode(picture, ".png"))
     argv = ["upscale", str(tmp_path / "a.png"), "--model", "bicubic", "--scale", "3"]
     assert main([*argv, "-o", str(tmp_path / "b.tif"), "--report", str(tmp_path / "r.json")]) == 0
-    expected = models.upscale_pixels(models.load("bicubic", scale=3), picture[np.newaxis])[0]
+    expected = models.upscale_pixels(models.load_upscaler("bicubic", scale=3), picture[np.newaxis])[0]
     assert np.array_equal(read(tmp_path / "b.tif"), expected)
     assert json.loads((tmp_path / "r.json").read_text())["pictures"][0]["file"] == "b.tif"
     assert main([*argv, "-o", str(tmp_path / "folder")]) == 0
@@ -125,9 +125,9 @@ def test_models(capsys):
     text = capsys.readouterr().out
     assert main(["models", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
-    assert [model["name"] for model in listed] == models.names()
+    assert [model["name"] for model in listed] == models.list_names()
     assert all(model["name"] in text for model in listed)
-    assert [model["name"] for model in listed if model["default"]] == [models.default()]
+    assert [model["name"] for model in listed if model["default"]] == [models.default_name()]
     assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
 
 
@@ -150,21 +150,22 @@ def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
         dataclasses.replace(
             entry, card=entry.card and dataclasses.replace(entry.card, precision="int8", float_twin="slow")
         )
-        for entry in models.entries()
+        for entry in models.list_entries()
     ]
-    monkeypatch.setattr(models.catalogue, "entries", lambda: entries)
-    monkeypatch.setattr(models.catalogue.processor, "against_int8", lambda: "this processor has no VNNI")
+    monkeypatch.setattr(models.catalogue, "list_entries", lambda: entries)
+    monkeypatch.setattr(models.catalogue.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     assert main(["models"]) == 0
     text = capsys.readouterr().out
     assert f"{models.DEFAULT} is not for this machine: this processor has no VNNI; use slow" in text
     assert "bicubic is not" not in text
     assert main(["models", "--json"]) == 0
     listed = {model["name"]: model for model in json.loads(capsys.readouterr().out)}
-    assert listed[models.DEFAULT]["unsuited"] == "this processor has no VNNI"
-    assert listed["bicubic"]["unsuited"] == ""
+    assert listed[models.DEFAULT]["unsupported_reason"] == "this processor has no VNNI"
+    assert listed["bicubic"]["unsupported_reason"] == ""
 
 
 def test_evaluate(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     high = np.repeat(np.repeat(make_picture(20, 20), 2, 0), 2, 1)
     (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
     (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
@@ -176,6 +177,7 @@ def test_evaluate(tmp_path, capsys):
 
 
 def test_evaluate_takes_its_words_around_options(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
     for argv in (
         ["nearest", "--degradation", "box", str(tmp_path)],
@@ -203,7 +205,7 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
     assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
     capsys.readouterr()
     assert asked == [
-        (models.catalogue.FIELD, tmp_path, protocol),
+        (models.catalogue.LIGHT_FIELD_DEFAULT, tmp_path, protocol),
         ("quality", tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
         ("quality", tmp_path, protocol | {"scale": 4}),
     ]
@@ -418,10 +420,10 @@ def test_what_may_be_skipped_can_be_told(tmp_path, capsys):
     exact, none = (json.loads((tmp_path / name).read_text())["skipped"] for name in ("b.json", "c.json"))
     assert np.abs(read(tmp_path / "b.png").astype(int) - read(tmp_path / "c.png")).max() <= 1  # rounded once more
     assert exact["pixels"] == none["pixels"] == 2400
-    assert exact["plain"] > 0.2
+    assert exact["uniform"] > 0.2
     assert exact["saved_ms"] > 0
     assert {name: none[name] for name in none if name != "pixels"} == dict.fromkeys(
-        ("plain", "repeated", "saved_ms"), 0
+        ("uniform", "repeated", "saved_ms"), 0
     )
     capsys.readouterr()
     assert "exact or none" in fails(capsys, *argv, "-o", tmp_path / "d.png", "--skip", "some")
@@ -430,4 +432,4 @@ def test_what_may_be_skipped_can_be_told(tmp_path, capsys):
 def test_skipping_of_a_reconstruction(cube_file, tmp_path):
     argv = ["reconstruct", str(cube_file), "--model", "fast", *SMALL]
     assert main([*argv, "-o", str(tmp_path / "a"), "--skip", "none"]) == 0
-    assert json.loads((tmp_path / "a" / "report.json").read_text())["plan"]["skipped"]["plain"] == 0
+    assert json.loads((tmp_path / "a" / "report.json").read_text())["plan"]["skipped"]["uniform"] == 0

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
-from ciir.models.light_field.views import needed
-from ciir.models.single import skip
+from ciir.models.light_field.views import list_required_views
+from ciir.models.single import skipping
 from ciir.renderer import backends
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.scenes import load_scene
@@ -131,7 +131,7 @@ def test_opengl_is_not_started_to_be_measured(path, monkeypatch):
 
 def test_upscaling_is_linear_and_each_network_is_measured(path, measured, monkeypatch):
     monkeypatch.setattr(cost, "_upscaler", lambda model, scale: None)
-    monkeypatch.setattr(cost, "available_cores", lambda: 4)
+    monkeypatch.setattr(cost, "count_available_cores", lambda: 4)
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     measured += [3.0 * WORK, 2.0 * WORK]
     costs = Costs(path)
@@ -141,7 +141,7 @@ def test_upscaling_is_linear_and_each_network_is_measured(path, measured, monkey
     monkeypatch.delitem(sys.modules, "onnxruntime")
     assert costs.upscaling("fast", 2, pixels=100, views=5, batches=2).once == cost.NETWORK_START_MS
     for name in json.loads(path.read_bytes()):
-        (card,) = [entry.card for entry in catalogue.entries() if name.startswith(f"{entry.name} x2, ")]
+        (card,) = [entry.card for entry in catalogue.list_entries() if name.startswith(f"{entry.name} x2, ")]
         assert card.sha256[:12] in name
 
 
@@ -150,7 +150,7 @@ def instant(monkeypatch):
     """Jobs cost nothing beside their stages."""
     monkeypatch.setattr(cost, "JOB_MS", 0.0)
     monkeypatch.setattr(cost, "WRITE_MS", 0.0)
-    monkeypatch.setattr(cost, "available_cores", lambda: 2)
+    monkeypatch.setattr(cost, "count_available_cores", lambda: 2)
 
 
 @pytest.mark.usefixtures("instant")
@@ -163,7 +163,7 @@ def test_the_stages_of_many_batches_overlap(monkeypatch):
     slow, light, both = Stage(1.0, 100.0), Stage(1.0, 20.0), Stage(1.0, 100.0, 2)
     assert cost.total([slow, light], 0, 10) == pytest.approx(2 + 12 + 0.9 * 100)  # as fast as the slowest
     assert cost.total([both, light], 0, 10) == pytest.approx(2 + 12 + 0.9 * 110)  # no core is left for the other
-    monkeypatch.setattr(cost, "available_cores", lambda: 1)
+    monkeypatch.setattr(cost, "count_available_cores", lambda: 1)
     assert cost.total([slow, light], 0, 10) == pytest.approx(2 + 120)
 
 
@@ -193,7 +193,7 @@ def test_other_processes_do_not_count(monkeypatch, cores, wall, work, expected):
 
     monkeypatch.setattr(cost.time, "perf_counter", lambda: clock["wall"])
     monkeypatch.setattr(cost.time, "process_time", lambda: clock["work"])
-    monkeypatch.setattr(cost, "available_cores", lambda: cores)
+    monkeypatch.setattr(cost, "count_available_cores", lambda: cores)
     assert cost.measure(run) == pytest.approx(expected)
     assert len(runs) > cost.ROUNDS
 
@@ -213,14 +213,18 @@ def test_what_is_measured_of_a_model_skips_nothing(model, monkeypatch):
     for name in ("upscale_pixels", "upscale_views"):
         whole = getattr(cost, name)
         monkeypatch.setattr(
-            cost, name, lambda *given, whole=whole: whole(*given, tally=tallies.append(skip.Tally()) or tallies[-1])
+            cost,
+            name,
+            lambda *given, whole=whole: whole(
+                *given, statistics=tallies.append(skipping.SkipStatistics()) or tallies[-1]
+            ),
         )
     made = cost._upscaler(model, 2)()
     pictures, fallback_share = made if model == "field" else (made, 0.0)
     assert pictures.shape == (cost.VIEWS, 2 * cost.SIDE, 2 * cost.SIDE, 3)
     assert fallback_share == 0
-    (tally,) = tallies
-    assert (tally.pixels, tally.plain, tally.repeated) == (cost.VIEWS * cost.SIDE**2, 0, 0)
+    (statistics,) = tallies
+    assert (statistics.pixels, statistics.uniform, statistics.repeated) == (cost.VIEWS * cost.SIDE**2, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -297,7 +301,7 @@ def select(limit=None, wanted=((7, 7),), name="vase", **options):
 
 
 def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
-    default = catalogue.default()
+    default = catalogue.default_name()
     prices(pixel=1e-3)  # 10,000 pixels: 10 ms and 1 ms of rays, against 640,000 samples: 6.4 ms
     assert select() == ("direct", f"direct should take 6.4 ms here, upscale by {default} 11.0 ms")
     prices(pixel=1e-4)
@@ -314,7 +318,7 @@ def test_predictions_are_for_what_is_asked_for(prices):
     }
     costs = prices()
     select(lenses=(20, 30), model="field", backend="raytrace")
-    further = len(needed([(7, 7)], (15, 15)))
+    further = len(list_required_views([(7, 7)], (15, 15)))
     assert {("field", 2, 600, 1, 1), ("raytrace", triangles, 600, further)} < set(costs.asked)
 
 
@@ -341,10 +345,10 @@ def test_stages_overlap_where_views_are_many(prices):
 def test_the_share_that_a_network_works_on(name, model, lenses):
     """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
     mesh, array = load_scene(name), plan.mesh_array(Options(lenses=(lenses, lenses)))
-    (card,) = (entry.card for entry in catalogue.entries() if entry.name == model)
+    (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == model)
     views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
-    _, boxes = skip.found(next(iter(views))[..., :3], card.radius)
-    share = sum(skip.area(box.window) for box in boxes) / lenses**2
+    _, boxes = skipping.found(next(iter(views))[..., :3], card.radius)
+    share = sum(skipping.area(box.window) for box in boxes) / lenses**2
     assert plan._seen(mesh, array, card) == pytest.approx(share, abs=0.1)
 
 
@@ -381,7 +385,7 @@ def test_rays_are_predicted_where_opengl_does_not_work(prices, monkeypatch):
 
 def test_a_strategy_that_is_not_possible_is_not_taken(prices):
     prices(pixel=1e-9)
-    assert select(scale=3) == ("direct", f"direct, as {catalogue.default()} doesn't upscale by 3")
+    assert select(scale=3) == ("direct", f"direct, as {catalogue.default_name()} doesn't upscale by 3")
     prices(pixel=1e9)
     assert select(lenses=(2000, 2000)) == (
         "upscale", f"upscale, as {2000 * 2000 * 64:,} samples for each view at the larger size are over the limit"

@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.errors import InvalidOption, TooLarge, UnknownModel
-from ciir.models.catalogue import default
+from ciir.models.catalogue import default_name
 from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import plan
 from ciir.service.pipeline.model_selection import Job
@@ -18,7 +18,7 @@ def pictures(**options):
 
 def test_upscaling_is_the_default():
     for made in (mesh(), pictures()):
-        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", default(), 2, 1)
+        assert (made.strategy, made.model, made.enlarge, made.samples) == ("upscale", default_name(), 2, 1)
         assert not made.is_light_field
 
 

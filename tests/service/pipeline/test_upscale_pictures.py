@@ -32,7 +32,7 @@ def test_depth_and_channels_are_kept(suffix, channels, dtype):
     written, report = run({f"a{suffix}": encode(picture, suffix)})
     large = decode(written[f"a{suffix}"], name="a")
     assert large.dtype == dtype
-    assert np.array_equal(large, models.upscale_pixels(models.load("bicubic"), picture[np.newaxis])[0])
+    assert np.array_equal(large, models.upscale_pixels(models.load_upscaler("bicubic"), picture[np.newaxis])[0])
     assert report["pictures"] == [
         {"input": f"a{suffix}", "file": f"a{suffix}", "height": 10, "width": 14, "channels": channels,
          "bits": dtype().itemsize * 8}

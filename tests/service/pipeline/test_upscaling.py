@@ -43,10 +43,11 @@ def test_pictures_take_the_views_around(stand_in, channels, dtype, wanted):
         assert picture.dtype == dtype
         assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
     field_sha256, fast_sha256 = (
-        next(entry.card.sha256 for entry in catalogue.entries() if entry.name == name) for name in ("field", "fast")
+        next(entry.card.sha256 for entry in catalogue.list_entries() if entry.name == name)
+        for name in ("field", "fast")
     )
-    alone = {"name": "fast", "scale": 2, "sha256": fast_sha256}
-    assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "alone": alone}
+    fallback = {"name": "fast", "scale": 2, "sha256": fast_sha256}
+    assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "fallback": fallback}
     assert report["plan"]["model"] == "field"
     assert any(reason.startswith("model auto: field") for reason in report["plan"]["reasons"])
     assert "upscale" in report["timings_ms"]
@@ -171,7 +172,7 @@ def test_what_was_made_from_views_alone_is_told(stand_in):
 
 def test_the_network_that_is_shipped():
     views, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), views="0,0;1,2")
-    assert report["plan"]["model"] == catalogue.field()
-    assert report["model"]["alone"]["name"] == catalogue.default()
+    assert report["plan"]["model"] == catalogue.light_field_default_name()
+    assert report["model"]["fallback"]["name"] == catalogue.default_name()
     assert views[1, 2].shape == (12, 18, 3)
     assert len(report["model"]["sha256"]) == 64

@@ -33,7 +33,7 @@ def test_the_share_of_triangles_that_no_view_needs_is_told(strategy):
 
 def test_it_stands_beside_what_the_model_did_not_see():
     _, report = run(**FINE | {"model": "bicubic"})
-    assert {"pixels", "plain", "culled"} <= report["plan"]["skipped"].keys()
+    assert {"pixels", "uniform", "culled"} <= report["plan"]["skipped"].keys()
 
 
 def test_nothing_is_culled_for_many_views():

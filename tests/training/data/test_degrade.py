@@ -6,7 +6,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import numpy as np
 import torch
 
-from ciir.models.single.interpolation import keys
+from ciir.models.single.interpolation import keys_kernel
 from ciir.training.data import degrade
 from ciir.training.data.pictures import read_rgb
 
@@ -41,7 +41,7 @@ def test_the_kernel_is_keys_cubic_widened(scale):
     weights = []
     for length in high.shape[2:]:
         centres = np.arange(length // scale) * scale + (scale - 1) / 2
-        kernel = keys((np.arange(length) - centres[:, np.newaxis]) / scale)
+        kernel = keys_kernel((np.arange(length) - centres[:, np.newaxis]) / scale)
         weights.append(kernel / kernel.sum(axis=1, keepdims=True))
     want = (weights[0] @ high[0, 0].double().numpy() @ weights[1].T).clip(0, 1) * 255
     got = degrade.bicubic(high, scale)[0, 0].numpy() * 255

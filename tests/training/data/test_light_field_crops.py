@@ -10,7 +10,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 from PIL import Image
 
-from ciir.models.light_field.windows import axis
+from ciir.models.light_field.windows import select_axis
 from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_crops import BLOCKS, USES, ViewCrops, Window
@@ -107,7 +107,7 @@ def test_turns_are_of_all_parts_alike(flat, turns):
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
     views, colours = layered_scenes.scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
     image, around, high = degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
-    window = Window(*(torch.from_numpy(axis(*at).there) for at in ((1, 9), (7, 9))))
+    window = Window(*(torch.from_numpy(select_axis(*at).present) for at in ((1, 9), (7, 9))))
     missing = ~(window.rows[:, None] * window.cols).bool().flatten()
     around[:, missing] = torch.rand(2, 9, 24, 24, generator=torch.Generator().manual_seed(1))
     assert planes(around, *window) == [RIGHT] * 2
@@ -181,7 +181,7 @@ def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monk
         assert not torch.equal(around[:, OWN], around[:, 0])
 
 
-WHOLE = Window(*(torch.from_numpy(axis(4, 9).there),) * 2)
+WHOLE = Window(*(torch.from_numpy(select_axis(4, 9).present),) * 2)
 OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
 
 

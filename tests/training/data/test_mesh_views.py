@@ -7,7 +7,7 @@ pytest.importorskip("torch", reason="needs torch, of the training extra")
 import torch
 from PIL import Image
 
-from ciir.models.light_field.windows import axis
+from ciir.models.light_field.windows import select_axis
 from ciir.renderer.scenes import load_scene
 from ciir.training.data import mesh_views
 from ciir.training.data.crops import Crops
@@ -54,7 +54,7 @@ def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
     field = window(load_scene("vase"), seed=2, index=index)
     side = LENSES[1 + index]
     assert field.high.shape == (3, 2 * side, 2 * side)
-    there, sweep = torch.from_numpy(axis(2, 5).there), PlaneSweep(33)
+    there, sweep = torch.from_numpy(select_axis(2, 5).present), PlaneSweep(33)
     for kind in ("pinhole", "lenslet"):
         assert (field.views[kind].shape, field.colours[kind].shape) == ((25, side, side), (3, side, side))
         luma = torch.einsum("chw,c->hw", field.colours[kind].float(), torch.tensor(LUMA))

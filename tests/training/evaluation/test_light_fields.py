@@ -83,7 +83,7 @@ def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
     folder = save(tmp_path / "v", field(3, 3))
     by_name = evaluate("paper", folder, grid=(3, 3), degradation="box")
     assert by_name == evaluate(str(SHIPPED / "paper.json"), folder, grid=(3, 3), degradation="box")
-    assert by_name == score(models.load("paper"), folder, grid=(3, 3), degradation="box")
+    assert by_name == score(models.load_upscaler("paper"), folder, grid=(3, 3), degradation="box")
     with pytest.raises(models.UnknownModel):
         evaluate("fancy", folder)
     with pytest.raises(models.UnsupportedScale):

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 from PIL import Image
 
-from ciir.models.light_field.windows import axis
+from ciir.models.light_field.windows import select_axis
 from ciir.training.data import mesh_views
 from ciir.training.data.layered_scenes import LUMA, TEXTURE
 from ciir.training.export import calibration
@@ -56,7 +56,7 @@ def test_light_fields(tmp_path):
     drawn = found[: 2 * calibration.TOGETHER]
     assert len({one.high.tobytes() for one in drawn}) == len(drawn)
     rendered = found[-1]
-    np.testing.assert_array_equal(rendered.inputs["rows"], axis(2, 5).there)
+    np.testing.assert_array_equal(rendered.inputs["rows"], select_axis(2, 5).present)
     seen = mesh_views.window(calibration.scene("vase"), seed=0, index=0)
     np.testing.assert_array_equal(rendered.high, seen.high.permute(1, 2, 0))
     np.testing.assert_array_equal(rendered.inputs["around"][0] * 255, seen.views["lenslet"])

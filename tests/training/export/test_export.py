@@ -11,9 +11,9 @@ import onnx
 import onnxruntime
 import torch
 
-from ciir.models import card as cards
+from ciir.models import cards
 from ciir.models.catalogue import SHIPPED
-from ciir.models.session import Network
+from ciir.models.single.network import SingleImageNetwork
 from ciir.training.evaluation.pictures import evaluate
 from ciir.training.export import to_onnx
 from ciir.training.export.export import compare, export, from_checkpoint, plain
@@ -37,19 +37,19 @@ def exported(checkpoint, recipe, tmp_path_factory):
 
 
 def test_the_card(exported, recipe):
-    card = cards.read(exported)
+    card = cards.read_card(exported)
     assert exported.name == "tiny.json"
     assert (card.name, card.scale, card.radius) == ("tiny", 2, 1 + 2 + 1 + 1)
     assert card.parameters == 3 * 8 * 9 + 8 + 4 * (8 * 8 * 9 + 8) + 8 * 3 * 9 + 3
     assert card.training.iterations == 3
     assert card.training.recipe["train"] == recipe.train
     assert [score.data for score in card.accuracy] == ["pairs"]
-    assert card.accuracy[0] == evaluate(Network(exported), Path(recipe.validate))
+    assert card.accuracy[0] == evaluate(SingleImageNetwork(exported), Path(recipe.validate))
 
 
 def test_the_file(exported):
     assert sorted(path.name for path in exported.parent.iterdir()) == ["tiny.json", "tiny.onnx"]
-    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read(exported)
+    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read_card(exported)
     assert model.opset_import[0].version == card.opset
     for value, tensor in ((model.graph.input[0], card.input), (model.graph.output[0], card.output)):
         assert value.name == tensor.name
@@ -74,7 +74,7 @@ def test_what_ships_equals_torch(exported, checkpoint, size):
     images = np.random.default_rng(2).random((2, 3, *size), dtype=np.float32)
     with torch.no_grad():
         want = network(torch.from_numpy(images)).clamp(0, 1).numpy()
-    np.testing.assert_allclose(Network(exported)(images), want, atol=1e-5)
+    np.testing.assert_allclose(SingleImageNetwork(exported)(images), want, atol=1e-5)
 
 
 def test_an_export_that_differs_is_refused(exported, checkpoint):
@@ -146,6 +146,6 @@ def test_a_network_whose_sizes_are_fixed_is_refused():
 
 
 def test_a_name_in_place_of_the_recipes(checkpoint, tmp_path):
-    assert cards.read(export(checkpoint, tmp_path, name="other")).name == "other"
+    assert cards.read_card(export(checkpoint, tmp_path, name="other")).name == "other"
     with pytest.raises(ValueError, match=r"name: '\.\./up': give one of letters"):
         export(checkpoint, tmp_path, name="../up")

@@ -9,9 +9,9 @@ for package in ("torch", "onnxscript", "onnx", "einops", "safetensors"):
     pytest.importorskip(package, reason=NEEDS)
 import torch
 
-from ciir.models import card as cards
-from ciir.models.card import Sizes
-from ciir.models.session import Network
+from ciir.models import cards
+from ciir.models.cards import Sizes
+from ciir.models.single.network import SingleImageNetwork
 from ciir.training.export import external_weights, measure
 
 with external_weights.without_torchvision():
@@ -45,7 +45,7 @@ def test_the_stub_does_not_stay():
 
 def test_the_card(compact):
     network, file, path = compact
-    card = cards.read(path)
+    card = cards.read_card(path)
     assert (card.name, card.scale, card.sizes) == ("small-compact", 2, Sizes())
     assert card.kind == "RealESRGAN Compact (8nf, 1nc), trained by others"
     assert card.parameters == sum(weight.numel() for weight in network.parameters())
@@ -59,11 +59,11 @@ def test_it_upscales_as_it_did(compact):
     images = np.random.default_rng(0).random((2, 3, 9, 30), dtype=np.float32)
     with torch.no_grad():
         want = network(torch.from_numpy(images)).clamp(0, 1).numpy()
-    np.testing.assert_allclose(Network(path)(images), want, atol=1e-5)
+    np.testing.assert_allclose(SingleImageNetwork(path)(images), want, atol=1e-5)
 
 
 def test_size_rules_go_on_the_card():
-    """What `models.session` does with them is tested there; less than 8 pixels suits none of ours (see `Sizes`)."""
+    """What `models.sessions` does with them is tested there; less than 8 pixels suits none of ours (see `Sizes`)."""
     rules = spandrel.SizeRequirements
     assert external_weights._sizes(rules(minimum=2, multiple_of=4, square=True)) == Sizes(8, 4, square=True)
     assert external_weights._sizes(rules(minimum=16)) == Sizes(16)

@@ -4,7 +4,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 from torch import nn
 
-from ciir.models.card import Sizes
+from ciir.models.cards import Sizes
 from ciir.training.export import inputs as examples
 from ciir.training.export import measure
 from ciir.training.networks import LiteGenerator, make

@@ -13,15 +13,16 @@ pytest.importorskip("onnx", reason=NEEDS)
 import onnx
 import torch
 
-from ciir.models import card as cards
-from ciir.models import processor
-from ciir.models.session import Network, open_session
+from ciir.models import cards, processor
+from ciir.models.sessions import open_session
+from ciir.models.single.network import SingleImageNetwork
 from ciir.training.export import calibration, export, qdq, quantise, to_onnx
 from ciir.training.export.export import export_int8, plain
 from ciir.training.loop import checkpoints, train
 from ciir.training.networks import make
 
-suited = pytest.mark.skipif(bool(processor.against_int8()), reason=processor.against_int8() or "it is suited")
+reason = processor.int8_unsupported_reason()
+suited = pytest.mark.skipif(bool(reason), reason=reason or "it is suited")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -176,7 +177,7 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
 
 
 def test_no_int8_is_made_where_it_cannot_be_measured(weights, pairs, monkeypatch):
-    monkeypatch.setattr(processor, "against_int8", lambda: "this processor has no VNNI")
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     with pytest.raises(ValueError, match="no VNNI; export on another machine"):
         quantise.quantise(weights, pairs)
 
@@ -188,7 +189,7 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     folders = [Path(recipe.train)]
     path = export_int8(checkpoint, tmp_path / "out", calibrate=folders, accuracy_on=[Path(recipe.validate)])
     assert sorted(file.name for file in path.parent.iterdir()) == ["tiny-int8.json", "tiny-int8.onnx"]
-    card = cards.read(path)
+    card = cards.read_card(path)
     assert (card.name, card.precision, card.float_twin) == ("tiny-int8", "int8", "tiny")
     assert card.training.recipe["int8"] == {"calibrate": [folders[0].as_posix()], "float_layers": []}
     assert (card.parameters, card.radius) == (9 * (3 * 8 + 8 * 12) + 8 + 12, 2)
@@ -196,4 +197,4 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     images = pairs[0].inputs["image"]
     with torch.no_grad():
         wanted = plain(export.from_checkpoint(checkpoints.read(checkpoint)))(torch.from_numpy(images)).clamp(0, 1)
-    assert 0 < np.abs(Network(path)(images) - wanted.numpy()).max() < 0.01
+    assert 0 < np.abs(SingleImageNetwork(path)(images) - wanted.numpy()).max() < 0.01

@@ -4,7 +4,7 @@ from PIL import Image
 
 torch = pytest.importorskip("torch", reason="needs the training extra")
 
-from ciir.models.metrics import luma, psnr
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 from ciir.training.loop import validation
 
 
@@ -41,7 +41,7 @@ def test_pairs_and_their_score(picture, tmp_path):
     assert (
         validation.validate(network, pairs[:1], 2) > 300
     )  # equal, up to the rounding of two ways to sum three products
-    want = psnr(luma(high), luma(noisy), border=2)
+    want = compute_psnr(rgb_to_luma(high), rgb_to_luma(noisy), border=2)
     assert validation.validate(network, pairs[1:], 2) == pytest.approx(want, abs=1e-9)
     assert network.training
 

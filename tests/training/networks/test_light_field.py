@@ -6,13 +6,13 @@ pytest.importorskip("torch", reason="needs the training extra")
 import numpy as np
 import torch
 
-from ciir.models.light_field.windows import axis
+from ciir.models.light_field.windows import select_axis
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.light_field import LightFieldGenerator, merge
 from ciir.training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
 
-THERE = [axis(*at).there for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
+THERE = [select_axis(*at).present for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
 OFFSETS = range(-(SIDE // 2), SIDE // 2 + 1)
 
 
@@ -93,7 +93,7 @@ def test_views_that_are_not_there_play_no_part():
     network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
     generator = torch.Generator().manual_seed(3)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
-    rows, cols = (torch.from_numpy(axis(1, 3).there), torch.from_numpy(axis(0, 4).there))
+    rows, cols = (torch.from_numpy(select_axis(1, 3).present), torch.from_numpy(select_axis(0, 4).present))
     other = around.clone().reshape(1, SIDE, SIDE, 9, 7)
     other[:, [0, 4]] = 0.7
     other[:, :, :2] = 0.1
@@ -113,7 +113,7 @@ def test_a_merged_network_computes_the_same():
     merge(plain)
     generator = torch.Generator().manual_seed(4)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
-    there = torch.from_numpy(axis(2, 5).there)
+    there = torch.from_numpy(select_axis(2, 5).present)
     torch.testing.assert_close(
         plain(image, around, there, there), network(image, around, there, there), atol=1e-5, rtol=0
     )

@@ -11,7 +11,7 @@ pytest.importorskip("onnxscript", reason=NEEDS)
 import torch
 from torch import nn
 
-from ciir.models.session import open_session
+from ciir.models.sessions import open_session
 from ciir.models.single.interpolation import Bicubic
 from ciir.training.export import to_onnx
 from ciir.training.networks import NETWORKS, make

@@ -150,7 +150,7 @@ def test_both_models_that_auto_takes_are_run_before_a_worker_is_ready(stand_in, 
     def noted(load):
         return lambda name, **options: ran.append(name) or load(name, **options)
 
-    for loader in ("load", "load_light_field"):
+    for loader in ("load_upscaler", "load_light_field_network"):
         monkeypatch.setattr(catalogue, loader, noted(getattr(catalogue, loader)))
     call = type(stand_in).__call__
     monkeypatch.setattr(type(stand_in), "__call__", lambda *given, **more: ran.append("ran") or call(*given, **more))

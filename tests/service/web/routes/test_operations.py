@@ -48,13 +48,13 @@ def test_a_server_without_workers_takes_jobs_in(eia, tmp_path):
 
 def test_models(client, monkeypatch):
     listed = client.get("/v1/models").json()
-    assert [model["name"] for model in listed] == catalogue.names()
+    assert [model["name"] for model in listed] == catalogue.list_names()
     assert {"name", "kind", "scales", "takes", "default", "card"} == set(listed[0])
 
     def bad_card():
         raise BadCard("/secret/path: broken")
 
-    monkeypatch.setattr("ciir.models.catalogue.entries", bad_card)
+    monkeypatch.setattr("ciir.models.catalogue.list_entries", bad_card)
     assert "secret" not in check_problem(client.get("/v1/models"), 500, "log")
 
 
@@ -86,6 +86,6 @@ def test_metrics(eia, tmp_path):
     assert float(found["ciir_http_received_bytes_total"]) > 2 * len(eia)
     assert float(found["ciir_result_bytes_total"]) > 100
     assert float(found["ciir_model_pixels_total"]) == 54
-    assert 'ciir_model_pixels_skipped_total{reason="plain"}' in found
+    assert 'ciir_model_pixels_skipped_total{reason="uniform"}' in found
     assert float(found["process_resident_memory_bytes"]) > 1e6
     assert not [name for name in found if re.search("[0-9a-f]{32}", name)]  # no label grows with the jobs

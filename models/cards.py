@@ -54,7 +54,7 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The pictures that a network takes; `models.session` repeats the edge pixels of others until they fit."""
+    """The pictures that a network takes; `models.sessions` repeats the edge pixels of others until they fit."""
 
     minimum: int = 8
     """Shortest side, pixels. Ours met no picture in training that was mostly zero padding: white of 1x1 came out as
@@ -117,6 +117,10 @@ class Card:
         """Whether it upscales a view with the help of those around it: see `models.light_field.network`."""
         return bool(self.further)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The card as JSON values, which `read_card` reads back."""
+        return dataclasses.asdict(self)
+
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{64}", self.sha256):
             raise BadCard(f"card {self.name}: sha256 is {self.sha256!r}; 64 hexadecimal digits are needed")
@@ -168,7 +172,7 @@ def _build(kind: type, table: object, where: str) -> Any:
     return kind(**values)
 
 
-def read(path: Path) -> Card:
+def read_card(path: Path) -> Card:
     """The card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
@@ -183,11 +187,6 @@ def read(path: Path) -> Card:
     return card
 
 
-def to_dict(card: Card) -> dict[str, Any]:
-    """The card as plain JSON values; `read` takes them back."""
-    return dataclasses.asdict(card)
-
-
-def write(card: Card, path: Path) -> None:
-    """Writes `card` as JSON that `read` takes back."""
-    path.write_text(json.dumps(to_dict(card), indent=2) + "\n", encoding="utf-8")
+def write_card(card: Card, path: Path) -> None:
+    """Writes `card` as JSON that `read_card` takes back."""
+    path.write_text(json.dumps(card.to_dict(), indent=2) + "\n", encoding="utf-8")

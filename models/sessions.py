@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import BadCard, UnsuitedProcessor
-from ciir.models import card as cards
-from ciir.models import processor, tiles
-from ciir.models.upscaler import check, finish
+from ciir.models import cards, processor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +30,7 @@ FAINTEST = np.float32(1e-20)
 not, so that two runs would differ in which thread did which part. No picture of 16 bits holds any."""
 
 
-class Shipped:
+class OnnxNetwork:
     """A network and its card; calls from several threads share a session and run side by side."""
 
     def __init__(self, path: Path, *, threads: int | None = None) -> None:
@@ -41,10 +39,10 @@ class Shipped:
         Raises `BadCard` where the card is no card, or the network is missing or not the one that it describes;
         `UnsuitedProcessor` where it is an int8 network and this machine's processor gets those wrong.
         """
-        self.card = cards.read(path)
+        self.card = cards.read_card(path)
         _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
-        self.threads = threads or available_cores()
+        self.threads = threads or count_available_cores()
         self._network = _read(path.with_suffix(".onnx"), self.card)
         self._sessions: dict[int, Any] = {}
         self._opening = Lock()
@@ -66,36 +64,13 @@ class Shipped:
             return self._sessions[cores]
 
 
-class Network(Shipped):
-    """A shipped network as an `Upscaler`."""
-
-    def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
-        check(images)
-        sizes = self.card.sizes
-        padded, kept = tiles.padded(images, *sizes.fitted(*images.shape[2:]), scale=self.scale)
-        result = tiles.apply(
-            self._run,
-            padded,
-            scale=self.scale,
-            radius=self.radius,
-            window=WINDOW,
-            batch=BATCH,
-            multiple=sizes.multiple_of,
-        )
-        return finish(np.ascontiguousarray(result[:, :, *kept]), self.name)
-
-    def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        return self.run({self.card.input.name: images})[0]
-
-
-def available_cores() -> int:
+def count_available_cores() -> int:
     """The cores that this process may use, at least 1."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _check_processor(card: cards.Card) -> None:
-    reason = processor.against_int8() if card.precision == "int8" else ""
+    reason = processor.int8_unsupported_reason() if card.precision == "int8" else ""
     if reason:
         remedy = f"use {card.float_twin}, its float twin" if card.float_twin else "use a float network"
         raise UnsuitedProcessor(f"model {card.name}: it computes in int8, and {reason}; {remedy}")

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from ciir.errors import BadCard
-from ciir.models import card as cards
+from ciir.models import cards
 from ciir.models.catalogue import SHIPPED
 
 PAPER = SHIPPED / "paper.json"
@@ -18,9 +18,9 @@ def edited(tmp_path, **changes):
 
 
 def test_written_and_read_back(tmp_path):
-    card = cards.read(PAPER)
-    cards.write(card, tmp_path / "paper.json")
-    assert cards.read(tmp_path / "paper.json") == card
+    card = cards.read_card(PAPER)
+    cards.write_card(card, tmp_path / "paper.json")
+    assert cards.read_card(tmp_path / "paper.json") == card
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_written_and_read_back(tmp_path):
 )
 def test_a_bad_card_is_refused_in_one_line(tmp_path, changes, message):
     with pytest.raises(BadCard, match=message) as caught:
-        cards.read(edited(tmp_path, **changes))
+        cards.read_card(edited(tmp_path, **changes))
     assert "\n" not in str(caught.value)
 
 
@@ -56,18 +56,18 @@ def test_what_is_no_json_table(tmp_path, text):
     path = tmp_path / "paper.json"
     path.write_bytes(text)
     with pytest.raises(BadCard, match=r"paper\.json"):
-        cards.read(path)
+        cards.read_card(path)
 
 
 def test_no_card(tmp_path):
     with pytest.raises(BadCard, match="No such file"):
-        cards.read(tmp_path / "paper.json")
+        cards.read_card(tmp_path / "paper.json")
 
 
 def test_what_older_cards_do_not_say(tmp_path):
-    card = cards.read(edited(tmp_path, precision=..., float_twin=..., sizes=...))
+    card = cards.read_card(edited(tmp_path, precision=..., float_twin=..., sizes=...))
     assert (card.precision, card.float_twin, card.sizes) == ("float32", "", cards.Sizes())
-    card = cards.read(edited(tmp_path, sizes={"multiple_of": 4, "square": True}))
+    card = cards.read_card(edited(tmp_path, sizes={"multiple_of": 4, "square": True}))
     assert card.sizes == cards.Sizes(minimum=8, multiple_of=4, square=True)
 
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models import catalogue
-from ciir.models.card import Sizes
-from ciir.models.single import skip
+from ciir.models.cards import Sizes
+from ciir.models.single import skipping
 from ciir.models.single.interpolation import Bicubic
 from ciir.models.single.pixels import upscale_pixels
-from ciir.models.single.skip import Tally
+from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
@@ -22,7 +22,9 @@ from tests.models.mixing import Mixing
 FLOAT = 1e-6
 """Most by which floats may differ, of [0, 1], for sums in another order; onnxruntime's do not differ at all here."""
 NETWORKS = [
-    entry.name for entry in catalogue.entries() if entry.name in ("fast", "fast-int8", "paper") and not entry.unsuited
+    entry.name
+    for entry in catalogue.list_entries()
+    if entry.name in ("fast", "fast-int8", "paper") and not entry.unsupported_reason
 ]
 
 
@@ -56,12 +58,12 @@ def pictures(draw):
 @settings(derandomize=True, deadline=None, max_examples=150)
 @given(pictures(), st.sampled_from([3, 4]))
 def test_it_equals_the_whole(some, layers):
-    tally = Tally()
-    got = upscale_pixels(Mixing(layers), some, tally=tally)
-    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skipping=False))
-    assert tally.pixels == some.shape[0] * some.shape[1] * some.shape[2]
-    assert min(tally.plain, tally.repeated) >= 0
-    assert tally.plain + tally.repeated <= tally.pixels
+    statistics = SkipStatistics()
+    got = upscale_pixels(Mixing(layers), some, statistics=statistics)
+    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skip=False))
+    assert statistics.pixels == some.shape[0] * some.shape[1] * some.shape[2]
+    assert min(statistics.uniform, statistics.repeated) >= 0
+    assert statistics.uniform + statistics.repeated <= statistics.pixels
 
 
 def before_grey(height, width, *parts):
@@ -76,7 +78,7 @@ def before_grey(height, width, *parts):
 def test_a_radius_that_is_said_too_small_shows():
     picture = before_grey(40, 40, np.s_[16:20, 15:22])
     whole = upscale_pixels(Mixing(4), picture)
-    assert np.array_equal(upscale_pixels(Mixing(4), picture, skipping=False), whole)
+    assert np.array_equal(upscale_pixels(Mixing(4), picture, skip=False), whole)
     assert not np.array_equal(upscale_pixels(Mixing(4, radius=3), picture), whole)
 
 
@@ -91,38 +93,38 @@ def test_a_radius_that_is_said_too_small_shows():
     ids=["a pixel", "at an edge", "in a corner", "nothing"],
 )
 def test_no_more_is_computed_than_what_sees_it(part, computed):
-    network, tally = Mixing(), Tally()
+    network, statistics = Mixing(), SkipStatistics()
     picture = before_grey(60, 80, part)
-    upscale_pixels(network, picture, tally=tally)  # the pattern is made once, and that much is seen too
+    upscale_pixels(network, picture, statistics=statistics)  # the pattern is made once, and that much is seen too
     seen = network.seen
     upscale_pixels(network, picture)
     assert network.seen - seen == computed
-    assert tally.plain == 60 * 80 - computed
+    assert statistics.uniform == 60 * 80 - computed
 
 
 def test_things_far_apart_are_computed_apart():
     network, parts = Mixing(), (np.s_[5:25, 5:25], np.s_[150:180, 160:195])
-    picture, tally = before_grey(200, 200, *parts), Tally()
-    got = upscale_pixels(network, picture, tally=tally)
-    assert 200 * 200 - tally.plain == (25 + 6) ** 2 + 42 * (35 + 11)
-    np.testing.assert_array_equal(got, upscale_pixels(network, picture, skipping=False))
+    picture, statistics = before_grey(200, 200, *parts), SkipStatistics()
+    got = upscale_pixels(network, picture, statistics=statistics)
+    assert 200 * 200 - statistics.uniform == (25 + 6) ** 2 + 42 * (35 + 11)
+    np.testing.assert_array_equal(got, upscale_pixels(network, picture, skip=False))
 
 
 def test_pictures_that_repeat_are_made_once():
     one, other = before_grey(30, 30, np.s_[:, :]), before_grey(30, 30, np.s_[5:, :])
-    network, tally = Mixing(), Tally()
-    got = upscale_pixels(network, np.concatenate([one, other, one, one]), tally=tally)
+    network, statistics = Mixing(), SkipStatistics()
+    got = upscale_pixels(network, np.concatenate([one, other, one, one]), statistics=statistics)
     assert network.seen == 2 * 30 * 30
-    assert (tally.pixels, tally.repeated, tally.plain) == (4 * 900, 2 * 900, 0)
+    assert (statistics.pixels, statistics.repeated, statistics.uniform) == (4 * 900, 2 * 900, 0)
     np.testing.assert_array_equal(got[[2, 3]], got[[0, 0]])
 
 
 def test_nothing_is_skipped_where_that_is_asked_for():
-    network, tally = Mixing(), Tally()
+    network, statistics = Mixing(), SkipStatistics()
     same = np.repeat(before_grey(30, 30), 3, axis=0)
-    upscale_pixels(network, same, skipping=False, tally=tally)
-    assert network.seen == tally.pixels == 3 * 900
-    assert tally.plain == tally.repeated == 0
+    upscale_pixels(network, same, skip=False, statistics=statistics)
+    assert network.seen == statistics.pixels == 3 * 900
+    assert statistics.uniform == statistics.repeated == 0
 
 
 @pytest.mark.parametrize(
@@ -138,8 +140,8 @@ def test_networks_that_make_pictures_up_to_other_sizes_see_the_whole(sizes, suit
     """A small picture of one colour would not tell what becomes of a large one."""
     network = Mixing(3)
     network.card = type("Card", (), {"sizes": sizes})
-    assert skip.suits(network) is suits
-    assert not skip.suits(Bicubic(2))
+    assert skipping.suits(network) is suits
+    assert not skipping.suits(Bicubic(2))
 
 
 @cache
@@ -154,25 +156,25 @@ def rendered(name):
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("of", ["vase", "globe", "hamburger"])
 def test_rendered_views_equal_the_whole(name, of):
-    network, tally = catalogue.load(name), Tally()
+    network, statistics = catalogue.load_upscaler(name), SkipStatistics()
     for dtype, factor in ((np.uint8, 1), (np.uint16, 257)):
         some = rendered(of)[np.newaxis].astype(dtype) * dtype(factor)
-        got = upscale_pixels(network, some, tally=tally)
-        want = upscale_pixels(network, some, skipping=False)
+        got = upscale_pixels(network, some, statistics=statistics)
+        want = upscale_pixels(network, some, skip=False)
         np.testing.assert_allclose(got.astype(int), want.astype(int), rtol=0, atol=0 if "int8" in name else 1)
-    assert tally.plain > 0
+    assert statistics.uniform > 0
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_floats_equal_the_whole(name):
-    network, view = catalogue.load(name), rendered("globe").copy()
+    network, view = catalogue.load_upscaler(name), rendered("globe").copy()
     view[(view == view[0, 0]).all(axis=2)] = [10, 200, 91]  # zeros would hide a border
-    colour, boxes = skip.found(view, network.radius)
+    colour, boxes = skipping.found(view, network.radius)
     whole = network(floats(view))
     made = np.empty((*whole.shape[2:], 3), np.float32)
     side = 2 * network.radius + 1
     pattern = network(floats(np.tile(colour, (side, side, 1))))[0].transpose(1, 2, 0)
-    skip.fill(made, pattern, network.radius, network.scale)
+    skipping.fill(made, pattern, network.radius, network.scale)
     for box in boxes:
         part = network(floats(view[box.window]))[0].transpose(1, 2, 0)
         made[box.target(2)] = part[box.source(2)]
@@ -188,7 +190,7 @@ def floats(picture):
 def test_boxes_hold_all_that_sees_a_difference(height, width, radius, seed):
     random = np.random.default_rng(seed)
     differs = random.random((height, width)) < random.choice([0, 0.0005, 0.003, 0.5])
-    boxes = skip.boxes(differs, radius)
+    boxes = skipping.boxes(differs, radius)
     if boxes is None:
         return
     reached = np.zeros((height + 2 * radius, width + 2 * radius), bool)
@@ -201,4 +203,4 @@ def test_boxes_hold_all_that_sees_a_difference(height, width, radius, seed):
             assert window.start in (0, good.start - radius)
             assert window.stop in (length, good.stop + radius)
     assert kept[reached[radius:-radius, radius:-radius]].all()
-    assert sum(skip.area(box.window) for box in boxes) <= skip.WORTH * height * width
+    assert sum(skipping.area(box.window) for box in boxes) <= skipping.WORTH * height * width

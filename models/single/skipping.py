@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ciir.models.card import Sizes
+from ciir.models.cards import Sizes
 from ciir.models.tiles import Tile
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.models.card import Card
+    from ciir.models.cards import Card
     from ciir.models.tiles import Span
 
     Picture = NDArray[np.uint8] | NDArray[np.uint16]
@@ -46,12 +46,12 @@ class Model(Protocol):
 
 
 @dataclass
-class Tally:
+class SkipStatistics:
     """What was upscaled, input pixels."""
 
     pixels: int = 0
     """All of them."""
-    plain: int = 0
+    uniform: int = 0
     """Those outside the boxes, all around of one colour."""
     repeated: int = 0
     """Those of pictures that were there before."""

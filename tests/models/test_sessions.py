@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from ciir.errors import BadCard, InvalidImage, UnsuitedProcessor
-from ciir.models import card as cards
-from ciir.models import session
-from ciir.models.catalogue import SHIPPED, entries, load
-from ciir.models.session import Network, Shipped
+from ciir.models import cards, sessions
+from ciir.models.catalogue import SHIPPED, list_entries, load_upscaler
+from ciir.models.sessions import OnnxNetwork
+from ciir.models.single import network
+from ciir.models.single.network import SingleImageNetwork
 
 
 def noise(*shape: int) -> np.ndarray:
@@ -22,7 +23,7 @@ def noise(*shape: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def paper():
-    return load("paper")
+    return load_upscaler("paper")
 
 
 @pytest.mark.parametrize("shape", [(1, 3, 1, 1), (2, 3, 1, 7), (1, 3, 13, 2), (3, 3, 25, 25), (0, 3, 5, 6)])
@@ -50,14 +51,14 @@ def test_a_batch_equals_its_pictures_one_by_one(paper):
 def test_tiled_equals_whole(paper, size, monkeypatch):
     images = noise(2, 3, *size)
     whole = paper(images)
-    monkeypatch.setattr(session, "WINDOW", 34 * 34)  # tiles of 4 pixels within a halo of 15
+    monkeypatch.setattr(network, "WINDOW", 34 * 34)  # tiles of 4 pixels within a halo of 15
     np.testing.assert_allclose(paper(images), whole, atol=1e-5)
 
 
 def test_a_broken_halo_shows(paper, monkeypatch):
     images = noise(1, 3, 60, 60)
     whole = paper(images)
-    monkeypatch.setattr(session, "WINDOW", 34 * 34)
+    monkeypatch.setattr(network, "WINDOW", 34 * 34)
     monkeypatch.setattr(paper, "radius", 5)
     assert np.abs(paper(images) - whole).max() > 1e-3
 
@@ -78,10 +79,12 @@ def test_calls_from_many_threads(paper):
         np.testing.assert_allclose(output, want[i % 8], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [entry.name for entry in entries() if entry.card is not None and not entry.unsuited])
+@pytest.mark.parametrize(
+    "name", [entry.name for entry in list_entries() if entry.card and not entry.unsupported_reason]
+)
 def test_the_outputs_do_not_depend_on_the_cores(name):
     """So that a view is the same whether it is made alone, by all cores, or among many, each by one."""
-    network = Shipped(SHIPPED / f"{name}.json", threads=3)
+    network = OnnxNetwork(SHIPPED / f"{name}.json", threads=3)
     given = {
         tensor.name: noise(*({"batch": 2, "height": 45, "width": 38}.get(size, size) for size in tensor.shape))
         for tensor in (network.card.input, *network.card.further)
@@ -97,7 +100,7 @@ def test_the_callers_floating_point_stays_as_it_was():
         return bool(np.array([1e-40], np.float32)[0] * np.float32(1) > 0)
 
     found = []
-    Network(SHIPPED / "paper.json", threads=1)(noise(1, 3, 4, 4))
+    SingleImageNetwork(SHIPPED / "paper.json", threads=1)(noise(1, 3, 4, 4))
     child = threading.Thread(target=lambda: found.append(keeps_denormals()))
     child.start()
     child.join()
@@ -108,29 +111,29 @@ def test_the_callers_floating_point_stays_as_it_was():
 def test_a_network_that_is_missing(tmp_path):
     shutil.copy(SHIPPED / "paper.json", tmp_path)
     with pytest.raises(BadCard, match=r"paper\.onnx: can't be read"):
-        Network(tmp_path / "paper.json")
+        SingleImageNetwork(tmp_path / "paper.json")
 
 
 def test_a_network_that_is_not_its_cards(tmp_path):
     shutil.copy(SHIPPED / "paper.json", tmp_path)
     (tmp_path / "paper.onnx").write_bytes((SHIPPED / "paper.onnx").read_bytes()[:-1])
     with pytest.raises(BadCard, match="is not its card's"):
-        Network(tmp_path / "paper.json")
+        SingleImageNetwork(tmp_path / "paper.json")
 
 
 @pytest.mark.parametrize(("twin", "remedy"), [("paper", "use paper, its float twin"), ("", "use a float network")])
 def test_int8_on_a_processor_that_gets_it_wrong_is_refused(tmp_path, monkeypatch, twin, remedy):
     path = tmp_path / "paper.json"
-    card = dataclasses.replace(cards.read(SHIPPED / "paper.json"), precision="int8", float_twin=twin)
-    cards.write(card, path)
+    card = dataclasses.replace(cards.read_card(SHIPPED / "paper.json"), precision="int8", float_twin=twin)
+    cards.write_card(card, path)
     shutil.copy(SHIPPED / "paper.onnx", tmp_path)
-    monkeypatch.setattr(session.processor, "against_int8", lambda: "this processor has no VNNI")
+    monkeypatch.setattr(sessions.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     with pytest.raises(
         UnsuitedProcessor, match=f"paper: it computes in int8, and this processor has no VNNI; {remedy}"
     ):
-        Network(path)
-    monkeypatch.setattr(session.processor, "against_int8", lambda: "")
-    assert Network(path).name == "paper"
+        SingleImageNetwork(path)
+    monkeypatch.setattr(sessions.processor, "int8_unsupported_reason", lambda: "")
+    assert SingleImageNetwork(path).name == "paper"
 
 
 @pytest.mark.parametrize("sizes", [cards.Sizes(16, 6), cards.Sizes(1, 4, square=True), cards.Sizes(40)])
@@ -139,9 +142,9 @@ def test_the_network_meets_only_sizes_that_it_takes(paper, sizes, monkeypatch):
 
     def run(images):
         seen.append(images.shape[2:])
-        return session.Network._run(paper, images)
+        return SingleImageNetwork._run(paper, images)
 
-    monkeypatch.setattr(session, "WINDOW", 48 * 48)
+    monkeypatch.setattr(network, "WINDOW", 48 * 48)
     monkeypatch.setattr(paper, "card", dataclasses.replace(paper.card, sizes=sizes))
     monkeypatch.setattr(paper, "_run", run)
     for shape in [(1, 3, 3, 5), (2, 3, 20, 33), (1, 3, 61, 130)]:
@@ -153,7 +156,7 @@ def test_the_network_meets_only_sizes_that_it_takes(paper, sizes, monkeypatch):
 
 def test_no_denormals_reach_the_network(monkeypatch):
     """Its workers flush them to zero and the calling thread does not: two runs would differ in which did what."""
-    network = load("fast")
+    network = load_upscaler("fast")
     seen = []
 
     class Session:
@@ -164,7 +167,7 @@ def test_no_denormals_reach_the_network(monkeypatch):
 
     monkeypatch.setattr(network, "_session", lambda cores: Session())
     images = np.full((1, 3, 8, 8), 1e-40, np.float32)
-    images[0, 0, 0, :3] = 0.5, 1 / 65535**2, session.FAINTEST
+    images[0, 0, 0, :3] = 0.5, 1 / 65535**2, sessions.FAINTEST
     network(images)
     assert seen[0][0, 0, 0, :3].tolist() == images[0, 0, 0, :3].tolist()
     assert np.count_nonzero(seen[0]) == 3
@@ -173,7 +176,7 @@ def test_no_denormals_reach_the_network(monkeypatch):
 
 def test_nothing_is_told_to_anyone(tmp_path):
     """onnxruntime's Linux wheels keep what sessions do in the user's cache folder, and send it, unless told not to."""
-    program = "from models import catalogue; catalogue.load('paper')"
+    program = "from ciir.models import catalogue; catalogue.load_upscaler('paper')"
     alone = {"HOME": str(tmp_path), "PATH": os.defpath, "PYTHONPATH": os.pathsep.join(sys.path)}
     subprocess.run([sys.executable, "-c", program], check=True, env=alone, cwd=tmp_path)  # noqa: S603 - our own
     assert list(tmp_path.rglob("*")) == []

@@ -1,0 +1,37 @@
+"""Networks that upscale one picture at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.models import tiles
+from ciir.models.sessions import BATCH, WINDOW, OnnxNetwork
+from ciir.models.upscaler import check_images, clip_output
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class SingleImageNetwork(OnnxNetwork):
+    """A shipped network as an `Upscaler`."""
+
+    def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
+        check_images(images)
+        sizes = self.card.sizes
+        padded, kept = tiles.padded(images, *sizes.fitted(*images.shape[2:]), scale=self.scale)
+        result = tiles.apply(
+            self._run,
+            padded,
+            scale=self.scale,
+            radius=self.radius,
+            window=WINDOW,
+            batch=BATCH,
+            multiple=sizes.multiple_of,
+        )
+        return clip_output(np.ascontiguousarray(result[:, :, *kept]), self.name)
+
+    def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        return self.run({self.card.input.name: images})[0]

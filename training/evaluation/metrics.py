@@ -1,0 +1,73 @@
+"""PSNR and SSIM by the published protocol for super-resolution, computed by scikit-image.
+
+Both compare `(H, W)` arrays of levels from 0 to 255, usually luma, after a border is cut. scikit-image starts slowly,
+so it is imported where it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+Plane = NDArray[np.float64]
+
+PEAK = 255
+SSIM_RADIUS = 5
+"""Of SSIM's window of 11x11 pixels."""
+
+Value = TypeVar("Value", bound=np.generic)
+
+
+def rgb_to_luma(picture: Pixels) -> Plane:
+    """Y of ITU-R BT.601, studio range, as MATLAB's `rgb2ycbcr`: `(H, W, 3)` 8-bit RGB -> `(H, W)` in [16, 235]."""
+    weights = np.array([65.481, 128.553, 24.966]) / 255.0
+    return np.asarray(16.0 + picture.astype(np.float64) @ weights)
+
+
+def compute_psnr(picture: Plane, truth: Plane, *, border: int) -> float:
+    """Peak signal-to-noise ratio in dB inside a border of `border` pixels; inf where both are equal.
+
+    Raises `ValueError` where the sizes differ.
+    """
+    from skimage.metrics import peak_signal_noise_ratio
+
+    with np.errstate(divide="ignore"):
+        return float(peak_signal_noise_ratio(_crop(truth, border), _crop(picture, border), data_range=PEAK))
+
+
+def compute_ssim(picture: Plane, truth: Plane, *, border: int) -> float:
+    """Mean structural similarity, at most 1, inside a border of `border` pixels.
+
+    Wang et al., IEEE Trans. Image Processing 13(4), 2004, equation 13, as their MATLAB `ssim_index` computes it: an
+    11x11 Gaussian window of sigma 1.5 that stays inside the picture, K = (0.01, 0.03).
+
+    Raises `ValueError` where the sizes differ or are less than a window's.
+    """
+    picture, truth = _crop(picture, border), _crop(truth, border)
+    if min(truth.shape) <= 2 * SSIM_RADIUS:
+        raise ValueError(f"a picture of {truth.shape} inside its border is smaller than SSIM's window of 11x11")
+    return float(np.mean(compute_ssim_map(picture, truth)))
+
+
+def compute_ssim_map(picture: Plane, truth: Plane) -> Plane:
+    """The similarity at each place of the window (see `compute_ssim`): two `(H, W)` arrays -> `(H-10, W-10)`."""
+    from skimage.metrics import structural_similarity
+
+    _, similarity = structural_similarity(
+        picture,
+        truth,
+        data_range=PEAK,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        full=True,
+    )
+    return np.asarray(_crop(similarity, SSIM_RADIUS))
+
+
+def _crop(plane: NDArray[Value], border: int) -> NDArray[Value]:
+    height, width = plane.shape
+    return plane[border : height - border, border : width - border]
