@@ -92,7 +92,10 @@ def _load(place: str) -> Any:
 
 ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
 STL = MeshFormat(
-    name="STL", suffixes=(".stl",), text=re.compile(rb"\A(?i:solid).*?facet", re.DOTALL), reader="stl:read"
+    name="STL",
+    suffixes=(".stl",),
+    text=re.compile(rb"\A(?i:solid).*?facet", re.DOTALL),
+    reader="trimesh_formats:read_stl",
 )
 FORMATS: tuple[Format, ...] = (
     MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf_scene:read"),
@@ -103,7 +106,10 @@ FORMATS: tuple[Format, ...] = (
     STL,
     # The first word of the first line that is no comment.
     MeshFormat(
-        name="OFF", suffixes=(".off",), text=re.compile(rb"\A(?:\s*+(?:#[^\n]*+\n)?+)*+C?OFF\b"), reader="off:read"
+        name="OFF",
+        suffixes=(".off",),
+        text=re.compile(rb"\A(?:\s*+(?:#[^\n]*+\n)?+)*+C?OFF\b"),
+        reader="trimesh_formats:read_off",
     ),
     MeshFormat(
         name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"

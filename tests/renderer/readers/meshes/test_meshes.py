@@ -11,7 +11,7 @@ from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.meshes import off
+from ciir.renderer.readers.meshes import trimesh_formats
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
@@ -227,7 +227,7 @@ def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.Monkey
     def full(*args: object, **more: object) -> None:
         raise MemoryError
 
-    for owner, name in ((off, "read"), (meshes, "assemble_scene")):
+    for owner, name in ((trimesh_formats, "read_off"), (meshes, "assemble_scene")):
         with monkeypatch.context() as patch:
             patch.setattr(owner, name, full)
             with pytest.raises(TooLarge, match="more memory than there is; decimate"):

@@ -122,22 +122,22 @@ def test_what_trimesh_writes(encoding: str) -> None:
     ("data", "message"),
     [
         (b"ply\nformat ascii 1.0\n", "header does not end"),
-        (header("ascii", XYZ, 1).replace(b"format ascii 1.0\n", b"") + b"0", "names no format"),
-        (header("ascii", XYZ, 1).replace(b"format ascii", b"format morse"), "header can't be read"),
+        (header("ascii", XYZ, 1).replace(b"format ascii 1.0\n", b"") + b"0", "names no known format"),
+        (header("ascii", XYZ, 1).replace(b"format ascii", b"format morse"), "names no known format"),
         (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n", "cut short"),
-        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 4 0 1", "cut short"),
-        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 x 4 0 1 2 3", "can be read"),
-        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 3 0 1 9", "names vertex 9"),
-        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 nan 0 0 1 0 3 0 1 2", "NaN or infinite"),
-        (header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1e30 0 0 1 0 3 0 1 2", "at most"),
-        (header("ascii", XYZ, 0) + b"0 0 0 1 0 0 1 1 0 0 1 0", "no triangles"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1", "cut short"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 1 0\n0 1 x\n4 0 1 2 3", "can be read"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 9", "names vertex 9"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 nan 0\n0 1 0\n3 0 1 2", "NaN or infinite"),
+        (header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 1e30 0\n0 1 0\n3 0 1 2", "at most"),
+        (header("ascii", XYZ, 0) + b"0 0 0\n1 0 0\n1 1 0\n0 1 0", "no triangles"),
         (header("ascii", XYZ, 10**12), "at most"),
         (header("ascii", XYZ, 9_000_000), "cut short"),
         (header("binary_little_endian", XYZ, 1) + bytes(47), "cut short"),
         (header("binary_little_endian", XYZ, 1) + bytes(48), "can be read"),
         (header("binary_little_endian", XYZ, 9_000_000) + bytes(48) + b"\3" + bytes(12), "can be read"),
         (header("binary_little_endian", XYZ, 2) + bytes(48) + b"\3" + bytes(12) + b"\4" + bytes(12), "cut short"),
-        (header("ascii", "", 1).replace(b"element vertex 4\n", b"property float x\n"), "header can't be read"),
+        (header("ascii", "", 1).replace(b"element vertex 4\n", b"property float x\n"), "can be read"),
         (header("ascii", XYZ.replace("float", "quad"), 1), "can be read"),
     ],
 )
@@ -157,9 +157,28 @@ def test_one_long_number_does_not_widen_all_the_others() -> None:
 
 
 def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
-    data = header("ascii", XYZ, 1) + b"0 0 0 1 0 0 1 1 0 0 1 0 5 0 1 2 3 0"
+    data = header("ascii", XYZ, 1) + b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n5 0 1 2 3 0"
     with pytest.raises(TooLarge, match="3 triangles and 4 vertices; at most 2 and 6"):
         meshes.read(Bundle("a.ply", "a.ply", {"a.ply": data}, Limits(triangles=2)), SUFFIXES[".ply"])
+
+
+@pytest.mark.parametrize("rows", ["3 0 1\n3 0 2 3", "3 0 1 2\n2 0 2 3", "3 0 1 2\n3 0 2 x", "3 0 1 2"])
+def test_ascii_rows_of_the_wrong_length(rows: str) -> None:
+    with pytest.raises(Unreadable, match=r"can be read|cut short"):
+        read(header("ascii", XYZ, 2) + ("\n".join([*PLAIN_ROWS, rows]) + "\n").encode())
+
+
+def test_a_format_line_after_a_comment() -> None:
+    text = ascii_square(XYZ, PLAIN_ROWS)
+    assert read(text.replace(b"format ascii 1.0\n", b"comment first\n\nformat ascii 1.0\n")).triangles == 2
+
+
+def test_edges_and_data_after_the_last_face_are_ignored() -> None:
+    data = header("binary_little_endian", XYZ, 1).replace(
+        b"end_header", b"element edge 1\nproperty int vertex1\nend_header"
+    )
+    data += SQUARE.astype("<f4").tobytes() + struct.pack("<B4i", 4, 0, 1, 2, 3) + struct.pack("<i", 9)
+    assert read(data).triangles == read(data + b"more").triangles == 2
 
 
 def test_counts_that_are_none() -> None:

@@ -1,0 +1,116 @@
+"""STL and OFF, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
+
+It drops the colours of COFF, reads on where a file is cut short, and finds the keywords of STL in the names of solids.
+It is given bytes in memory whose counts are within the limits, and no means to open another file.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InputError, Unreadable
+from ciir.renderer.readers.names import clean_text
+from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.meshes.texture_files import Resolver
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+_STL_HEADER, _STL_TRIANGLE = 84, 50
+_STL_NAME = re.compile(rb"(?:end)?solid\b[^\r\n]*", re.IGNORECASE)
+_OFF_HEAD = re.compile(rb"(C?OFF)\s+(-?\d{1,18})\s+(-?\d{1,18})[^\n]*")
+
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # its warnings would be printed on standard error
+
+
+@contextmanager
+def refuse_malformed(name: str, format_name: str) -> Iterator[None]:
+    """Raises `Unreadable` for anything that trimesh and its parsers raise, but memory that runs out."""
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        why = clean_text(f"{type(error).__name__}: {error}")
+        raise Unreadable(f"{name}: not a {format_name} that can be read ({why}); export it again") from error
+
+
+def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001
+    """All solids of an ASCII or a binary STL as one surface, whose normals are computed: many writers leave them zero.
+
+    Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
+    """
+    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
+
+    # Binary files may begin with "solid" too; but the highest byte of their count is zero, and text has no zeros.
+    if data[:5].lower() == b"solid" and b"\0" not in data[:_STL_HEADER]:
+        lower = data.lower()
+        count = lower.count(b"endfacet")
+        check_size(name, count, 3 * count, limits.triangles)
+        text = b"solid\n" + _STL_NAME.sub(b"", data) + b"\nendsolid"  # one solid: trimesh is quadratic in their number
+        with refuse_malformed(name, "STL"):
+            loaded = load_stl_ascii(io.BytesIO(text if text.isascii() else b""))
+        vertices = loaded.get("vertices", np.empty((0, 3)))
+        if len(vertices) != 3 * count or b"endsolid" not in lower:
+            raise Unreadable(
+                f"{name}: an ASCII STL of {len(vertices):,} vertices in {count:,} facets: cut short; give it again"
+            )
+    else:
+        count = int.from_bytes(data[80:_STL_HEADER], "little")
+        size = _STL_HEADER + _STL_TRIANGLE * count
+        if len(data) < max(size, _STL_HEADER):
+            raise Unreadable(
+                f"{name}: a binary STL of {count:,} triangles in {len(data):,} bytes: cut short; give it again"
+            )
+        check_size(name, count, 3 * count, limits.triangles)
+        with refuse_malformed(name, "STL"):
+            vertices = load_stl_binary(io.BytesIO(data[:size])).get("vertices", np.empty((0, 3)))
+    return [Surface(vertices.astype(np.float64), np.arange(len(vertices)).reshape(-1, 3), color=DEFAULT_COLOR)]
+
+
+def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001
+    """The faces of an ASCII OFF or COFF as one surface, with the colours of its vertices; those of faces are ignored.
+
+    Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
+    """
+    from trimesh.exchange.off import load_off
+
+    lines = io.BytesIO(data.removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n"))
+    rows = [row for line in lines if (row := line.partition(b"#")[0].strip())]
+    text = b"\n".join(rows)
+    head = _OFF_HEAD.match(text)
+    if head is None:
+        raise Unreadable(f"{name}: an OFF without counts of vertices and faces; export it again")
+    vertex_count, face_count = int(head[2]), int(head[3])
+    rows = rows[head[0].count(b"\n") + 1 :]
+    if min(vertex_count, face_count) < 0 or vertex_count + face_count > len(rows):
+        raise Unreadable(
+            f"{name}: an OFF of {vertex_count:,} vertices and {face_count:,} faces in {len(rows):,} lines: cut short; "
+            "give it again"
+        )
+    check_size(name, face_count, vertex_count, limits.triangles)
+    faces = rows[vertex_count : vertex_count + face_count]
+    lengths = np.fromiter((int(face.split(None, 1)[0]) for face in faces), np.int64, face_count)
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex_count, limits.triangles)
+    for number, (face, length) in enumerate(zip(faces, lengths, strict=True)):
+        if not 0 <= length < len(face.split()):
+            raise Unreadable(f"{name}: OFF face {number} has fewer corners than it says; export it again")
+    with refuse_malformed(name, "OFF"):
+        loaded = load_off(io.BytesIO(text))
+    surface = Surface(loaded["vertices"], loaded["faces"].reshape(-1, 3), color=DEFAULT_COLOR)
+    if head[1] == b"OFF" or not vertex_count:
+        return [surface]
+    colors = np.ones((vertex_count, 4), np.float32)
+    colors[:, :3] = np.array([row.split(None, 6)[3:6] for row in rows[:vertex_count]], np.float64)
+    colors[:, :3] /= 255 if colors[:, :3].max() > 1 else 1
+    return [replace(surface, colors=colors, color=WHITE)]

@@ -1,0 +1,182 @@
+import struct
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+import trimesh
+
+from ciir.errors import InputError, TooLarge
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers import meshes
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.registry import SUFFIXES
+from ciir.renderer.scene import Scene
+from ciir.renderer.shading import shade
+
+SQUARE = b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
+FACET = """facet normal 0 0 1
+  outer loop
+    vertex 0 0 0
+    vertex 1.5e0 0 0
+    VERTEX 1 1 0
+  endloop
+endfacet
+"""
+TRIANGLE = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0], "<f4").tobytes() + b"\0\0"
+
+
+def read_off(data: bytes) -> Scene:
+    return meshes.read(Bundle("a.off", "a.off", {"a.off": data}), SUFFIXES[".off"])
+
+
+@pytest.mark.parametrize(
+    "head", [b"OFF\n4 1 0\n", b"OFF 4 1 0\n", b"# by hand\n\nOFF # here\n# and there\n4 1 0\n", b"OFF\r\n4 1\n"]
+)
+def test_off_square(head: bytes) -> None:
+    assert read_off(head + SQUARE + b"4 0 1 2 3 255 0 0\n").triangles == 2
+
+
+def test_off_polygons_of_several_lengths() -> None:
+    (part,) = read_off(b"OFF\n4 2 0\n" + SQUARE + b"4 0 1 2 3\n3 0 1 3\n").parts
+    corners = {frozenset(map(tuple, triangle)) for triangle in part.vertices[part.faces][:, :, :2].tolist()}
+    assert len(part.faces) == 3
+    assert corners == {
+        frozenset([(0, 0), (1, 0), (1, 1)]),
+        frozenset([(0, 0), (1, 1), (0, 1)]),
+        frozenset([(0, 0), (1, 0), (0, 1)]),
+    }
+
+
+@pytest.mark.parametrize("color", [b" 255 0 255 255", b" 1.0 0.0 1.0 1.0"])
+def test_off_vertex_colours(color: bytes) -> None:
+    (part,) = read_off(b"COFF\n4 1 0\n" + SQUARE.replace(b"\n", color + b"\n") + b"4 0 1 2 3\n").parts
+    assert part.colors[0] == pytest.approx([FRONT, 0, FRONT, 1])
+
+
+def test_off_that_trimesh_writes() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    scene = read_off(mesh.export(file_type="off").encode())
+    assert scene.triangles == len(mesh.faces)
+    assert scene.bounds() == pytest.approx(mesh.bounds, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"OFF\n", "without counts"),
+        (b"OFF\n4 1 0\n" + SQUARE, "cut short"),
+        (b"OFF\n4 1 0\n0 0 0\n", "cut short"),
+        (b"OFF\n-4 1 0\n" + SQUARE, "cut short"),
+        (b"OFF\n999999999999 1 0\n" + SQUARE, "cut short"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"4 0 1 2\n", "fewer corners"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 4\n", "outside the range of its vertices"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 -1\n", "outside the range of its vertices"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"-3 0 1 2\n", "fewer corners"),
+        (b"OFF\n4 1 0\n" + SQUARE.replace(b"1 1 0", b"1 x 0") + b"3 0 1 2\n", "can be read"),
+        (b"OFF\n4 1 0\n" + SQUARE.replace(b"1 1 0", b"1 1") + b"3 0 1 2\n", "can be read"),
+        (b"OFF\n4 0 0\n" + SQUARE, "no triangles"),
+        (b"OFF\n0 0 0\n", "no triangles"),
+    ],
+)
+def test_malformed_off(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read_off(data)
+    assert "\n" not in str(caught.value)
+
+
+def test_off_memory_is_not_widened_by_one_long_number() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read_off(b"OFF\n1001 1 0\n" + SQUARE * 250 + b"0 0 " + b"9" * 50_000 + b"\n3 0 1 1000\n")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_off_counts_are_checked_before_lines_are_parsed() -> None:
+    for data in (b"OFF\n4 0 0\n" + b"x\n" * 4, b"OFF\n0 2 0\n" + b"x\n" * 2, b"OFF\n1 1 0\n0 0 0\n4 0 0 0 0\n"):
+        with pytest.raises(TooLarge, match="at most 1 and 3 are read"):
+            meshes.read(Bundle("a.off", "a.off", {"a.off": data}, Limits(triangles=1)), SUFFIXES[".off"])
+
+
+def read_stl(data: bytes) -> Scene:
+    return meshes.read(Bundle("a.stl", "a.stl", {"a.stl": data}), SUFFIXES[".stl"])
+
+
+def binary(triangles: bytes, count: int, text: bytes = b"") -> bytes:
+    return text.ljust(80, b"\0") + struct.pack("<I", count) + triangles
+
+
+def test_ascii_stl() -> None:
+    scene = read_stl(f"solid my part\n{FACET}endsolid my part\nsolid 2\n{FACET}endsolid".encode())
+    assert scene.triangles == 2
+    assert scene.bounds().tolist() == [[0, 0, 0], [1.5, 1, 0]]
+
+
+@pytest.mark.parametrize("text", [b"", b"solid by a careless writer"])
+def test_binary_stl(text: bytes) -> None:
+    scene = read_stl(binary(TRIANGLE * 3, 3, text))
+    assert scene.triangles == 3
+    assert scene.bounds().tolist() == [[0, 0, 0], [1, 1, 0]]
+
+
+@pytest.mark.parametrize("text", [b"", b"solid by a careless writer".ljust(80)])
+def test_stl_data_after_the_last_triangle_is_ignored(text: bytes) -> None:
+    assert read_stl(binary(TRIANGLE + b"a writer's own data", 1, text)).triangles == 1
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+def test_stl_that_trimesh_writes_is_smooth_again(kind: str) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    data = mesh.export(file_type=kind)
+    (part,) = read_stl(data if isinstance(data, bytes) else data.encode()).parts
+    assert len(part.faces) == len(mesh.faces)
+    positions, index = np.unique(part.vertices.round(5), axis=0, return_inverse=True)
+    light = [np.ptp(part.colors[index == i, 0]) for i in range(len(positions))]
+    assert max(light) < 1e-3  # one light at each position: no facets
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (binary(TRIANGLE, 2), "2 triangles in 134 bytes: cut short"),
+        (binary(TRIANGLE[:-1], 1), "cut short"),
+        (b"short", "cut short"),
+        (binary(b"", 0), "no triangles"),
+        (binary(TRIANGLE, 2**32 - 1), "cut short"),
+        (binary(TRIANGLE[:12] + b"\xff" * 36 + b"\0\0", 1), "NaN or infinite"),
+        (binary(bytes(50), 1), "zero area"),
+        (f"solid\n{FACET}".encode(), "cut short"),
+        (f"solid\n{FACET}{FACET[:90]}endsolid".encode(), "cut short"),
+        (f"solid\n{FACET.replace('1.5e0', 'x')}endsolid".encode(), "can be read"),
+        (b"solid empty\nendsolid empty\n", "no triangles"),
+    ],
+)
+def test_malformed_stl(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read_stl(data)
+    assert "\n" not in str(caught.value)
+
+
+def test_stl_memory_is_not_widened_by_one_long_number() -> None:
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        read_stl(
+            b"solid\n" + FACET.encode() * 500 + b"facet" + b" vertex 0 0 " + b"9" * 50_000 + b" endfacet\nendsolid"
+        )
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_stl_of_many_solids_takes_time_in_proportion() -> None:
+    begun = time.process_time()
+    assert read_stl(f"solid\n{FACET}endsolid\n".encode() * 20_000).triangles == 20_000
+    assert time.process_time() - begun < 10  # solid by solid it took 90 s
+
+
+def test_stl_keywords_in_the_name_of_a_solid() -> None:
+    text = f"solid a vertex 7 of a facet normal\n{FACET}endsolid a vertex\nsolid endsolid\n{FACET}endsolid".encode()
+    assert read_stl(text).triangles == 2
