@@ -1,4 +1,4 @@
-"""A client of the HTTP API, for Python programs.
+"""Python client of the HTTP API.
 
 with Client("http://127.0.0.1:8000") as client:
     client.reconstruct("duck.glb", lenses="50x50").save("view.png")
@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import httpx2
 
+from ciir.errors import Error
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from types import TracebackType
@@ -25,37 +27,37 @@ if TYPE_CHECKING:
 ROOT = "/v1/reconstructions"
 FINAL = frozenset({"done", "failed", "cancelled"})
 TIMEOUT_SECONDS = 60.0
-"""How long the server may say nothing; it answers sooner by itself, if only that a job goes on."""
+"""Longest silence of the server; it sends at least a comment every 15 s while a job runs."""
 
 
-class ServiceError(Exception):
-    """What the server answered in place of what was asked for: an RFC 9457 problem."""
+class ServiceError(Error):
+    """The server answered with an error: an RFC 9457 problem."""
 
     def __init__(self, status: int, title: str, detail: str, retry_after: float | None = None) -> None:
         super().__init__(f"{status} {title}: {detail}")
         self.status, self.title, self.detail = status, title, detail
         self.retry_after = retry_after
-        """Seconds; None where it is no use to try again."""
+        """Seconds after which to try again; None if that is of no use."""
 
 
 class BadRequest(ServiceError):  # noqa: N818 - the cause is the name
-    """400, 408: the request was broken, or too slow."""
+    """400, 408: the request is broken, or came too slowly."""
 
 
 class Unauthorized(ServiceError):  # noqa: N818
-    """401: the server wants an API key, or another one."""
+    """401: the API key is missing or wrong."""
 
 
 class NotFound(ServiceError):  # noqa: N818
-    """404, 410: there is no such job, or its result is kept no longer."""
+    """404, 410: there is no such job, or its result has expired."""
 
 
 class NotDone(ServiceError):  # noqa: N818
-    """409: the job is not done: it waits, it runs, or it was cancelled."""
+    """409: the job waits, runs, or was cancelled."""
 
 
 class InvalidInput(ServiceError):  # noqa: N818
-    """413, 415, 422: the file or an option is at fault; the same again gives the same."""
+    """413, 415, 422: the file or an option is wrong."""
 
 
 class QueueFull(ServiceError):  # noqa: N818
@@ -63,7 +65,7 @@ class QueueFull(ServiceError):  # noqa: N818
 
 
 class Unavailable(ServiceError):  # noqa: N818
-    """503: the server is starting or stopping, or is without its queue."""
+    """503: the server is starting or stopping, or its queue cannot be reached."""
 
 
 _KINDS: dict[int, type[ServiceError]] = {
@@ -83,7 +85,7 @@ _KINDS: dict[int, type[ServiceError]] = {
 
 @dataclass(frozen=True)
 class Result:
-    """The views."""
+    """A result: the views and how long they took."""
 
     id: str
     content: bytes
@@ -91,7 +93,7 @@ class Result:
     format: str
     """`png`, `zip` or `npz`."""
     timings_ms: dict[str, float]
-    """Milliseconds of each stage; `stored` where the server had the result already."""
+    """Milliseconds of each stage; `stored` if the server had kept the result."""
 
     def save(self, path: str | Path) -> None:
         """Writes `content` to a file."""
@@ -100,7 +102,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a job; numbered from 0."""
+    """An event of a job; numbered from 0."""
 
     number: int
     kind: str
@@ -109,7 +111,7 @@ class Event:
 
 
 class Client:
-    """A server at `url`. Not to be shared by threads. A context manager that closes its connections."""
+    """A connection to the server at `url`; a context manager. Not to be shared between threads."""
 
     def __init__(
         self,
@@ -119,9 +121,7 @@ class Client:
         retries: int = 5,
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
-        """`retries`: how often a request is sent again that was answered with 429 or 503, after the time that the
-        server says.
-        """
+        """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`."""
         headers = {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
         self._http = httpx2.Client(base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
@@ -139,30 +139,31 @@ class Client:
         self._http.close()
 
     def reconstruct(self, path: str | Path, **options: object) -> Result:
-        """The views of the file at `path`, however long it takes. `options`: those of `POST /v1/reconstructions`, and
-        `format`. Raises a `ServiceError`; where the server can't be reached, an `httpx2.TransportError`.
+        """Sends the file at `path` and waits for its views. `options`: the form fields of `POST /v1/reconstructions`.
+
+        Raises `ServiceError`, or `httpx2.TransportError` if the server can't be reached.
         """
         response = self._post(path, options, {})
         if response.status_code == 200:
-            return _result(response)
+            return _parse_result(response)
         return Job(self, response.json()["id"]).result()
 
     def submit(self, path: str | Path, **options: object) -> Job:
-        """The same as a job, which the server does by itself. Raises as `reconstruct`."""
+        """Sends the file at `path` and returns its job at once. Options and errors as in `reconstruct`."""
         response = self._post(path, options, {"Prefer": "respond-async"})
         return Job(self, response.json()["id"])
 
     def models(self) -> list[dict[str, Any]]:
-        """The models that can be named."""
-        listed: list[dict[str, Any]] = self.request("GET", "/v1/models").json()
-        return listed
+        """Lists the models of the server."""
+        models: list[dict[str, Any]] = self.request("GET", "/v1/models").json()
+        return models
 
     def request(self, method: str, path: str, headers: Mapping[str, str] | None = None) -> httpx2.Response:
-        """Any request without a body. Raises as `reconstruct`."""
+        """Sends a request without a body. Errors as in `reconstruct`."""
         return self._send(lambda: self._http.request(method, path, headers=headers))
 
     def stream(self, path: str, headers: Mapping[str, str]) -> Any:
-        """A context manager: the answer to a GET, whose lines come as they are sent."""
+        """Sends a GET; the returned context manager gives the response, whose body is read as it arrives."""
         return self._http.stream("GET", path, headers=headers)
 
     def _post(self, path: str | Path, options: Mapping[str, object], headers: Mapping[str, str]) -> httpx2.Response:
@@ -176,19 +177,18 @@ class Client:
         return self._send(post)
 
     def _send(self, send: Callable[[], httpx2.Response]) -> httpx2.Response:
-        for left in range(self.retries, -1, -1):
-            response = send()
-            if response.is_success:
-                return response
+        failures = 0
+        while not (response := send()).is_success:
             error = make_error(response)
-            if not left or not isinstance(error, QueueFull | Unavailable):
+            failures += 1
+            if failures > self.retries or not isinstance(error, QueueFull | Unavailable):
                 raise error
             time.sleep(error.retry_after or 1.0)
-        raise AssertionError  # the last turn returns or raises
+        return response
 
 
 class Job:
-    """A reconstruction that a server does, or did."""
+    """A job of a server."""
 
     def __init__(self, client: Client, id_: str) -> None:
         self._client = client
@@ -196,14 +196,12 @@ class Job:
         self.path = f"{ROOT}/{id_}"
 
     def status(self) -> dict[str, Any]:
-        """As `GET /v1/reconstructions/{id}` tells it: `state`, `progress`, and `report` or `problem` at its end."""
-        found: dict[str, Any] = self._client.request("GET", self.path).json()
-        return found
+        """The job's status, as `GET /v1/reconstructions/{id}` answers it."""
+        status: dict[str, Any] = self._client.request("GET", self.path).json()
+        return status
 
     def events(self) -> Iterator[Event]:
-        """All that happened and happens to it, until it has ended. A stream that breaks off is taken up again, unless
-        that fails as often in a row as the client tries anything.
-        """
+        """Yields all events from the first to the last. Reconnects up to `retries` times in a row."""
         last, failures = -1, 0
         while True:
             headers = {"Last-Event-ID": str(last)} if last >= 0 else {}
@@ -214,7 +212,7 @@ class Job:
                     if not response.is_success:
                         response.read()
                         raise make_error(response)
-                    for event in _events(response.iter_lines()):
+                    for event in _parse_events(response.iter_lines()):
                         last, failures = event.number, 0
                         yield event
                         if event.kind in FINAL:
@@ -226,38 +224,38 @@ class Job:
             time.sleep(1.0)
 
     def result(self) -> Result:
-        """The views, once it is done. Raises a `ServiceError` where it failed or was cancelled."""
+        """Waits for the result. Raises `ServiceError` if the job fails or is cancelled."""
         for _ in self.events():
             pass
-        return _result(self._client.request("GET", f"{self.path}/result"))
+        return _parse_result(self._client.request("GET", f"{self.path}/result"))
 
     def cancel(self) -> dict[str, Any]:
-        """Its status, `cancelled` unless it has ended before."""
-        found: dict[str, Any] = self._client.request("DELETE", self.path).json()
-        return found
+        """Cancels the job, unless it has ended, and returns its status."""
+        status: dict[str, Any] = self._client.request("DELETE", self.path).json()
+        return status
 
 
 def make_error(response: httpx2.Response) -> ServiceError:
-    """What an answer that isn't one of success tells."""
+    """The error that a response without success reports."""
     wait = response.headers.get("retry-after", "")
     retry_after = float(wait) if wait.isdecimal() else None
-    title, detail = response.reason_phrase, "what answered is no ciir server; look at the URL, and what is before it"
+    title, detail = response.reason_phrase, "the response is not from a ciir server; check the URL and any proxy"
     if response.headers.get("content-type", "").startswith("application/problem+json"):
-        told = response.json()
-        title, detail = told["title"], told["detail"]
+        problem = response.json()
+        title, detail = problem["title"], problem["detail"]
     kind = _KINDS.get(response.status_code, ServiceError)
     return kind(response.status_code, title, detail, retry_after)
 
 
-def _result(response: httpx2.Response) -> Result:
+def _parse_result(response: httpx2.Response) -> Result:
     parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
     form = response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
     timings = {stage: float(ms) for stage, ms in parts}
     return Result(response.headers["x-reconstruction-id"], response.content, form, timings)
 
 
-def _events(lines: Iterator[str]) -> Iterator[Event]:
-    """Of a `text/event-stream`: fields up to an empty line; what begins with a colon is no event."""
+def _parse_events(lines: Iterator[str]) -> Iterator[Event]:
+    """Parses a `text/event-stream`: an event is the fields up to an empty line; comments begin with a colon."""
     fields: dict[str, str] = {}
     for line in lines:
         if line:

@@ -33,7 +33,7 @@ class ErrorResponse:
     exit: int
     """Exit status: 2 for an error in the input or an option, 1 for anything else."""
     title: str
-    """A few words, the same for every error of the class (RFC 9457)."""
+    """A phrase that is the same for all errors of the class (RFC 9457)."""
 
 
 _TABLE: tuple[tuple[type[Error], ErrorResponse], ...] = (  # the first row whose class fits counts

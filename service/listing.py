@@ -1,4 +1,4 @@
-"""The models that can be named, for `ciir models --json` and `GET /v1/models` alike."""
+"""The list of models of `ciir models --json` and `GET /v1/models`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from ciir.models import catalogue
 
 
 def list_models() -> list[dict[str, Any]]:
-    """Each entry of the catalogue: name, kind, scales, what it takes, whether it is the default for single pictures,
-    and the card (null for none).
-    """
+    """Name, kind, scales, input, `default` (for single pictures) and card (or None) of each model of the catalogue."""
     default = catalogue.default_name()
     return [
         {

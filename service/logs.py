@@ -1,4 +1,4 @@
-"""Log lines of a server or a worker, as text or as JSON, each with the id of the request that it is about."""
+"""Log lines of a server or a worker as text or JSON, with the id of the request in each."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from contextvars import ContextVar
 from typing import Literal
 
 REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="-")
-"""Of the request that this task or thread works for; `-` where it works for none."""
+"""Id of the request that the current task or thread works for; `-` if there is none."""
 FIELDS = "fields"
-"""Give `extra={FIELDS: {...}}` to a log call: JSON lines hold each by its name, text lines have its message alone."""
+"""Key of `extra={FIELDS: {...}}` in a log call: JSON lines hold the fields, text lines only the message."""
 _TEXT = "%(asctime)s %(levelname)s %(name)s [%(request_id)s] %(message)s"
 
 
@@ -20,16 +20,16 @@ class _Text(logging.Formatter):
         super().__init__(_TEXT)
 
     def format(self, record: logging.LogRecord) -> str:
-        """A line; what a traceback adds comes on further ones."""
+        """The line; a traceback follows on further lines."""
         record.request_id = REQUEST_ID.get()
         return super().format(record)
 
 
 class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """One object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields, `exception`."""
+        """An object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields, `exception`."""
         seconds = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
-        told = {
+        entry = {
             "time": f"{seconds}.{int(record.msecs):03d}Z",
             "level": record.levelname,
             "logger": record.name,
@@ -37,12 +37,12 @@ class _Json(logging.Formatter):
             "message": record.getMessage(),
         } | getattr(record, FIELDS, {})
         if record.exc_info:
-            told["exception"] = self.formatException(record.exc_info)
-        return json.dumps(told, ensure_ascii=False, default=str)
+            entry["exception"] = self.formatException(record.exc_info)
+        return json.dumps(entry, ensure_ascii=False, default=str)
 
 
 def configure(form: Literal["text", "json"]) -> None:
-    """Sends all log lines of this process to stderr in that form, from INFO up; of its libraries from WARNING up."""
+    """Sends log lines to stderr: from INFO up those of `ciir` and uvicorn, from WARNING up those of libraries."""
     handler = logging.StreamHandler()
     handler.setFormatter(_Json() if form == "json" else _Text())
     root = logging.getLogger()

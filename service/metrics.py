@@ -1,4 +1,4 @@
-"""What a server or a worker counts, for Prometheus."""
+"""Prometheus metrics of a server or a worker."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from ciir.service.jobs.workers.task import Task
 
     class Runs(Protocol):
-        """A pool, or what stands in front of one."""
+        """A pool of worker processes, or a wrapper of one."""
 
         def run(
             self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
         ) -> Result | Problem:
-            """The outcome of `work`."""
+            """Runs `work` and returns its outcome."""
             ...
 
 
@@ -32,58 +32,60 @@ _SKIPPED = ("uniform", "repeated")
 
 
 class Metrics:
-    """Counters of one process, apart from those of any other: each server has its own registry."""
+    """The metrics of one process, in a registry of their own."""
 
     def __init__(self) -> None:
         self.registry = registry = CollectorRegistry()
         ProcessCollector(registry=registry)
         self.requests = Counter(
-            "ciir_http_requests", "Requests that were answered", ("method", "route", "status"), registry=registry
+            "ciir_http_requests", "Requests answered", ("method", "route", "status"), registry=registry
         )
         self.latency = Histogram(
             "ciir_http_request_seconds",
-            "From a request's head to the end of its answer",
+            "Seconds from the head of a request to the end of its response",
             ("method", "route"),
             buckets=_SECONDS,
             registry=registry,
         )
-        self.received = Counter("ciir_http_received_bytes", "Bytes of requests' bodies", registry=registry)
-        self.sent = Counter("ciir_http_sent_bytes", "Bytes of answers' bodies", registry=registry)
+        self.received = Counter("ciir_http_received_bytes", "Bytes of request bodies", registry=registry)
+        self.sent = Counter("ciir_http_sent_bytes", "Bytes of response bodies", registry=registry)
         self.submitted = Counter(
             "ciir_jobs_submitted",
-            "Reconstructions asked for, by what came of it",
+            "Reconstructions requested; kind: accepted, known or refused",
             ("kind",),
             registry=registry,
         )
-        self.waiting = Gauge("ciir_queue_waiting", "Jobs in the queue", registry=registry)
-        self.running = Gauge("ciir_queue_running", "Jobs that run, on all machines", registry=registry)
-        self.queue_up = Gauge("ciir_queue_up", "1 where the queue can be reached, else 0", registry=registry)
+        self.waiting = Gauge("ciir_queue_waiting", "Waiting jobs", registry=registry)
+        self.running = Gauge("ciir_queue_running", "Running jobs, on all machines", registry=registry)
+        self.queue_up = Gauge("ciir_queue_up", "1 if the queue can be reached, else 0", registry=registry)
         self.workers = Gauge(
-            "ciir_workers", "Worker processes of this machine that have loaded the models and live", registry=registry
+            "ciir_workers", "Worker processes of this machine that have loaded the models", registry=registry
         )
-        self.busy = Gauge("ciir_workers_busy", "Of these, how many work", registry=registry)
+        self.busy = Gauge("ciir_workers_busy", "Worker processes of this machine that run a job", registry=registry)
         self.ended = Counter(
             "ciir_jobs_ended",
-            "Reconstructions that ended here; status: 200, or the problem's, or the exception's name",
+            "Reconstructions ended; status: 200, that of the problem, or the name of the exception",
             ("status",),
             registry=registry,
         )
         self.seconds = Histogram(
-            "ciir_job_seconds", "Of a worker process for a reconstruction", buckets=_SECONDS, registry=registry
+            "ciir_job_seconds", "Seconds of a worker process per reconstruction", buckets=_SECONDS, registry=registry
         )
-        self.stages = Counter("ciir_stage_seconds", "Of finished reconstructions", ("stage",), registry=registry)
-        self.written = Counter("ciir_result_bytes", "Of finished reconstructions", registry=registry)
+        self.stages = Counter(
+            "ciir_stage_seconds", "Seconds of finished reconstructions by stage", ("stage",), registry=registry
+        )
+        self.written = Counter("ciir_result_bytes", "Bytes of results of finished reconstructions", registry=registry)
         self.pixels = Counter("ciir_model_pixels", "Input pixels of models", registry=registry)
         self.skipped = Counter(
-            "ciir_model_pixels_skipped", "Of these, what needed no model, by reason", ("reason",), registry=registry
+            "ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",), registry=registry
         )
 
     def text(self) -> bytes:
-        """Everything in Prometheus' text format."""
+        """All metrics in Prometheus' text format."""
         return generate_latest(self.registry)
 
     def count_result(self, result: Result) -> None:
-        """Adds a finished reconstruction's stages, bytes and pixels."""
+        """Adds the stages, bytes and pixels of a finished reconstruction."""
         self.written.inc(result.size)
         for stage, milliseconds in result.report["timings_ms"].items():
             self.stages.labels(stage).inc(milliseconds / 1000)
@@ -95,7 +97,7 @@ class Metrics:
 
 
 class CountingPool:
-    """A pool whose work is counted."""
+    """A pool that counts its work in `metrics`."""
 
     def __init__(self, pool: Runs, metrics: Metrics) -> None:
         self._pool, self._metrics = pool, metrics
@@ -103,7 +105,7 @@ class CountingPool:
     def run(
         self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
     ) -> Result | Problem:
-        """As the pool does it."""
+        """Runs `work` as the pool does."""
         begun = time.perf_counter()
         status = "?"
         self._metrics.busy.inc()

@@ -1,7 +1,7 @@
-"""What the service can be told by environment variables, `CIIR_...`: places, limits, how much at once.
+"""Settings of the service, read from environment variables `CIIR_...`.
 
-A setting's docstring is its documentation: `ciir serve --show-settings` prints it, and docs/settings.md is made from it
-(`service.settings_table`).
+The docstring of a setting is its documentation: `ciir serve --show-settings` prints it, and `service.settings_table`
+makes docs/settings.md from it.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ def _number(default: float, least: float, most: float) -> Any:
     return Field(default=default, ge=least, le=most, allow_inf_nan=False)
 
 
-def _listed(given: object) -> object:
-    """What is between commas, each once, without the spaces around it."""
+def _split_at_commas(given: object) -> object:
+    """The items between commas without repeats and outer spaces."""
     if isinstance(given, str):
         found = tuple(dict.fromkeys(part.strip() for part in given.split(",") if part.strip()))
-        if not found:  # who sets keys and gets them wrong would have a server that is open to all
+        if not found:  # an empty list of keys would open the server to everybody
             raise ValueError("nothing is between the commas")
         return found
     return given
 
 
-def _queue(given: str) -> str:
+def _check_queue(given: str) -> str:
     if given and re.match(r"(rediss?|unix)://.", given) is None:
         raise ValueError("no address of a Redis server, such as redis://localhost:6379/0")
     return given
 
 
 class Settings(BaseSettings):
-    """Read from `CIIR_...`; raises pydantic's `ValidationError` where one is out of range. Empty counts as not set."""
+    """The settings. An empty variable counts as not set; pydantic's `ValidationError` is raised for a bad value."""
 
     model_config = SettingsConfigDict(
         env_prefix=PREFIX, env_ignore_empty=True, use_attribute_docstrings=True, frozen=True, hide_input_in_errors=True
@@ -54,101 +54,102 @@ class Settings(BaseSettings):
     # Places
 
     folder: Path | None = None
-    """The folder of the server's jobs, inputs and results; `service` in the cache folder where none is named."""
-    queue: Annotated[str, AfterValidator(_queue)] = ""
-    """The Redis server that holds the jobs, redis://HOST:PORT/NUMBER, where several machines share them; a file in the
-    folder where none is named."""
+    """Folder for jobs, inputs and results; default: `service` in the cache folder."""
+    queue: Annotated[str, AfterValidator(_check_queue)] = ""
+    """Address of the Redis server that holds the queue, redis://HOST:PORT/NUMBER; several machines can share it.
+    Default: a SQLite file in `CIIR_FOLDER`."""
     files: str = ""
-    """Where inputs and results are kept: a folder, or s3://BUCKET/PATH (needs s3fs); `files` in the folder where none
-    is named. Machines that share a queue share this, too."""
+    """Folder for inputs and results, or s3://BUCKET/PATH (needs s3fs); default: `files` in `CIIR_FOLDER`. Machines that
+    share a queue must share this too."""
 
-    # How much at once
+    # Parallel work and time limits
 
     workers: int = _number(2, 0, 64)
-    """Worker processes on this machine, each of which does one reconstruction at a time; 0: the web process alone,
-    with `ciir worker` elsewhere."""
+    """Worker processes on this machine; each runs one reconstruction at a time. 0: this server runs none, and
+    `ciir worker` does the jobs."""
     max_waiting: int = _number(256, 1, 1_000_000)
-    """Most jobs that wait in each of the two queues, for small and for large ones; a request beyond that is answered
-    with 429 and told when to come again."""
+    """Maximum number of waiting jobs in each of the two lanes, small and large jobs; further requests are answered with
+    429 and `Retry-After`."""
     sync_seconds: float = _number(10.0, 0.0, 3600.0)
-    """Seconds that a request waits for its result before it is answered with 202 and the job's address."""
+    """Seconds that a request waits for its result; then it is answered with 202 and the job's address."""
     drain_seconds: float = _number(20.0, 0.0, 3600.0)
-    """Seconds after SIGTERM in which what runs may finish; what doesn't is put back into the queue."""
+    """Seconds that running jobs have to finish after SIGTERM; jobs that have not finished go back into the queue."""
     client_seconds: float = _number(30.0, 0.1, 3600.0)
-    """Seconds in which a client has to send a request's head, and to take each next part of an answer, before its
+    """Seconds that a client has to send the head of a request, and to read each part of a response, before its
     connection is closed."""
     body_seconds: float = _number(120.0, 0.1, 3600.0)
-    """Seconds in which a request's whole body has to arrive."""
+    """Seconds in which the whole body of a request must arrive."""
 
-    # How long, and how many, results are kept
+    # Results that are kept
 
     keep_seconds: int = _number(86_400, 1, 10**9)
-    """Seconds for which a finished job and its result are kept, after it was last asked for; 50,000 at most."""
+    """Seconds that a finished job and its result are kept after the last request for it. At most 50,000 finished jobs
+    are kept."""
     keep_bytes: int = _number(2 * 2**30, 0, _MOST)
-    """Most bytes of all results that are kept. The longest unused are removed first, but none within a minute of its
-    last request, so that every client gets its result."""
+    """Maximum bytes of all kept results together. The results that were requested longest ago are removed first, but
+    none within a minute of its last request."""
 
-    # What may be sent
+    # Limits on input and output
 
     max_body_bytes: int = _number(64 * 2**20, 1024, _MOST)
-    """Most bytes in a request's body, declared or chunked."""
+    """Maximum bytes of a request's body, with or without a declared length."""
     max_files: int = _number(DEFAULT_LIMITS.files, 1, 1_000_000)
-    """Most files in a zip."""
+    """Maximum number of files in a zip."""
     max_unpacked_bytes: int = _number(DEFAULT_LIMITS.bytes, 1024, _MOST)
-    """Most bytes of all files of a zip together, unpacked."""
+    """Maximum unpacked bytes of all files of a zip together."""
     max_ratio: int = _number(DEFAULT_LIMITS.ratio, 1, 100_000)
-    """Most unpacked bytes for each packed byte of a zip, looked at from 1 MiB unpacked up."""
+    """Maximum ratio of unpacked to packed bytes of a zip; checked from 1 MiB unpacked."""
     max_pixels: int = _number(DEFAULT_LIMITS.pixels, 1, _MOST)
-    """Most pixels in a picture, and in all textures of a mesh together; looked at before any is decoded."""
+    """Maximum pixels of a picture, and of all textures of a mesh together; checked before decoding."""
     max_set_bytes: int = _number(DEFAULT_LIMITS.set_bytes, 1, _MOST)
-    """Most bytes of all pictures of a set of views together, decoded."""
+    """Maximum decoded bytes of all pictures of a set of views together."""
     max_triangles: int = _number(DEFAULT_LIMITS.triangles, 1, 100_000_000)
-    """Most triangles in a mesh, which may have three times as many vertices."""
+    """Maximum triangles of a mesh; it may have three times as many vertices."""
     max_views: int = _number(DEFAULT_LIMITS.views, 1, 16_777_216)
-    """Most views in one answer, and in a set of them."""
+    """Maximum number of views in a result, and in a set of views that is sent."""
     max_output_pixels: int = _number(256_000_000, 1, _MOST)
-    """Most pixels, and samples of a mesh, in all views of one answer."""
+    """Maximum pixels of all views of a result together, and maximum samples of a mesh for them."""
 
-    # What a worker process may use
+    # Limits on a worker process
 
     job_seconds: float = _number(300.0, 0.1, 86_400.0)
-    """Seconds after which a reconstruction that still runs is stopped."""
+    """Seconds after which a running reconstruction is stopped."""
     worker_cpu_seconds: int = _number(3600, 1, 864_000)
-    """Most seconds of processor time, of all cores together, that one reconstruction may take."""
+    """Maximum processor seconds of one reconstruction, summed over all cores."""
     worker_memory_bytes: int = _number(4 * 2**30, 2**30, _MOST)
-    """Most bytes of address space of a worker process (RLIMIT_AS). Programs and what threads set aside count,
-    too: machines of very many cores need more."""
+    """Maximum bytes of address space of a worker process (RLIMIT_AS). Libraries and thread stacks count too, so that
+    machines with very many cores need more."""
     worker_file_bytes: int = _number(2 * 2**30, 2**20, _MOST)
-    """Most bytes in a file that a worker process writes, so in a result (RLIMIT_FSIZE)."""
+    """Maximum bytes of a file that a worker process writes, and so of a result (RLIMIT_FSIZE)."""
     worker_jobs: int = _number(1000, 1, 1_000_000)
-    """Reconstructions after which a worker process is replaced by a new one."""
+    """Number of reconstructions after which a worker process is replaced by a new one."""
 
-    # Who may ask, and what is told
+    # Access, logs and metrics
 
-    api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_listed)] = ()
-    """Keys, with commas between them, one of which a request must bring as `Authorization: Bearer KEY` or `X-API-Key`;
-    none: anyone may ask."""
-    cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed)] = ()
-    """Web pages' origins, such as https://example.org, with commas between them, whose scripts may ask; none: no
-    other's."""
+    api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
+    """API keys, separated by commas. A request must send one of them as `Authorization: Bearer KEY` or `X-API-Key`.
+    Default: no key is needed."""
+    cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
+    """Origins of web pages whose scripts may use the API, such as https://example.org, separated by commas. Default:
+    none."""
     log_format: Literal["text", "json"] = "text"
-    """`text`, or `json` for one object a line."""
+    """Format of log lines: `text`, or `json` with one object per line."""
     metrics_port: int = _number(0, 0, 65535)
-    """Port on which `ciir worker` shows its metrics, on all addresses; 0: it doesn't. The web process has them at
+    """Port on which `ciir worker` serves its metrics, on all addresses; 0: none. The web process serves its own at
     /metrics."""
 
     def find_folder(self) -> Path:
-        """The folder of the server's jobs. Raises `InvalidOption` where none is named and no cache folder is known."""
+        """The folder of jobs. Raises `InvalidOption` if it is not set and there is no cache folder."""
         if self.folder is not None:
             return self.folder
-        kept = cache_folder.folder()
-        if kept is None:
-            raise InvalidOption(f"{PREFIX}FOLDER: this user has no home to keep jobs in; name a folder")
-        return kept / "service"
+        cache = cache_folder.folder()
+        if cache is None:
+            raise InvalidOption(f"{PREFIX}FOLDER: not set, and this user has no home folder; name a folder")
+        return cache / "service"
 
     @property
     def limits(self) -> Limits:
-        """What an input may hold, as `renderer` wants to be told."""
+        """Limits on an input."""
         return Limits(
             files=self.max_files,
             bytes=self.max_unpacked_bytes,
@@ -161,13 +162,10 @@ class Settings(BaseSettings):
 
 
 def read_settings() -> Settings:
-    """The settings of the environment; `InvalidOption` in place of what pydantic says.
-
-    Names that begin as settings do and are none, most likely misspelt, are told in the log.
-    """
+    """Settings of the environment. Raises `InvalidOption`; logs a warning for unknown names that begin with `CIIR_`."""
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
-        _log.warning("%s is set, and there is no such setting; `ciir serve --show-settings` lists them", name)
+        _log.warning("%s is set, but is no setting; `ciir serve --show-settings` lists all", name)
     try:
         return Settings()
     except ValidationError as error:
@@ -175,25 +173,26 @@ def read_settings() -> Settings:
         given = os.environ.get(f"{PREFIX}{name.upper()}", "")
         raise InvalidOption(
             f"{PREFIX}{name.upper()}: {hide_secrets(given)[:80]!r} is not {describe_values(name)}; "
-            f"set that, or unset it for the default of {Settings.model_fields[name].default!r}"
+            f"set one, or unset it for the default {Settings.model_fields[name].default!r}"
         ) from error
 
 
 def unset_secrets() -> None:
-    """Takes the API keys and the queue's password out of this process's environment: processes that it starts from now
-    on, which read what strangers send, don't have them.
+    """Removes the API keys and the queue's address, which can hold a password, from the environment.
+
+    Processes that are started later and decode untrusted input then do not have them.
     """
     for name in ("API_KEYS", "QUEUE"):
         os.environ.pop(f"{PREFIX}{name}", None)
 
 
 def hide_secrets(address: str) -> str:
-    """`address` to be shown: without a user's name, a password, or what stands behind a question mark."""
+    """`address` without user name, password and query."""
     return re.sub(r"(://.*\?).*", r"\1...", re.sub(r"//[^/]*@", "//...@", address))
 
 
 def describe_values(name: str) -> str:
-    """What the setting `name` may be, in words: `a whole number from 0 to 64`."""
+    """The values that the setting `name` can have, such as `a whole number from 0 to 64`."""
     field = Settings.model_fields[name]
     if get_origin(field.annotation) is Literal:
         return " or ".join(get_args(field.annotation))
@@ -203,13 +202,13 @@ def describe_values(name: str) -> str:
         )
         form = "" if field.annotation is int else "g"
         return f"a {'whole ' if field.annotation is int else ''}number from {least:{form}} to {most:{form}}"
-    return _WORDS[name]
+    return _VALUES[name]
 
 
-_WORDS = {
+_VALUES = {
     "folder": "a folder's path",
     "queue": "empty, or the address of a Redis server such as redis://localhost:6379/0",
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
-    "api_keys": "keys with commas between them",
-    "cors_origins": "origins with commas between them",
+    "api_keys": "keys separated by commas",
+    "cors_origins": "origins separated by commas",
 }

@@ -1,1 +1,1 @@
-"""HTTP in front of jobs: it reads forms, asks for jobs and sends results, and never decodes what clients send."""
+"""The HTTP API: it takes requests in, hands them over as jobs and sends results; it decodes no input itself."""

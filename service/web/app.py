@@ -1,4 +1,4 @@
-"""The HTTP API, put together. Nothing is decoded, rendered or upscaled in this process: see `service.jobs.engine`."""
+"""The HTTP application. Worker processes do all decoding, rendering and upscaling: see `service.jobs.engine`."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ EXPOSED = (
     "X-Reconstruction-Id",
     "X-Request-Id",
 )
-"""Headers that scripts of other origins may read, where those are let in."""
+"""Response headers that scripts of allowed origins may read."""
 
 
 def create_app(settings: Settings | None = None, engine: Engine | None = None) -> FastAPI:
-    """The application; `settings` come from the environment where None is given, and make the engine.
+    """Makes the application. `settings`: from the environment if None; `engine`: made from the settings if None.
 
-    The application's lifespan starts and closes the engine. `app.state.service` is what the routes share.
+    The application's lifespan starts and closes the engine. `app.state.service` is the state that the routes share.
     """
     settings = settings or Settings()
     metrics = engine.metrics if engine is not None else Metrics()
@@ -53,10 +53,10 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         docs_url=None,
         redoc_url=None,
         lifespan=_lifespan,
-        # Exports where OTEL_EXPORTER_OTLP_ENDPOINT is set.
+        # Exports if OTEL_EXPORTER_OTLP_ENDPOINT is set.
         telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in UNLOGGED_PATHS},
     )
-    app.openapi_version = "3.0.3"  # the newest that the Swagger UI of swagger-ui-bundle shows
+    app.openapi_version = "3.0.3"  # the newest version that the Swagger UI of swagger-ui-bundle supports
     app.state.service = state
     app.add_middleware(BodyLimit, limits={results.ROOT: settings.max_body_bytes}, seconds=settings.body_seconds)
     if settings.cors_origins:
@@ -69,7 +69,7 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         )
     app.add_middleware(RequestTracking, metrics=metrics)
     problems.add_handlers(app)
-    app.add_exception_handler(reconstructions.NoNews, _no_news)
+    app.add_exception_handler(reconstructions.NoMoreEvents, _handle_no_more_events)
     key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
     app.include_router(operations.make_health_router(state))
     app.include_router(operations.make_router(state), dependencies=[key])
@@ -88,18 +88,18 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 class _Cors(CORSMiddleware):
-    """Starlette's, which refuses in plain text, made to refuse with a problem."""
+    """Starlette's CORS middleware, with problems in place of plain text."""
 
     def preflight_response(self, request_headers: Headers) -> Response:
-        """To what a browser asks before a script of another origin may."""
-        answer = super().preflight_response(request_headers)
-        if answer.status_code == 200:
-            return answer
-        headers = {name: value for name, value in answer.headers.items() if not name.startswith("content-")}
-        fault = bytes(answer.body).decode()
-        detail = f"{fault}; ask from an origin that CIIR_CORS_ORIGINS names, with a method and headers that /docs names"
-        return problems.respond_problem("", answer.status_code, detail, headers=headers)
+        """Answers the preflight request of a browser."""
+        response = super().preflight_response(request_headers)
+        if response.status_code == 200:
+            return response
+        headers = {name: value for name, value in response.headers.items() if not name.startswith("content-")}
+        cause = bytes(response.body).decode()
+        detail = f"{cause}; use an origin that CIIR_CORS_ORIGINS lists, and a method and headers that /docs lists"
+        return problems.respond_problem("", response.status_code, detail, headers=headers)
 
 
-async def _no_news(request: Request, error: Exception) -> Response:  # noqa: ARG001
+async def _handle_no_more_events(request: Request, error: Exception) -> Response:  # noqa: ARG001
     return Response(status_code=204)

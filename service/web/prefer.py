@@ -1,4 +1,4 @@
-"""The `Prefer` header (RFC 7240): whether a client waits for a result, and how long."""
+"""The `Prefer` header (RFC 7240): whether and how long a client waits for a result."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ _WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?$')
 
 @dataclass(frozen=True)
 class Preference:
-    """What of the header counts here; all else in it is ignored, as the RFC has it."""
+    """The preferences that the API supports; all others are ignored, as the RFC demands."""
 
     is_async: bool = False
-    """`respond-async` was given."""
+    """`respond-async` was sent."""
     wait: int | None = None
-    """Seconds; None where `wait` wasn't given, or is no whole number."""
+    """Seconds; None if `wait` was not sent or is no whole number."""
 
     @classmethod
     def parse(cls, headers: Iterable[str]) -> Preference:
-        """Of all `Prefer` headers of a request; the first of a kind counts."""
+        """Parses all `Prefer` headers of a request; the first preference of a name counts."""
         is_async, wait = False, None
         for preference in ",".join(headers).split(","):
-            word = preference.partition(";")[0].strip().lower()
-            found = _WAIT.match(word)
-            is_async = is_async or word == "respond-async"
-            wait = int(found[1]) if found and wait is None else wait
+            name = preference.partition(";")[0].strip().lower()
+            match = _WAIT.match(name)
+            is_async = is_async or name == "respond-async"
+            wait = int(match[1]) if match and wait is None else wait
         return cls(is_async, wait)
 
-    def wait_seconds(self, most: float) -> float:
-        """How long to wait, where the server waits for `most` seconds."""
+    def wait_seconds(self, limit: float) -> float:
+        """How long to wait on a server that waits at most `limit` seconds."""
         if self.wait is None:
-            return 0.0 if self.is_async else most
-        return min(float(self.wait), most)
+            return 0.0 if self.is_async else limit
+        return min(float(self.wait), limit)
 
-    def format_applied(self, most: float) -> str:
-        """`Preference-Applied`: what was done as it was asked for; empty for nothing."""
-        done = ["respond-async"] if self.is_async else []
-        if self.wait is not None and self.wait <= most:
-            done.append(f"wait={self.wait}")
-        return ", ".join(done)
+    def format_applied(self, limit: float) -> str:
+        """The value of `Preference-Applied`: the preferences that were followed; empty if none."""
+        applied = ["respond-async"] if self.is_async else []
+        if self.wait is not None and self.wait <= limit:
+            applied.append(f"wait={self.wait}")
+        return ", ".join(applied)

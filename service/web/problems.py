@@ -1,7 +1,8 @@
-"""Every error of the HTTP API in one shape: RFC 9457 problem details, `application/problem+json`."""
+"""Errors of the HTTP API: RFC 9457 problem details, `application/problem+json`."""
 
 from __future__ import annotations
 
+import logging
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
@@ -27,25 +28,26 @@ SCHEMA: dict[str, Any] = {
     "type": "object",
     "required": ["type", "title", "status", "detail", "instance"],
     "properties": {
-        "type": {"type": "string", "description": "urn:ciir:... for our own faults, about:blank for HTTP's"},
-        "title": {"type": "string", "description": "the same for every fault of the type"},
+        "type": {"type": "string", "description": "urn:ciir:... for errors of ciir, about:blank for those of HTTP"},
+        "title": {"type": "string", "description": "the same for all errors of the type"},
         "status": {"type": "integer"},
         "detail": {"type": "string", "description": "one line: what was given, the limit, the remedy"},
-        "instance": {"type": "string", "description": "the path that was asked for"},
+        "instance": {"type": "string", "description": "the path of the request"},
     },
 }
-"""The shape, for OpenAPI."""
+"""JSON schema of a problem, for OpenAPI."""
 _DETAILS = {
-    404: "nothing is here; GET /docs lists what is",
-    405: "this path takes another method; the Allow header names it",
-    500: "the server is at fault; its log says more",
+    404: "nothing is here; GET /docs lists the routes",
+    405: "this path does not support the method; the Allow header lists those that it does",
+    500: "an error of the server; its log has the details",
 }
 RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
+_log = logging.getLogger("ciir")
 
 
 def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
-    """A problem at `path`, as `SCHEMA` has it; without a `title` it is HTTP's own, of the type about:blank."""
+    """A problem at `path` as `SCHEMA` describes it; without a `title` it is HTTP's own, of the type about:blank."""
     return {
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,
@@ -55,76 +57,71 @@ def describe_problem(path: str, status: int, detail: str, title: str | None = No
     }
 
 
-def describe_job_problem(found: Problem, path: str) -> dict[str, Any]:
-    """The problem of a job that failed."""
-    return describe_problem(path, found.status, found.detail, found.title)
+def describe_job_problem(problem: Problem, path: str) -> dict[str, Any]:
+    """The problem of a failed job."""
+    return describe_problem(path, problem.status, problem.detail, problem.title)
 
 
 def respond_problem(
-    path: str,
-    status: int,
-    detail: str,
-    *,
-    title: str | None = None,
-    headers: Mapping[str, str] | None = None,
+    path: str, status: int, detail: str, *, title: str | None = None, headers: Mapping[str, str] | None = None
 ) -> JSONResponse:
-    """`content` as an answer."""
-    return JSONResponse(describe_problem(path, status, detail, title), status, headers, MEDIA_TYPE)
+    """A response with that problem; 503 gets a `Retry-After`."""
+    again = {"Retry-After": RETRY_SECONDS} if status == 503 else {}
+    return JSONResponse(describe_problem(path, status, detail, title), status, again | dict(headers or {}), MEDIA_TYPE)
 
 
 def respond_error(error: Error, path: str) -> JSONResponse:
-    """The problem that reports `error`."""
+    """The response that reports `error`; the details of an error of the server go to its log only."""
     row = find_response(error)
-    detail = str(error) if row.status != 500 else _DETAILS[500]
-    headers = {"Retry-After": RETRY_SECONDS} if row.status == 503 else None
-    if isinstance(error, QueueFull):
-        headers = {"Retry-After": str(error.retry_after)}
+    detail = str(error)
+    if row.status == 500:
+        _log.error("%s: %s", type(error).__name__, detail)
+        detail = _DETAILS[500]
+    headers = {"Retry-After": str(error.retry_after)} if isinstance(error, QueueFull) else None
     return respond_problem(path, row.status, detail, title=row.title, headers=headers)
 
 
-def respond_job_problem(found: Problem, path: str) -> JSONResponse:
-    """The same as an answer."""
-    headers = {"Retry-After": RETRY_SECONDS} if found.status == 503 else None
-    return JSONResponse(describe_job_problem(found, path), found.status, headers, MEDIA_TYPE)
+def respond_job_problem(problem: Problem, path: str) -> JSONResponse:
+    """The response that reports why a job failed."""
+    return respond_problem(path, problem.status, problem.detail, title=problem.title)
 
 
 def respond_server_error(path: str) -> JSONResponse:
-    """The problem where nobody foresaw what went wrong: of that the log alone says more."""
+    """The response to an exception that nothing handled; only the log has the details."""
     return respond_problem(path, 500, _DETAILS[500])
 
 
-async def _error(request: Request, error: Exception) -> JSONResponse:
+def add_handlers(app: FastAPI) -> None:
+    """Makes `app` report errors as problems; `middleware.tracking` reports exceptions that no handler is for."""
+    app.add_exception_handler(Error, _handle_error)
+    app.add_exception_handler(HTTPException, _handle_http)
+    app.add_exception_handler(ClientDisconnect, _handle_disconnect)
+
+
+async def _handle_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, Error)  # noqa: S101 - registered for no other class
     return respond_error(error, request.url.path)
 
 
-async def _http(request: Request, error: Exception) -> JSONResponse:
+async def _handle_http(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)  # noqa: S101 - registered for no other class
     detail = error.detail
-    if detail == HTTPStatus(error.status_code).phrase:  # the framework's own words, which say nothing new
+    if detail == HTTPStatus(error.status_code).phrase:  # the framework's default, which only repeats the title
         detail = _DETAILS.get(error.status_code, detail)
-    headers = _allow(request) if error.status_code == 405 else error.headers
+    headers = _list_methods(request) if error.status_code == 405 else error.headers
     return respond_problem(request.url.path, error.status_code, detail, headers=headers)
 
 
-def _allow(request: Request) -> dict[str, str]:
-    """`Allow` with the methods of all routes at the path; the framework names those of one alone."""
-    found = [
+def _list_methods(request: Request) -> dict[str, str]:
+    """`Allow` with the methods of all routes at the path; the framework lists those of one route only."""
+    methods = [
         method
         for method in METHODS
         if any(route.matches({**request.scope, "method": method})[0] is Match.FULL for route in request.app.routes)
     ]
-    return {"Allow": ", ".join(found or ("GET", "HEAD"))}  # the latter: of a folder of files, where no route matches
+    return {"Allow": ", ".join(methods or ("GET", "HEAD"))}  # no route matches below a mounted folder of files
 
 
-async def _gone(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
-    """Nobody is left to read it, and nothing went wrong here: no traceback in the log."""
-    return respond_problem(request.url.path, 400, "the client left before its request was whole; send it again")
-
-
-def add_handlers(app: FastAPI) -> None:
-    """Makes `app` answer every error as a problem, but for what nobody foresaw: see
-    `service.web.middleware.tracking`."""
-    app.add_exception_handler(Error, _error)
-    app.add_exception_handler(HTTPException, _http)
-    app.add_exception_handler(ClientDisconnect, _gone)
+async def _handle_disconnect(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
+    """Nobody reads this response; it prevents a traceback in the log."""
+    return respond_problem(request.url.path, 400, "the client disconnected before its request was complete")

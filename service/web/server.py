@@ -1,4 +1,8 @@
-"""uvicorn, made to drain before it stops: SIGTERM first ends what is admitted, then what runs, then the connections."""
+"""uvicorn's server with a drain before the shutdown.
+
+uvicorn's `timeout_graceful_shutdown` limits how long open responses may take after it stopped accepting connections.
+uvicorn has no setting to answer requests while running jobs finish, which `DrainingServer` does.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,15 @@ if TYPE_CHECKING:
 
 KEEP_ALIVE_SECONDS = 30
 CLOSING_SECONDS = 5
-"""After draining, how long answers that are on their way may take."""
+"""Time for open responses after the drain."""
 _log = logging.getLogger("ciir")
 
 
 class DrainingServer(uvicorn.Server):
-    """Goes on answering while it drains, /readyz with 503, and ends with exit status 0. A second signal kills it."""
+    """On the first signal the engine drains, while requests are answered and /readyz is 503; the exit status is 0.
+
+    A second signal kills the process.
+    """
 
     def __init__(self, app: FastAPI) -> None:
         self._state: ServiceState = app.state.service
@@ -48,22 +55,22 @@ class DrainingServer(uvicorn.Server):
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn does it."""
+        """Serves until the drain has ended."""
         self._loop = asyncio.get_running_loop()
         await super().serve(sockets)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
-        """Called by the signal, between two steps of the main thread."""
+        """Handles a signal, in the main thread."""
         if self._draining is None:
             self._state.engine.stop_accepting()
             self._draining = threading.Thread(target=self._drain, name="drain", daemon=True)
             self._draining.start()
         else:
             signal.signal(sig, signal.SIG_DFL)
-            os.kill(os.getpid(), sig)  # the workers die with this process, and the queue has all that it took in
+            os.kill(os.getpid(), sig)  # worker processes end with this one, and the queue keeps all accepted jobs
 
     def _drain(self) -> None:
-        _log.info("stopping: no new jobs; what runs has %g s to finish", self._state.settings.drain_seconds)
+        _log.info("stopping: running jobs have %g s to finish", self._state.settings.drain_seconds)
         try:
             self._state.engine.drain()
         finally:

@@ -1,4 +1,4 @@
-"""The client against a real server; what a server seldom answers, against a stand-in."""
+"""The client against a real server, and against canned responses for rare cases."""
 
 import io
 import json
@@ -38,18 +38,18 @@ def client(server):
         yield client
 
 
-def standing_in(*answers, **options):
-    """A client of a server that gives `answers`, one after another, and what it was asked."""
-    asked, left = [], list(answers)
+def make_client(*responses, **options):
+    """A client that gets `responses`, one after another, and the list of its requests."""
+    requests, remaining = [], list(responses)
 
-    def answer(request):
-        asked.append(request)
-        return left.pop(0)
+    def respond(request):
+        requests.append(request)
+        return remaining.pop(0)
 
-    return Client("http://server", transport=httpx2.MockTransport(answer), **options), asked
+    return Client("http://server", transport=httpx2.MockTransport(respond), **options), requests
 
 
-def problem(status, headers=None):
+def make_problem(status, headers=None):
     body = {"type": "about:blank", "title": "T", "status": status, "detail": "d", "instance": "/"}
     head = {"content-type": "application/problem+json"} | (headers or {})
     return httpx2.Response(status, headers=head, content=json.dumps(body))
@@ -66,9 +66,9 @@ def test_a_result(client, eia, tmp_path):
 
 def test_a_job(client, eia):
     job = client.submit(eia, views="all", format="npz", **FIELDS)
-    told = list(job.events())
-    assert [event.number for event in told] == list(range(len(told)))
-    assert (told[0].kind, told[-1].kind) == ("queued", "done")
+    events = list(job.events())
+    assert [event.number for event in events] == list(range(len(events)))
+    assert (events[0].kind, events[-1].kind) == ("queued", "done")
     result = job.result()
     assert (result.id, result.format) == (job.id, "npz")
     assert np.load(io.BytesIO(result.content))["views"].shape == (16, 6, 9, 3)
@@ -78,7 +78,7 @@ def test_a_job(client, eia):
     assert client.reconstruct(eia, views="all", format="npz", **FIELDS).content == result.content
 
 
-def test_faults_are_told_by_their_kind(client, eia, tmp_path):
+def test_errors_are_raised_by_class(client, eia, tmp_path):
     (tmp_path / "notes.txt").write_bytes(b"hello")
     with pytest.raises(InvalidInput, match=r"415 .*upload\.txt") as caught:
         client.reconstruct(tmp_path / "notes.txt")
@@ -87,9 +87,9 @@ def test_faults_are_told_by_their_kind(client, eia, tmp_path):
         client.submit(eia, lenses="5x9").result()
     with pytest.raises(InvalidInput, match="lense"):
         client.submit(eia, lense="6x9")
-    for ask in ("status", "result", "cancel"):
+    for method in ("status", "result", "cancel"):
         with pytest.raises(NotFound):
-            getattr(client_module.Job(client, "0" * 32), ask)()
+            getattr(client_module.Job(client, "0" * 32), method)()
     with pytest.raises(FileNotFoundError):
         client.reconstruct(tmp_path / "gone.png")
 
@@ -101,42 +101,42 @@ def test_models(client):
 @pytest.mark.parametrize(
     ("status", "kind"), [(401, Unauthorized), (409, NotDone), (410, NotFound), (500, ServiceError), (418, ServiceError)]
 )
-def test_other_faults(status, kind):
-    client, asked = standing_in(problem(status))
+def test_other_errors(status, kind):
+    client, requests = make_client(make_problem(status))
     with pytest.raises(kind, match=f"{status} T: d"):
         client.models()
-    assert len(asked) == 1
+    assert len(requests) == 1
 
 
-def test_what_is_no_server_of_ours():
-    client, _ = standing_in(httpx2.Response(502, text="<html>"))
-    with pytest.raises(ServiceError, match="no ciir server"):
+def test_a_response_of_another_server():
+    client, _ = make_client(httpx2.Response(502, text="<html>"))
+    with pytest.raises(ServiceError, match="not from a ciir server"):
         client.models()
 
 
 @pytest.mark.parametrize(("status", "kind"), [(429, QueueFull), (503, Unavailable)])
-def test_it_comes_again_when_it_is_told_to(monkeypatch, eia, status, kind):
+def test_requests_are_repeated_after_retry_after(monkeypatch, eia, status, kind):
     slept = []
     monkeypatch.setattr(client_module.time, "sleep", slept.append)
-    busy = [problem(status, {"retry-after": "7"}) for _ in range(3)]
-    client, asked = standing_in(*busy[:2], httpx2.Response(202, json={"id": "0" * 32}), retries=2)
+    busy = [make_problem(status, {"retry-after": "7"}) for _ in range(3)]
+    client, requests = make_client(*busy[:2], httpx2.Response(202, json={"id": "0" * 32}), retries=2)
     assert client.submit(eia).id == "0" * 32
     assert slept == [7, 7]
-    bodies = [request.read().partition(b"\r\n")[2] for request in asked]
-    assert all(eia.read_bytes() in body for body in bodies)  # the file is sent from its beginning each time
-    client, _ = standing_in(*busy, retries=2)
+    bodies = [request.read().partition(b"\r\n")[2] for request in requests]
+    assert all(eia.read_bytes() in body for body in bodies)  # the whole file is sent each time
+    client, _ = make_client(*busy, retries=2)
     with pytest.raises(kind) as caught:
         client.submit(eia)
     assert caught.value.retry_after == 7
 
 
-def test_the_key_goes_with_each_request():
-    client, asked = standing_in(httpx2.Response(200, json=[]), api_key="k")
+def test_the_key_is_sent():
+    client, requests = make_client(httpx2.Response(200, json=[]), api_key="k")
     client.models()
-    assert asked[0].headers["authorization"] == "Bearer k"
+    assert requests[0].headers["authorization"] == "Bearer k"
 
 
-def test_events_that_break_off_are_taken_up_again(monkeypatch):
+def test_a_broken_event_stream_is_resumed(monkeypatch):
     monkeypatch.setattr(client_module.time, "sleep", lambda seconds: None)
 
     class Breaks(httpx2.SyncByteStream):
@@ -146,29 +146,29 @@ def test_events_that_break_off_are_taken_up_again(monkeypatch):
 
     head = {"content-type": "text/event-stream"}
     rest = b': ping\n\nevent: running\ndata: {}\nid: 1\n\nevent: done\ndata: {"a": 1}\nid: 2\n\n'
-    client, asked = standing_in(
+    client, requests = make_client(
         httpx2.Response(200, headers=head, stream=Breaks()),
-        problem(503),
+        make_problem(503),
         httpx2.Response(200, headers=head, content=rest),
     )
-    told = list(client_module.Job(client, "0" * 32).events())
-    assert told == [Event(0, "queued", {}), Event(1, "running", {}), Event(2, "done", {"a": 1})]
-    assert [request.headers.get("last-event-id") for request in asked] == [None, "0", "0"]
-    client, _ = standing_in(problem(503), problem(503), retries=1)
+    events = list(client_module.Job(client, "0" * 32).events())
+    assert events == [Event(0, "queued", {}), Event(1, "running", {}), Event(2, "done", {"a": 1})]
+    assert [request.headers.get("last-event-id") for request in requests] == [None, "0", "0"]
+    client, _ = make_client(make_problem(503), make_problem(503), retries=1)
     with pytest.raises(Unavailable):
         list(client_module.Job(client, "0" * 32).events())
-    client, _ = standing_in(httpx2.Response(204))
+    client, _ = make_client(httpx2.Response(204))
     assert list(client_module.Job(client, "0" * 32).events()) == []
 
 
-def test_a_stream_that_ends_early_is_not_asked_for_in_haste(monkeypatch):
+def test_a_stream_that_ends_early_is_resumed_after_a_pause(monkeypatch):
     slept = []
     monkeypatch.setattr(client_module.time, "sleep", slept.append)
     head = {"content-type": "text/event-stream"}
-    client, asked = standing_in(
+    client, requests = make_client(
         httpx2.Response(200, headers=head, content=b"event: queued\ndata: {}\nid: 0\n\n"),
         httpx2.Response(200, headers=head, content=b": the server stops\n\n"),
         httpx2.Response(200, headers=head, content=b"event: done\ndata: {}\nid: 1\n\n"),
     )
     assert [event.kind for event in client_module.Job(client, "0" * 32).events()] == ["queued", "done"]
-    assert (len(asked), slept) == (3, [1.0, 1.0])
+    assert (len(requests), slept) == (3, [1.0, 1.0])

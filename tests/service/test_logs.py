@@ -16,37 +16,37 @@ def root():
     logging.captureWarnings(capture=False)
 
 
-def told(capsys, form, tell):
+def log(capsys, form, write):
     logs.configure(form)
-    tell()
+    write()
     return capsys.readouterr().err.splitlines()
 
 
 def test_text(root, capsys):
-    def tell():
+    def write():
         token = logs.REQUEST_ID.set("r-1")
         logging.getLogger("ciir.access").info("%s", "hello", extra={logs.FIELDS: {"status": 200}})
         logs.REQUEST_ID.reset(token)
-        logging.getLogger("ciir.service.jobs").info("of none")
+        logging.getLogger("ciir.service.jobs").info("no request")
         logging.getLogger("huey").info("a library's")
-        logging.getLogger("huey").warning("which is heard")
+        logging.getLogger("huey").warning("a warning")
 
-    lines = told(capsys, "text", tell)
+    lines = log(capsys, "text", write)
     assert [line.split(" ", 2)[2] for line in lines] == [
         "INFO ciir.access [r-1] hello",
-        "INFO ciir.service.jobs [-] of none",
-        "WARNING huey [-] which is heard",
+        "INFO ciir.service.jobs [-] no request",
+        "WARNING huey [-] a warning",
     ]
 
 
-def test_json_is_one_line_whatever_it_tells(root, capsys):
-    def tell():
+def test_json_is_one_line(root, capsys):
+    def write():
         try:
             int("two\nlines")
         except ValueError:
             logging.getLogger("ciir").exception("failed\nhere", extra={logs.FIELDS: {"status": 500}})
 
-    (line,) = told(capsys, "json", tell)
+    (line,) = log(capsys, "json", write)
     record = json.loads(line)
     assert {name: record[name] for name in ("level", "logger", "message", "request_id", "status")} == {
         "level": "ERROR",

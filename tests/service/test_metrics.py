@@ -30,7 +30,7 @@ def run(metrics, outcome):
     return CountingPool(Pool(outcome), metrics).run("work", progress=print, cancelled=threading.Event())
 
 
-def test_a_result_is_counted_and_passed_on():
+def test_a_result_is_counted():
     metrics, result = Metrics(), Result("png", 123, REPORT)
     assert run(metrics, result) is result
     assert run(metrics, Result("png", 1, {"timings_ms": {}, "plan": {"skipped": {"culled": 0.5}}})).size == 1
@@ -47,7 +47,7 @@ def test_a_result_is_counted_and_passed_on():
     assert found == [3, 124, 200, 100, 2, 2, 0]
 
 
-def test_what_fails_is_counted_by_how():
+def test_failures_are_counted_by_cause():
     metrics = Metrics()
     run(metrics, Problem(415, "T", "d"))
     with pytest.raises(KeyError):
@@ -62,7 +62,7 @@ def test_what_fails_is_counted_by_how():
     assert found == [1, 1, 0, 0]
 
 
-def test_each_process_or_server_has_its_own():
+def test_instances_do_not_share_counts():
     one, other = Metrics(), Metrics()
     one.sent.inc(5)
     assert values(one, "ciir_http_sent_bytes_total") == [5]

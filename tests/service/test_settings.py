@@ -1,4 +1,4 @@
-"""What the environment may say, and what is said of it."""
+"""Reading settings from the environment, and the errors for bad values."""
 
 import re
 from dataclasses import fields
@@ -15,12 +15,12 @@ NUMBERS = [name for name, field in Settings.model_fields.items() if field.annota
 
 
 @pytest.fixture(autouse=True)
-def nothing_is_set(monkeypatch):
+def unset_variables(monkeypatch):
     for name in Settings.model_fields:
         monkeypatch.delenv(f"CIIR_{name.upper()}", raising=False)
 
 
-def test_the_environment_is_read(monkeypatch, tmp_path):
+def test_settings_are_read_from_the_environment(monkeypatch, tmp_path):
     for name, value in {
         "CIIR_WORKERS": "3",
         "CIIR_SYNC_SECONDS": "0.5",
@@ -39,7 +39,7 @@ def test_the_environment_is_read(monkeypatch, tmp_path):
     assert "one" not in repr(found)
 
 
-def test_empty_is_not_set(monkeypatch):
+def test_an_empty_variable_counts_as_not_set(monkeypatch):
     for name in Settings.model_fields:
         monkeypatch.setenv(f"CIIR_{name.upper()}", "")
     assert settings.read_settings() == Settings()
@@ -48,7 +48,7 @@ def test_empty_is_not_set(monkeypatch):
 
 @pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_CORS_ORIGINS"])
 @pytest.mark.parametrize("value", [",", " ", " , ,"])
-def test_a_list_of_nothing_is_refused(monkeypatch, name, value):
+def test_an_empty_list_is_refused(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
     with pytest.raises(InvalidOption, match=f"{name}: {value!r} is not "):
         settings.read_settings()
@@ -64,11 +64,11 @@ def test_a_list_of_nothing_is_refused(monkeypatch, name, value):
         ("/srv/what?/a@b", "/srv/what?/a@b"),
     ],
 )
-def test_no_password_is_shown(address, shown):
+def test_secrets_are_hidden_in_addresses(address, shown):
     assert settings.hide_secrets(address) == shown
 
 
-def test_a_wrong_address_is_told_without_its_password(monkeypatch):
+def test_the_error_of_a_bad_address_hides_its_password(monkeypatch):
     monkeypatch.setenv("CIIR_QUEUE", "http://:swordfish@host")
     with pytest.raises(InvalidOption, match=r"//\.\.\.@host") as caught:
         settings.read_settings()
@@ -76,7 +76,7 @@ def test_a_wrong_address_is_told_without_its_password(monkeypatch):
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_the_least_and_the_most_are_allowed_and_nothing_beyond(monkeypatch, name):
+def test_numbers_are_limited(monkeypatch, name):
     least, most = re.fullmatch(r"a (?:whole )?number from (\S+) to (\S+)", settings.describe_values(name)).groups()
     for value in (least, most):
         monkeypatch.setenv(f"CIIR_{name.upper()}", value)
@@ -87,25 +87,25 @@ def test_the_least_and_the_most_are_allowed_and_nothing_beyond(monkeypatch, name
             settings.read_settings()
         line = str(caught.value)
         assert line.startswith(f"CIIR_{name.upper()}: '{value}' is not {settings.describe_values(name)}; ")
-        assert "default of" in line
+        assert "for the default" in line
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words"),
+    ("name", "value", "parts"),
     [
         ("CIIR_QUEUE", "http://localhost", "address of a Redis server"),
         ("CIIR_LOG_FORMAT", "xml", "text or json"),
         ("CIIR_WORKERS", "1.5", "whole number from 0 to 64"),
     ],
 )
-def test_what_is_none_of_them(monkeypatch, name, value, words):
+def test_bad_values_are_refused(monkeypatch, name, value, parts):
     monkeypatch.setenv(name, value)
-    with pytest.raises(InvalidOption, match=words) as caught:
+    with pytest.raises(InvalidOption, match=parts) as caught:
         settings.read_settings()
     assert "\n" not in str(caught.value)
 
 
-def test_a_misspelt_name_is_told(monkeypatch, caplog):
+def test_an_unknown_name_is_logged(monkeypatch, caplog):
     monkeypatch.setenv("CIIR_WORKER", "3")
     settings.read_settings()
     assert "CIIR_WORKER is set" in caplog.text
@@ -116,7 +116,7 @@ def test_a_misspelt_name_is_told(monkeypatch, caplog):
     assert caplog.text == ""
 
 
-def test_the_folder_of_jobs(monkeypatch, tmp_path):
+def test_the_default_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
     assert Settings().find_folder() == tmp_path / "service"
     monkeypatch.setattr(settings.cache_folder, "folder", lambda: None)
@@ -124,7 +124,7 @@ def test_the_folder_of_jobs(monkeypatch, tmp_path):
         Settings().find_folder()
 
 
-def test_every_limit_of_the_renderer_can_be_set():
+def test_every_limit_on_inputs_is_a_setting():
     assert Settings().limits == DEFAULT_LIMITS
     values = {
         "max_files": 2,
@@ -143,10 +143,10 @@ def test_every_limit_of_the_renderer_can_be_set():
 def test_every_setting_is_documented_and_used(name):
     assert len((Settings.model_fields[name].description or "").split()) > 3
     assert settings.describe_values(name)
-    asked = re.compile(rf"\b_?(?:settings|found)\.{name}\b")
+    used = re.compile(rf"\b_?(?:settings|found)\.{name}\b")
     own = re.compile(rf"\bself\.{name}\b")
     assert any(
-        asked.search(text) or (path.name == "settings.py" and own.search(text))
+        used.search(text) or (path.name == "settings.py" and own.search(text))
         for path in (ROOT / "service").rglob("*.py")
         if (text := path.read_text(encoding="utf-8"))
-    ), "nobody asks for it"
+    ), "no code reads it"

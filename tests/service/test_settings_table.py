@@ -6,7 +6,7 @@ from ciir.service.settings import Settings
 from tests.support.paths import ROOT
 
 
-def test_the_page_is_of_today():
+def test_the_page_is_current():
     path = ROOT / "docs" / "settings.md"
     assert path.read_text(encoding="utf-8") == settings_table.format_page(), (
         "python -m ciir.service.settings_table > docs/settings.md"
@@ -21,24 +21,24 @@ def test_every_setting_is_on_the_page_and_in_the_table():
 
 
 OTHERS = {
-    "renderer.readers.jpeg.MAX_SIDE": "what JPEG can hold that is written",
-    "renderer.backends.opengl.MAX_SIDE": "larger pictures are drawn by rays",
+    "renderer.readers.jpeg.MAX_SIDE": "the limit of the format, for writing",
+    "renderer.backends.opengl.MAX_SIDE": "larger pictures are rendered by Embree",
     "renderer.sampling.MAX_SAMPLES": "no request reaches it",
-    "renderer.readers.meshes.texture_files.MAX_NOTES": "what is told, and nothing of the input",
+    "renderer.readers.meshes.texture_files.MAX_NOTES": "limits the notes of a report",
 }
-"""Constants of that name that are no limits on what may be sent."""
+"""Constants of such names that do not limit input."""
 
 
-def test_every_limit_that_is_fixed_is_on_the_page():
+def test_every_fixed_limit_is_on_the_page():
     found = set()
     for folder in ("renderer", "service"):
         for path in (ROOT / folder).rglob("*.py"):
             names = re.findall(r"^(MAX_[A-Z_]+)\b.*=", path.read_text(encoding="utf-8"), re.MULTILINE)
             found |= {".".join([*path.relative_to(ROOT).with_suffix("").parts, name]) for name in names}
-    assert found - set(OTHERS) == {place for place in settings_table.FIXED if ".MAX_" in place}
+    assert found - set(OTHERS) == {place for place in settings_table.FIXED_LIMITS if ".MAX_" in place}
 
 
-def test_serve_shows_what_holds_and_no_secret(monkeypatch, capsys):
+def test_serve_shows_the_settings_without_secrets(monkeypatch, capsys):
     monkeypatch.setenv("CIIR_WORKERS", "5")
     monkeypatch.setenv("CIIR_API_KEYS", "swordfish,other")
     monkeypatch.setenv("CIIR_QUEUE", "redis://user:swordfish@example.org:6379/0")
@@ -53,7 +53,7 @@ def test_serve_shows_what_holds_and_no_secret(monkeypatch, capsys):
     assert "swordfish" not in shown
 
 
-def test_settings_that_are_out_of_range_are_told(monkeypatch, capsys):
+def test_serve_reports_a_setting_out_of_range(monkeypatch, capsys):
     monkeypatch.setenv("CIIR_WORKERS", "65")
     assert main(["serve", "--show-settings"]) == 2
     assert "CIIR_WORKERS: '65'" in capsys.readouterr().err

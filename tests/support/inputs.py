@@ -103,6 +103,6 @@ BAD_INPUTS = {
 """Description -> (file name, bytes, options, HTTP status, what the one line of the message must contain)."""
 
 
-def contains_all(line, words):
-    """Whether `line` contains each of `words`, in which `|` separates alternatives."""
-    return all(any(option in line for option in word.split("|")) for word in words)
+def contains_all(line, parts):
+    """Whether `line` contains each of `parts`, in which `|` separates alternatives."""
+    return all(any(option in line for option in part.split("|")) for part in parts)

@@ -38,7 +38,7 @@ def run_python(*argv: object, **options: Any) -> subprocess.CompletedProcess[str
 
 
 @contextmanager
-def run_ciir(log: Path, *words: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+def run_ciir(log: Path, *arguments: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
     """Runs `ciir` in the background, its output in `log`, its jobs beside it unless `CIIR_FOLDER` is given.
 
     SIGTERM ends it, and its exit status must be 0.
@@ -46,7 +46,7 @@ def run_ciir(log: Path, *words: str, **environment: str) -> Iterator[subprocess.
     environment = {"CIIR_FOLDER": str(log.with_name("service"))} | environment
     with log.open("wb") as output:
         process = subprocess.Popen(  # noqa: S603 - our own
-            [sys.executable, "-m", "ciir", *words], stdout=output, stderr=output, env=os.environ | environment
+            [sys.executable, "-m", "ciir", *arguments], stdout=output, stderr=output, env=os.environ | environment
         )
     try:
         yield process

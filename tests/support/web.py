@@ -62,8 +62,8 @@ def run_app(folder, **settings):
         yield client
 
 
-def check_problem(response, status, *words):
-    """Checks that `response` is a problem of that status whose `detail` has `words`; returns `detail`."""
+def check_problem(response, status, *parts):
+    """Checks that `response` is a problem of that status whose `detail` has `parts`; returns `detail`."""
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     body = response.json()
@@ -73,8 +73,8 @@ def check_problem(response, status, *words):
     assert body["type"] == "about:blank" or body["type"].startswith("urn:ciir:")
     assert body["title"]
     assert "\n" not in body["detail"]
-    for word in words:
-        assert word in body["detail"]
+    for part in parts:
+        assert part in body["detail"]
     return body["detail"]
 
 

@@ -1,1 +1,1 @@
-"""TODO"""
+"""What happens to every request and connection: limits, timeouts, API keys, ids and logs."""

@@ -1,4 +1,4 @@
-"""Optional API keys: one of them must come with a request, in one of two headers."""
+"""API keys: a request must send one of the server's, if it has any."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from starlette.exceptions import HTTPException
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable
 
-_BEARER = HTTPBearer(auto_error=False, description="where the server has keys (CIIR_API_KEYS)")
-_HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same, in a header of its own")
+_BEARER = HTTPBearer(auto_error=False, description="needed if the server has keys (CIIR_API_KEYS)")
+_HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same key in a header of its own")
 
 
 def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
-    """A dependency that raises `HTTPException` 401 unless one of `keys` was sent; with no keys it lets all pass.
+    """A dependency that raises `HTTPException` 401 unless a request sends one of `keys`; without keys it passes all.
 
-    How long it takes says nothing of the keys: digests are compared, all of them, in constant time.
+    Digests of all keys are compared in constant time, so that the duration does not depend on the keys.
     """
-    known = [sha256(key.encode()).digest() for key in keys]
+    digests = [sha256(key.encode()).digest() for key in keys]
 
     async def check(
         bearer: Annotated[HTTPAuthorizationCredentials | None, Security(_BEARER)],
         header: Annotated[str | None, Security(_HEADER)],
     ) -> None:
-        given = [key for key in (header, bearer.credentials if bearer is not None else None) if key is not None]
-        digests = [sha256(key.encode("latin-1")).digest() for key in given]  # as they came
-        matches = [hmac.compare_digest(digest, key) for digest in digests for key in known]
-        if known and not any(matches):
-            fault = "the API key is not known" if given else "no API key was sent"
+        sent = [key for key in (header, bearer.credentials if bearer is not None else None) if key is not None]
+        sent_digests = [sha256(key.encode("latin-1")).digest() for key in sent]  # the bytes as they were sent
+        matches = [hmac.compare_digest(one, digest) for one in sent_digests for digest in digests]
+        if digests and not any(matches):
+            cause = "the API key is not known" if sent else "no API key was sent"
             raise HTTPException(
                 401,
-                f"{fault}; send one of the server's as 'Authorization: Bearer KEY' or 'X-API-Key: KEY'",
+                f"{cause}; send one of the server's as 'Authorization: Bearer KEY' or 'X-API-Key: KEY'",
                 {"WWW-Authenticate": 'Bearer realm="ciir"'},
             )
 

@@ -1,7 +1,7 @@
-"""Limits on request bodies, in bytes and in time, that hold whether a length was declared or not.
+"""Limits on request bodies in bytes and in seconds, with and without a declared length.
 
-FastAPI's own `max_body_size` answers a declared length in plain text and a chunked one in JSON; here both are problems,
-and the connection is closed where the rest of a body would have to be read to find the next request.
+Starlette's `RequestBodyLimitMiddleware` (FastAPI's `max_body_size`) is not used: it answers in plain text and leaves
+the connection open, so that the rest of a refused body is read. No setting of it or of uvicorn limits a body's time.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LINGER_SECONDS = 1.0
-"""How long the rest of a refused body is read and thrown away. A client that is cut off while it still writes sees a
-broken connection in place of the answer."""
+"""How long the rest of a refused body is read and dropped: a client that is cut off while it writes would see a broken
+connection in place of the response."""
 OTHER_BYTES = 4096
-"""Most bytes of a body that is sent to where none is needed."""
+"""Maximum bytes of a body that is sent to a path without a limit of its own."""
 
 
 class BodyLimit:
-    """ASGI middleware: 413 before anything is read where the declared length is over the path's limit; in a chunked
-    body `TooLarge` from `receive` at the first byte over it, which the application answers as it answers any fault; and
-    `HTTPException` 408 from `receive` where the body isn't whole after `seconds`.
+    """ASGI middleware that limits request bodies.
 
-    An answer to a body that is not at its end closes the connection.
+    A declared length over the limit is answered with 413 before anything is read. For a chunked body `receive` raises
+    `TooLarge` at the first byte over the limit. After `seconds` `receive` raises `HTTPException` 408. A response to a
+    body that has not been read to its end closes the connection.
     """
 
     def __init__(self, app: ASGIApp, limits: Mapping[str, int], seconds: float) -> None:
-        """`limits`: most bytes, by path; `OTHER_BYTES` for all others."""
+        """`limits`: maximum bytes by path; `OTHER_BYTES` for all other paths."""
         self._app, self._limits, self._seconds = app, limits, seconds
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -52,41 +52,41 @@ class BodyLimit:
         read = 0
         end = anyio.current_time() + self._seconds
 
-        async def counted() -> Message:
+        async def receive_counted() -> Message:
             nonlocal read, is_read
-            if is_read:  # what comes now is that the client has left
+            if is_read:  # only the client's disconnect can follow
                 return await receive()
             with anyio.CancelScope(deadline=end) as waiting:
                 message = await receive()
             if waiting.cancelled_caught:
                 raise HTTPException(
                     408,
-                    f"the request's body was not whole after {self._seconds:g} s; send it quicker, or a smaller file",
+                    f"the request's body was not complete after {self._seconds:g} s; send a smaller file, or faster",
                 )
             read += len(message.get("body", b""))
             is_read = not message.get("more_body", False)
             if read > limit:
-                raise _fault(limit)
+                raise _make_error(limit)
             return message
 
-        async def answer(message: Message) -> None:
+        async def send_closing(message: Message) -> None:
             if message["type"] == "http.response.start" and not is_read:
-                if "expect" not in headers or read:  # or the client waits for a word before it sends the body
-                    await _drain(receive)
+                if "expect" not in headers or read:  # a client that sent Expect waits, and sends no body after a 413
+                    await _drop_rest(receive)
                 message["headers"] = [*message["headers"], (b"connection", b"close")]
             await send(message)
 
         if length > limit:
-            await problems.respond_error(_fault(limit), scope["path"])(scope, receive, answer)
+            await problems.respond_error(_make_error(limit), scope["path"])(scope, receive, send_closing)
         else:
-            await self._app(scope, counted, answer)
+            await self._app(scope, receive_counted, send_closing)
 
 
-def _fault(limit: int) -> TooLarge:
+def _make_error(limit: int) -> TooLarge:
     return TooLarge(f"the request's body is over the limit of {limit:,} bytes; send a smaller file")
 
 
-async def _drain(receive: Receive) -> None:
+async def _drop_rest(receive: Receive) -> None:
     with anyio.move_on_after(LINGER_SECONDS):
         while (await receive()).get("more_body", False):
             pass

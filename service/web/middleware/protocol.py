@@ -1,13 +1,13 @@
-"""uvicorn's HTTP/1.1 protocol for clients that can't be trusted to go on: each has a time in which to do its part.
+"""uvicorn's HTTP/1.1 protocol with timeouts for slow clients.
 
-uvicorn itself waits for ever for the end of a request's head, and for a client to take what is sent. How long a body
-may take is in `service.web.middleware.body_limit`, where an answer can still be given.
+uvicorn's settings limit the time between two requests (`timeout_keep_alive`) and the size of a head
+(`h11_max_incomplete_event_size`). It has none for how long a client may take to send a head or to read a response, and
+none for the response to what is not HTTP. How long a body may take: `service.web.middleware.body_limit`.
 """
 
 from __future__ import annotations
 
 import json
-from http import HTTPStatus
 from typing import TYPE_CHECKING, ClassVar
 from uuid import uuid4
 
@@ -21,66 +21,60 @@ if TYPE_CHECKING:
 
 
 class TimeoutProtocol(H11Protocol):
-    """Cuts a connection off `seconds` after a request's head was begun and is not whole, after the client stopped to
-    take its answer, and after it was closed here with bytes left that nobody takes. It answers what isn't HTTP with a
-    problem.
+    """Aborts a connection when the client takes longer than `seconds` for its part.
+
+    That is: to complete the head of a request, to read part of a response, or to read what is left when the connection
+    is closed. Bytes that are not HTTP are answered with a problem.
     """
 
     seconds: ClassVar[float] = 30.0
-    """Set in a subclass: see `within`."""
-    _head: asyncio.TimerHandle | None = None
-    _taking: asyncio.TimerHandle | None = None
+    """Set in a subclass by `make_protocol`."""
+    _head_timer: asyncio.TimerHandle | None = None
+    _write_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """A client is there, and its first head is awaited."""
+        """Starts the timer of the first head."""
         super().connection_made(transport)
-        self._head = self._timer()
+        self._head_timer = self._start_timer()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The end."""
-        _stop(self._head, self._taking)
+        """Stops the timers."""
+        _cancel(self._head_timer, self._write_timer)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """A part of a head or of a body."""
+        """Starts the timer of a head with its first byte, and stops it when the head is complete."""
         super().data_received(data)
         is_between_requests = self.cycle is None or self.cycle.response_complete
         if not is_between_requests:
-            _stop(self._head)
-            self._head = None
-        elif self._head is None:
-            self._head = self._timer()
+            _cancel(self._head_timer)
+            self._head_timer = None
+        elif self._head_timer is None:
+            self._head_timer = self._start_timer()
 
     def pause_writing(self) -> None:
-        """There is more to send than the client takes."""
+        """Starts a timer: the client reads more slowly than the server writes."""
         super().pause_writing()
-        self._taking = self._taking or self._timer()
+        self._write_timer = self._write_timer or self._start_timer()
 
     def resume_writing(self) -> None:
-        """The client took most of it."""
+        """Stops the timer: the client has read most of what was written."""
         super().resume_writing()
-        _stop(self._taking)
-        self._taking = None
+        _cancel(self._write_timer)
+        self._write_timer = None
 
     def timeout_keep_alive_handler(self) -> None:
-        """Nothing more was asked for."""
+        """Closes an idle connection; a timer aborts it if the client does not read the rest."""
         super().timeout_keep_alive_handler()
-        self._taking = self._taking or self._timer()
+        self._write_timer = self._write_timer or self._start_timer()
 
     def send_400_response(self, msg: str) -> None:
-        """What came is not HTTP: `msg` says so."""
-        if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):  # an answer is on its way already
+        """Answers bytes that are not HTTP with a problem, unless a response has begun."""
+        if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):
             self.transport.abort()
             return
-        body = json.dumps(
-            {
-                "type": "about:blank",
-                "title": HTTPStatus.BAD_REQUEST.phrase,
-                "status": 400,
-                "detail": f"{msg.rstrip('.')}; send HTTP/1.1 as RFC 9112 has it",
-                "instance": "",  # nobody knows what was asked for
-            }
-        ).encode()
+        detail = f"{msg.rstrip('.')}; send HTTP/1.1 as RFC 9112 defines it"
+        body = json.dumps(problems.describe_problem("", 400, detail)).encode()
         headers = [
             (b"content-type", problems.MEDIA_TYPE.encode()),
             (b"content-length", str(len(body)).encode()),
@@ -93,16 +87,16 @@ class TimeoutProtocol(H11Protocol):
             self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
 
-    def _timer(self) -> asyncio.TimerHandle:
+    def _start_timer(self) -> asyncio.TimerHandle:
         return self.loop.call_later(self.seconds, self.transport.abort)
 
 
-def _stop(*timers: asyncio.TimerHandle | None) -> None:
+def _cancel(*timers: asyncio.TimerHandle | None) -> None:
     for timer in timers:
         if timer is not None:
             timer.cancel()
 
 
 def make_protocol(seconds: float) -> type[TimeoutProtocol]:
-    """The protocol with that much patience."""
+    """A `TimeoutProtocol` with that timeout."""
     return type("TimeoutProtocol", (TimeoutProtocol,), {"seconds": seconds})

@@ -1,4 +1,4 @@
-"""What every request gets, whatever answers it: an id, security headers, a log line, and to be counted."""
+"""Id, security headers, log line and metrics of every request."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
-"""Headers of each answer that doesn't bring its own of that name."""
+"""Headers that a response gets unless it has one of the name."""
 UNLOGGED_PATHS = frozenset({"/healthz", "/readyz", "/metrics"})
-"""Asked for again and again by machines: counted, and not logged."""
+"""Paths that machines request at short intervals: counted, but not logged."""
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _log = logging.getLogger("ciir.access")
 
 
 class RequestTracking:
-    """The outermost ASGI middleware. What nobody foresaw is answered here with 500, and raised on to the log."""
+    """The outermost ASGI middleware. An exception that nothing else handles is answered with 500 and raised again."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self._app, self._metrics = app, metrics
@@ -43,19 +43,19 @@ class RequestTracking:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        begun = time.perf_counter()
+        start = time.perf_counter()
         given = Headers(scope=scope).get("x-request-id", "")
         id_ = given if _ID.fullmatch(given) else uuid4().hex
-        REQUEST_ID.set(id_)  # for this request's task, which ends with it
+        REQUEST_ID.set(id_)  # the context is that of this request's task, and ends with it
         status = sent = received = 0
 
-        async def counted() -> Message:
+        async def receive_counted() -> Message:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
             return message
 
-        async def answer(message: Message) -> None:
+        async def send_counted(message: Message) -> None:
             nonlocal status, sent
             if message["type"] == "http.response.start":
                 status = message["status"]
@@ -67,15 +67,15 @@ class RequestTracking:
             await send(message)
 
         try:
-            await self._app(scope, counted, answer)
+            await self._app(scope, receive_counted, send_counted)
         except Exception:
             if not status:
-                await problems.respond_server_error(scope["path"])(scope, receive, answer)
+                await problems.respond_server_error(scope["path"])(scope, receive, send_counted)
             raise
         finally:
-            self._tell(scope, status, time.perf_counter() - begun, received, sent)
+            self._record(scope, status, time.perf_counter() - start, received, sent)
 
-    def _tell(self, scope: Scope, status: int, seconds: float, received: int, sent: int) -> None:
+    def _record(self, scope: Scope, status: int, seconds: float, received: int, sent: int) -> None:
         method = scope["method"] if scope["method"] in problems.METHODS else "other"
         route = getattr(scope.get("route"), "path", None) or "other"
         self._metrics.requests.labels(method, route, str(status)).inc()
@@ -86,6 +86,6 @@ class RequestTracking:
         if path in UNLOGGED_PATHS:
             return
         milliseconds = round(1000 * seconds, 1)
-        told = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"
+        line = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"
         fields = {"method": method, "path": path, "status": status, "ms": milliseconds}
-        _log.info("%s", told, extra={FIELDS: fields | {"bytes_in": received, "bytes_out": sent}})
+        _log.info("%s", line, extra={FIELDS: fields | {"bytes_in": received, "bytes_out": sent}})

@@ -1,1 +1,1 @@
-"""TODO"""
+"""The routes of the HTTP API and what they share."""

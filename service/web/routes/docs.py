@@ -1,4 +1,4 @@
-"""/docs: Swagger's page, which needs no other server."""
+"""/docs: the page of Swagger UI, with all its files from this server."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from starlette.staticfiles import StaticFiles
 
 
 def add_docs(app: FastAPI) -> None:
-    """The page, and what it loads."""
+    """Adds the page and its files."""
     from swagger_ui_bundle import swagger_ui_path
 
     page = get_swagger_ui_html(
@@ -24,7 +24,7 @@ def add_docs(app: FastAPI) -> None:
         swagger_favicon_url="/docs/static/favicon-32x32.png",
     )
     html = bytes(page.body).decode()
-    policy = {"Content-Security-Policy": _policy(html)}
+    policy = {"Content-Security-Policy": _make_policy(html)}
     routes = APIRouter()
 
     @routes.get("/docs", include_in_schema=False)
@@ -35,8 +35,8 @@ def add_docs(app: FastAPI) -> None:
     app.mount("/docs/static", StaticFiles(directory=swagger_ui_path), name="docs-static")
 
 
-def _policy(html: str) -> str:
-    """What a browser may load for the page: its own files, and the scripts that stand in it, by their hash."""
+def _make_policy(html: str) -> str:
+    """The page's Content-Security-Policy: files of this server, and the page's inline scripts by their hashes."""
     scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     hashes = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
     return (

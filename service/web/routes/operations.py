@@ -1,4 +1,4 @@
-"""The routes for whoever runs the service, and the list of models."""
+"""Routes for operators, and the list of models."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 def make_health_router(state: ServiceState) -> APIRouter:
-    """What load balancers ask: open to everybody, and nothing that it tells is worth hiding."""
+    """Makes the health checks for load balancers, which need no API key."""
     routes = APIRouter()
 
     @routes.head("/healthz", include_in_schema=False)
-    @routes.get("/healthz", summary="Alive: the process answers", responses=openapi.describe_errors())
+    @routes.get("/healthz", summary="Alive: the process responds", responses=openapi.describe_errors())
     async def healthz() -> dict[str, str]:
         return {"status": "alive"}
 
     @routes.head("/readyz", include_in_schema=False)
     @routes.get(
         "/readyz",
-        summary="Ready: a worker answers with its models loaded, the queue is there, and the server isn't stopping",
+        summary="Ready: a worker has loaded its models, the queue can be reached, and the server is not stopping",
         responses=openapi.describe_errors(503),
     )
     async def readyz() -> dict[str, str]:
@@ -39,13 +39,13 @@ def make_health_router(state: ServiceState) -> APIRouter:
 
 
 def make_router(state: ServiceState) -> APIRouter:
-    """What needs a key, where there are keys."""
+    """Makes the routes that need an API key if the server has any."""
     routes = APIRouter()
 
     @routes.get(
         "/v1/models",
-        summary="The models that can be named, with their cards",
-        description=f"`default` is the one for single pictures. Where no model is named: {AUTO_TAKES}.",
+        summary="List of models with their cards",
+        description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_TAKES}.",
         responses=openapi.describe_errors(401),
     )
     def list_models() -> list[dict[str, Any]]:
@@ -53,7 +53,7 @@ def make_router(state: ServiceState) -> APIRouter:
 
     @routes.get(
         "/metrics",
-        summary="Counters for Prometheus",
+        summary="Metrics for Prometheus",
         response_class=Response,
         responses=openapi.describe_response(200, "Prometheus' text format", "text/plain")
         | openapi.describe_errors(401),

@@ -1,4 +1,4 @@
-"""A job as HTTP tells it: its status, and its result with the headers that go with it."""
+"""A job's status and its result as HTTP responses."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from fastapi import Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from ciir.renderer.writers.formats import FORMATS
+from ciir.service.jobs.job import FINAL
 from ciir.service.web import problems
 
 if TYPE_CHECKING:
@@ -20,47 +21,55 @@ if TYPE_CHECKING:
 
 ROOT = "/v1/reconstructions"
 CACHE = "private, no-cache"
-"""Of results: whoever asked may keep them, and asks with the tag whether they still are the same."""
+"""Of results: a client may keep them and ask with the ETag whether they have changed."""
 CHUNK = 2**18
-"""Bytes that are read of a result at once; one that is no larger is sent in one piece."""
+"""Bytes that are read from a result at once; a result that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
-"""`Retry-After` of a job that isn't done."""
+"""`Retry-After` while a job is not done."""
 STATUS_SCHEMA: dict[str, Any] = {
     "type": "object",
     "required": ["id", "state", "created", "attempts", "input", "options", "format", "events", "progress"],
     "properties": {
-        "id": {"type": "string", "pattern": "^[0-9a-f]{32}$", "description": "of what was asked for, by its content"},
+        "id": {
+            "type": "string",
+            "pattern": "^[0-9a-f]{32}$",
+            "description": "hash of the input, the options and the format",
+        },
         "state": {"type": "string", "enum": ["queued", "running", "done", "failed", "cancelled"]},
         "created": {"type": "string", "format": "date-time"},
-        "attempts": {"type": "integer", "minimum": 0, "description": "how often its work was begun"},
+        "attempts": {"type": "integer", "minimum": 0, "description": "how often it was started"},
         "input": {"type": "string", "description": "`upload` and the suffix of the file's name"},
-        "options": {"type": "object", "additionalProperties": {"type": "string"}, "description": "as they were given"},
-        "format": {"type": "string", "nullable": True, "description": "as asked for, then as it is"},
-        "events": {"type": "string", "description": "where it tells of itself, as server-sent events"},
+        "options": {"type": "object", "additionalProperties": {"type": "string"}, "description": "as they were sent"},
+        "format": {
+            "type": "string",
+            "nullable": True,
+            "description": "as requested; once the job is done, that of the result",
+        },
+        "events": {"type": "string", "description": "path of its server-sent events"},
         "progress": {
             "type": "object",
             "nullable": True,
-            "description": "stage, views_done, views: of the newest run's last word",
+            "description": "stage, views_done, views: the last progress of the current run",
         },
-        "result": {"type": "object", "description": "url, format, size in bytes; where it is done"},
+        "result": {"type": "object", "description": "url, format, size in bytes; if it is done"},
         "report": {
             "type": "object",
-            "description": "what was read and made, and how, but for its list of views; where it is done",
+            "description": "the report without its list of views; if it is done",
         },
-        "problem": problems.SCHEMA | {"description": "why it failed; where it did"},
+        "problem": problems.SCHEMA | {"description": "why it failed; if it has"},
     },
 }
-"""A job's status, for OpenAPI."""
+"""JSON schema of a job's status, for OpenAPI."""
 
 
 def make_url(job: Job) -> str:
-    """Where a job is."""
+    """The path of a job."""
     return f"{ROOT}/{job.id}"
 
 
 def describe_job(job: Job) -> dict[str, Any]:
-    """What `SCHEMA` describes."""
-    told: dict[str, Any] = {
+    """A job's status as `STATUS_SCHEMA` describes it."""
+    status: dict[str, Any] = {
         "id": job.id,
         "state": job.state,
         "created": datetime.fromtimestamp(job.created, UTC).isoformat(timespec="milliseconds"),
@@ -69,59 +78,61 @@ def describe_job(job: Job) -> dict[str, Any]:
         "options": job.request.options,
         "format": job.result.format if job.result is not None else job.request.format,
         "events": f"{make_url(job)}/events",
-        "progress": _progress(job),
+        "progress": _find_progress(job),
     }
     if job.result is not None:
-        told["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
-        told["report"] = job.result.report
+        status["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
+        status["report"] = job.result.report
     if job.problem is not None:
-        told["problem"] = problems.describe_job_problem(job.problem, make_url(job))
-    return told
+        status["problem"] = problems.describe_job_problem(job.problem, make_url(job))
+    return status
 
 
-def _progress(job: Job) -> dict[str, Any] | None:
-    """The last word of the newest run. Of a job that is done: all views, even where no event said so."""
+def _find_progress(job: Job) -> dict[str, Any] | None:
+    """The last progress of the current run; of a job that is done: all views."""
     if job.result is not None and "views" in job.result.report:
         count = len(job.result.report["views"])
         return {"stage": "encode", "views_done": count, "views": count}
     for event in reversed(job.events):
         if event.kind == "progress":
             return event.data
-        if event.kind in ("queued", "running"):  # what an earlier run had done is done anew
+        if event.kind in ("queued", "running"):  # earlier progress belongs to an earlier run
             break
     return None
 
 
 def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    """The status as an answer; one that will change says when to ask again."""
-    again = {"Retry-After": RETRY_SECONDS} if job.state in ("queued", "running") else {}
+    """The response with the status; `Retry-After` if it will change."""
+    again = {} if job.state in FINAL else {"Retry-After": RETRY_SECONDS}
     fixed = {"Cache-Control": "no-store", "X-Reconstruction-Id": job.id}
     return JSONResponse(describe_job(job), code, fixed | again | dict(headers or {}))
 
 
 def respond_unfinished(job: Job, path: str) -> JSONResponse:
-    """The problem of a result that was asked for and isn't there, for each state but `done`."""
+    """The problem that answers a request for the result of a job that is not done."""
     if job.problem is not None:
         return problems.respond_job_problem(job.problem, path)
     if job.state == "cancelled":
-        return problems.respond_problem(path, 409, "it was cancelled; post it again to have it made", title="Cancelled")
+        return problems.respond_problem(
+            path, 409, "the job was cancelled; post the input again to run it", title="Cancelled"
+        )
     headers = {"Retry-After": RETRY_SECONDS}
-    detail = f"it is {job.state}; ask again in a second, or follow {make_url(job)}/events"
+    detail = f"the job is {job.state}; ask again in a second, or follow {make_url(job)}/events"
     return problems.respond_problem(path, 409, detail, title="Not finished", headers=headers)
 
 
 def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
-    """The tag of the `If-None-Match` headers that names the result of the job `id_`; None where none does.
+    """The tag in the `If-None-Match` headers that matches the result of the job `id_`, or None.
 
-    By weak comparison (RFC 9110); `*`, which names any, is none of ours.
+    The comparison is weak (RFC 9110); `*` never matches.
     """
     tags = [tag.strip() for header in if_none_match for tag in header.split(",")]
     return next((tag for tag in tags if tag.removeprefix("W/") == f'"{id_}"'), None)
 
 
 def make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
-    """Of an answer that holds the result; `timings`: milliseconds by stage."""
-    # A report holds timings, so that two results of one id differ in them: a weak tag.
+    """The headers of a response with the result; `timings`: milliseconds by stage."""
+    # A report holds timings, which differ between two runs of one job: a weak tag.
     tag = f'W/"{job.id}"' if FORMATS[result.format].holds_report else f'"{job.id}"'
     return {
         "ETag": tag,
@@ -133,7 +144,7 @@ def make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict
 
 
 def respond_unchanged(tag: str) -> Response:
-    """304: the client has the result that `tag` names."""
+    """The response 304: the client has the result that `tag` names."""
     id_ = tag.removeprefix("W/").strip('"')
     kept = {"ETag": tag, "Content-Location": f"{ROOT}/{id_}/result", "X-Reconstruction-Id": id_}
     return Response(status_code=304, headers=kept | {"Cache-Control": CACHE})
@@ -142,11 +153,12 @@ def respond_unchanged(tag: str) -> Response:
 async def respond_with_result(
     jobs: Jobs, job: Job, result: Result, timings: Mapping[str, float] | None = None, *, is_head: bool = False
 ) -> Response:
-    """The result of a job that is done; `timings` are its own where None is given; `is_head`: nobody reads its bytes.
+    """The response with the result of a job that is done.
 
+    `timings`: milliseconds by stage; those of the job if None. `is_head`: respond to a HEAD, without a body.
     Raises `ResultExpired` or `QueueUnavailable`.
     """
-    file, start = await to_thread.run_sync(_opened, jobs, job.id)
+    file, start = await to_thread.run_sync(_open_result, jobs, job.id)
     fields = make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
     fields["Content-Disposition"] = f'attachment; filename="{job.id}.{result.format}"'
     media_type = FORMATS[result.format].media_type
@@ -157,10 +169,10 @@ async def respond_with_result(
     if is_head:
         file.close()
         return Response(headers=fields, media_type=media_type)
-    return StreamingResponse(_chunks(file, start), headers=fields, media_type=media_type)
+    return StreamingResponse(_read_chunks(file, start), headers=fields, media_type=media_type)
 
 
-def _opened(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:
+def _open_result(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:
     file = jobs.open_result(id_)
     try:
         return file, file.read(CHUNK)
@@ -169,7 +181,7 @@ def _opened(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:
         raise
 
 
-def _chunks(file: IO[bytes], start: bytes) -> Iterator[bytes]:
+def _read_chunks(file: IO[bytes], start: bytes) -> Iterator[bytes]:
     with file:
         chunk = start
         while chunk:

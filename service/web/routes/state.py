@@ -1,4 +1,4 @@
-"""What the routes share."""
+"""The state that the routes of one server share."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ServiceState:
-    """One server's."""
+    """Settings, engine and metrics of one server."""
 
     settings: Settings
     engine: Engine
     metrics: Metrics
     stopped: asyncio.Event = field(default_factory=asyncio.Event)
-    """Set once the server is drained: nobody need wait for a job that nobody here will do."""
+    """Set when the server has drained: no job will run here any more."""
 
     async def wait_for_change(self, job: Job) -> Job | None:
-        """`job` once more has happened to it; None where the server stopped before.
+        """Waits for the next event of `job` and returns the changed job, or None when the server has stopped.
 
-        Raises `LookupError` where it is gone, `QueueUnavailable` where the queue is.
+        Raises `LookupError` if the job is gone, `QueueUnavailable` without the queue.
         """
         change = asyncio.ensure_future(self.engine.jobs.wait_for_change(job.id, len(job.events)))
         stop = asyncio.ensure_future(self.stopped.wait())
@@ -40,6 +40,6 @@ class ServiceState:
 
 
 def _forget(change: asyncio.Task[Job]) -> None:
-    """Takes note of how it ended, where nobody waits for it any more; asyncio would complain that nobody did."""
+    """Retrieves the exception of a task that nothing awaits any more; asyncio would log that it was never retrieved."""
     if not change.cancelled():
         change.exception()

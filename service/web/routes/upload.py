@@ -1,4 +1,4 @@
-"""A reconstruction's multipart form: one file, the options by name, and the format of the answer."""
+"""The form of a reconstruction: a file, the options by name, and the format of the result."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ SCHEMA: dict[str, Any] = {
     }
     | {name: {"type": "string", "description": f"{HELP[name][0]}: {HELP[name][1]}"} for name in NAMES},
 }
-"""The form, for OpenAPI."""
+"""JSON schema of the form, for OpenAPI."""
 
 
 @dataclass(frozen=True)
 class Upload:
-    """What a client sent."""
+    """A parsed form."""
 
     name: str
-    """`upload`, and the suffix that the client's file name ends with: no more of it is used."""
+    """`upload` and the suffix of the client's file name; the rest of that name is not used."""
     file: BinaryIO
     size: int
     """Bytes."""
     options: Options
     texts: dict[str, str]
-    """The options as they were given."""
+    """The options as they were sent."""
     format: str | None
 
 
 def check_content_type(content_type: str | None) -> None:
-    """Raises `UnsupportedType` unless the body says that it is multipart/form-data."""
+    """Raises `UnsupportedType` unless the body is declared as multipart/form-data."""
     kind = (content_type or "").partition(";")[0].strip().lower()
     if kind != "multipart/form-data":
         given = repr(kind[:60]) if kind else "nothing"
@@ -56,7 +56,7 @@ def check_content_type(content_type: str | None) -> None:
 
 
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
-    """The form's parts in order. Raises `InvalidOption` where one is unknown, double, missing or out of range."""
+    """Parses the parts of a form. Raises `InvalidOption` for one that is unknown, repeated, missing or out of range."""
     upload: UploadFile | None = None
     texts: dict[str, str] = {}
     seen: set[str] = set()
@@ -70,22 +70,22 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
             upload = value
         elif isinstance(value, UploadFile):
             raise InvalidOption(f"{clean_text(name)}: a file; only {FILE!r} may be one, send this as a plain field")
-        elif value.strip() or name not in (*NAMES, FORMAT):  # a web form sends what was left empty too
+        elif value.strip() or name not in (*NAMES, FORMAT):  # web forms send empty fields too
             texts[name] = value
-    wanted = texts.pop(FORMAT, None)
+    format_ = texts.pop(FORMAT, None)
     unknown = sorted(set(texts) - set(NAMES))
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
-        raise InvalidOption(f"{listed}: no such field; known are {', '.join((FILE, FORMAT, *NAMES))}")
-    if wanted is not None:
-        check_format(wanted)
+        raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *NAMES))}")
+    if format_ is not None:
+        check_format(format_)
     options = Options.parse(texts)
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")
-    name = "upload" + _suffix(upload.filename or "")
-    return Upload(name, upload.file, upload.size or 0, options, texts, wanted)
+    name = "upload" + _find_suffix(upload.filename or "")
+    return Upload(name, upload.file, upload.size or 0, options, texts, format_)
 
 
-def _suffix(name: str) -> str:
+def _find_suffix(name: str) -> str:
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
     return suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""

@@ -1,4 +1,4 @@
-"""What holds for all routes together; each route is in a file of its own."""
+"""What holds for all routes; tests of single routes are in tests/service/web/routes."""
 
 import re
 from urllib.parse import quote
@@ -23,7 +23,7 @@ ROUTES = {
     ("GET", "/healthz"): {200},
     ("GET", "/readyz"): {200, 503},
 }
-"""What each can answer; beside it `default`, for what nobody foresaw."""
+"""Route -> all its documented statuses but `default`."""
 
 
 @pytest.mark.parametrize(("method", "path"), [*ROUTES, ("GET", "/docs"), ("GET", "/openapi.json")])
@@ -34,7 +34,7 @@ def test_another_method_is_a_problem(client, method, path):
     assert method in response.headers["allow"]
 
 
-def test_all_methods_of_a_path_are_named(client):
+def test_allow_lists_all_methods_of_a_path(client):
     for path, methods in {
         f"{POST}/{'0' * 32}": "GET, HEAD, DELETE",
         "/docs/static/swagger-ui.css": "GET, HEAD",
@@ -44,28 +44,28 @@ def test_all_methods_of_a_path_are_named(client):
 
 
 @pytest.mark.parametrize("path", ["/", "/v1", "/v1/nothing", "/docs/static/gone.js", "/docs/static/../app.py"])
-def test_nothing_there_is_a_problem(client, path):
+def test_an_unknown_path_is_a_problem(client, path):
     check_problem(client.get(path), 404, "/docs")
 
 
-def test_openapi_tells_every_route_and_every_status(client):
+def test_openapi_has_every_route_and_status(client):
     api = client.get("/openapi.json").json()
     assert api["openapi"].startswith("3.0")
-    told = {
+    documented = {
         (method.upper(), path): {int(status) for status in operation["responses"] if status != "default"}
         for path, item in api["paths"].items()
         for method, operation in item.items()
     }
-    assert told == ROUTES
+    assert documented == ROUTES
     for (method, path), statuses in ROUTES.items():
         responses = api["paths"][path][method.lower()]["responses"]
         assert set(responses["default"]["content"]) == {"application/problem+json"}
         for status in statuses & {400, 401, 404, 408, 409, 410, 413, 415, 422, 429, 503}:
             assert set(responses[str(status)]["content"]) == {"application/problem+json"}, (path, status)
-    assert '"null"' not in client.get("/openapi.json").text  # which OpenAPI 3.0 doesn't know
+    assert '"null"' not in client.get("/openapi.json").text  # not in OpenAPI 3.0
 
 
-def test_openapi_tells_every_field(client):
+def test_openapi_has_every_field(client):
     api = client.get("/openapi.json").json()
     form = api["paths"][POST]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
     assert set(form["properties"]) == {"file", "format", *NAMES}
@@ -74,7 +74,7 @@ def test_openapi_tells_every_field(client):
     assert headers == {"Prefer", "If-None-Match"}
 
 
-def test_docs_need_no_other_server(client):
+def test_docs_load_nothing_from_other_servers(client):
     response = client.get("/docs")
     page, policy = response.text, response.headers["content-security-policy"]
     assert "://" not in page
@@ -85,16 +85,16 @@ def test_docs_need_no_other_server(client):
     assert len(re.findall("'sha256-", policy)) == page.count("<script>") == 1
 
 
-def test_other_origins_are_let_in_only_where_they_are_named(client, tmp_path):
-    asks = {"Origin": "https://example.org", "Access-Control-Request-Method": "POST"}
-    assert "access-control-allow-origin" not in client.get("/healthz", headers=asks).headers
-    assert client.options(POST, headers=asks).status_code == 405
+def test_only_listed_origins_are_allowed(client, tmp_path):
+    preflight = {"Origin": "https://example.org", "Access-Control-Request-Method": "POST"}
+    assert "access-control-allow-origin" not in client.get("/healthz", headers=preflight).headers
+    assert client.options(POST, headers=preflight).status_code == 405
     with run_app(tmp_path, cors_origins="https://example.org,https://example.com") as other:
-        allowed = other.options(POST, headers=asks)
+        allowed = other.options(POST, headers=preflight)
         assert allowed.headers["access-control-allow-origin"] == "https://example.org"
-        exposed = other.get("/healthz", headers=asks).headers["access-control-expose-headers"]
+        exposed = other.get("/healthz", headers=preflight).headers["access-control-expose-headers"]
         assert {"ETag", "Location", "Retry-After"} <= set(exposed.split(", "))
-        refused = other.options(POST, headers=asks | {"Origin": "https://example.net"})
+        refused = other.options(POST, headers=preflight | {"Origin": "https://example.net"})
         assert "access-control-allow-origin" not in refused.headers
         assert (refused.status_code, refused.headers["content-type"]) == (400, "application/problem+json")
         assert refused.json()["detail"].startswith("Disallowed CORS origin; ")
@@ -106,7 +106,7 @@ HEADERS = (
     *("Range", "Traceparent", "Transfer-Encoding", "X-API-Key", "X-Request-Id"),
 )
 VALUES = st.one_of(
-    st.binary(max_size=40).map(lambda value: value.translate(None, b"\r\n\0")),  # what h11 lets through
+    st.binary(max_size=40).map(lambda value: value.translate(None, b"\r\n\0")),  # what h11 accepts
     st.sampled_from([b'W/"', b"respond-async, wait=99999999999", b"Bearer ", b"-1", b"multipart/form-data; boundary="]),
 )
 
@@ -117,7 +117,7 @@ VALUES = st.one_of(
     st.dictionaries(st.sampled_from(HEADERS), VALUES),
 )
 @settings(derandomize=True, deadline=None, max_examples=150)
-def test_nothing_in_a_path_or_a_header_is_a_fault_of_the_server(client, route, id_, headers):
+def test_no_path_or_header_causes_a_server_error(client, route, id_, headers):
     method, path = route
     response = client.request(method, path.format(id=quote(id_, safe="")), headers=headers)
     assert response.status_code < 500, response.text

@@ -1,4 +1,4 @@
-"""docs/http.md: its examples run as they stand, and its tables say what OpenAPI says."""
+"""docs/http.md: its examples run, and its tables agree with OpenAPI and the settings."""
 
 import re
 import shutil
@@ -18,14 +18,14 @@ TEXT = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
 DEFAULT = "http://127.0.0.1:8000"
 
 
-def blocks(language):
+def find_code(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
 
 
-def test_the_examples_for_curl(server, tmp_path):
+def test_the_shell_examples(server, tmp_path):
     if shutil.which("curl") is None:
         pytest.skip("curl is not installed here")
-    script = "set -euo pipefail\n" + "".join(blocks("sh")).replace(DEFAULT, server)
+    script = "set -euo pipefail\n" + "".join(find_code("sh")).replace(DEFAULT, server)
     done = subprocess.run(  # noqa: S603 - our own
         ["bash", "-c", script],  # noqa: S607
         cwd=tmp_path,
@@ -48,9 +48,9 @@ def test_the_examples_for_curl(server, tmp_path):
     assert "ciir_queue_up 1.0" in (tmp_path / "metrics.txt").read_text()
 
 
-def test_the_example_for_python(server, tmp_path):
+def test_the_python_example(server, tmp_path):
     (tmp_path / "mesh.off").write_bytes(CUBE)
-    (program,) = blocks("python")
+    (program,) = find_code("python")
     done = subprocess.run(  # noqa: S603 - our own
         [sys.executable, "-c", program.replace(DEFAULT, server)],
         cwd=tmp_path,
@@ -67,7 +67,7 @@ def test_the_example_for_python(server, tmp_path):
     assert "422 Invalid option: scale" in done.stdout
 
 
-def test_the_tables(server):
+def test_the_tables_agree_with_openapi(server):
     api = httpx2.get(f"{server}/openapi.json").json()
     routes = {
         (method.upper(), path): {int(status) for status in operation["responses"] if status != "default"}
@@ -76,15 +76,15 @@ def test_the_tables(server):
     }
     rows = re.findall(r"^\| `(GET|POST|DELETE) (/\S*)` \| ([\d ]+) \|", TEXT, re.MULTILINE)
     assert {(method, path): set(map(int, statuses.split())) for method, path, statuses in rows} == routes
-    told = {
+    listed = {
         int(status)
         for cell in re.findall(r"^\| (\d{3}(?:, \d{3})*) \|", TEXT, re.MULTILINE)
         for status in cell.split(", ")
     }
-    assert told == {status for statuses in routes.values() for status in statuses if status >= 400}
+    assert listed == {status for statuses in routes.values() for status in statuses if status >= 400}
 
 
-def test_it_names_what_there_is(server):
+def test_metrics_and_settings_exist(server):
     metrics = httpx2.get(f"{server}/metrics").text
     for name in set(re.findall(r"`(ciir_[a-z_]+)`", TEXT)):
         assert re.search(rf"^# TYPE {name}(_total)? ", metrics, re.MULTILINE), name

@@ -18,17 +18,17 @@ def read(body, content_type="multipart/form-data; boundary=b"):
     async def receive():
         return {"type": "http.request", "body": body, "more_body": False}
 
-    async def parts():
+    async def list_names():
         scope = {"type": "http", "method": "POST", "headers": [(b"content-type", content_type.encode())]}
         form = await multipart.read_form(Request(scope, receive))
         names = list(form)
         await form.close()
         return names
 
-    return asyncio.run(parts())
+    return asyncio.run(list_names())
 
 
-def test_whole_bodies():
+def test_complete_bodies():
     assert read(FILE + FIELD % b"all" + END) == ["file", "views"]
     assert read(END) == []
     assert read(FILE + b"--b--") == ["file"]
@@ -36,12 +36,12 @@ def test_whole_bodies():
 
 
 @pytest.mark.parametrize(
-    ("body", "fault", "remedy"),
+    ("body", "message", "remedy"),
     [
-        (FILE[:-3], "before its closing boundary", "the whole"),
-        (FILE, "before its closing boundary", "the whole"),
-        (FILE + FIELD[:20], "before its closing boundary", "the whole"),
-        (b"", "before its closing boundary", "the whole"),
+        (FILE[:-3], "before its closing boundary", "the whole body"),
+        (FILE, "before its closing boundary", "the whole body"),
+        (FILE + FIELD[:20], "before its closing boundary", "the whole body"),
+        (b"", "before its closing boundary", "the whole body"),
         (b"nonsense", "Invalid multipart data", "curl -F"),
         (FILE.replace(b"name=", b"nome=", 1).replace(b"; filename", b"; file") + END, "name", "curl -F"),
         (FILE + FILE + END, "Too many files.*1", "a zip"),
@@ -49,11 +49,11 @@ def test_whole_bodies():
         (FIELD % bytes(multipart.MAX_FIELD_BYTES + 1) + END, "maximum size of 64KB", "fewer views"),
     ],
 )
-def test_every_fault_has_a_remedy(body, fault, remedy):
+def test_every_error_has_a_remedy(body, message, remedy):
     with pytest.raises(HTTPException) as caught:
         read(body)
     assert caught.value.status_code == 400
-    assert caught.match(fault)
+    assert caught.match(message)
     assert remedy in caught.value.detail.partition("; ")[2]
 
 
@@ -67,9 +67,9 @@ def test_a_full_disk(monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(UploadFile, "write", write)
-    with pytest.raises(QueueUnavailable, match=r"no room.*make room"):
+    with pytest.raises(QueueUnavailable, match=r"no space.*make space"):
         read(FILE + END)
 
 
-def test_what_is_not_known_is_passed_on():
+def test_other_messages_are_kept():
     assert multipart.add_remedy("Something new.") == "Something new."

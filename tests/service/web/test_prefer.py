@@ -16,7 +16,7 @@ from ciir.service.web.prefer import Preference
         (["respond-asynchronously"], False, None),
     ],
 )
-def test_what_is_understood(given, is_async, wait):
+def test_parsing(given, is_async, wait):
     assert Preference.parse(given) == Preference(is_async, wait)
 
 
@@ -27,9 +27,9 @@ def test_what_is_understood(given, is_async, wait):
         (Preference(is_async=True), 0.0, "respond-async"),
         (Preference(is_async=True, wait=3), 3.0, "respond-async, wait=3"),
         (Preference(wait=0), 0.0, "wait=0"),
-        (Preference(wait=60), 8.0, ""),  # longer than the server waits for anybody
+        (Preference(wait=60), 8.0, ""),  # longer than the limit
     ],
 )
-def test_how_long_is_waited(preference, seconds, applied):
+def test_how_long_a_request_waits(preference, seconds, applied):
     assert preference.wait_seconds(8.0) == seconds
     assert preference.format_applied(8.0) == applied

@@ -1,4 +1,4 @@
-"""What SIGTERM does, over real sockets; the signal's handler is called, as signals come to the main thread alone."""
+"""SIGTERM, over real sockets. The handler is called directly, as only the main thread receives signals."""
 
 import io
 import os
@@ -23,58 +23,58 @@ POST = "/v1/reconstructions"
 FIELDS = {"lenses": "6x9", "model": "none"}
 
 
-class Served:
+class ServerThread:
     """A server in a thread."""
 
     def __init__(self, pool, settings, listener):
         self.pool = pool
-        self.server = DrainingServer(create_app(settings, Engine(settings, Metrics(), pool)))
+        self.uvicorn = DrainingServer(create_app(settings, Engine(settings, Metrics(), pool)))
         self.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
-        self.thread = threading.Thread(target=self.server.run, args=([listener],))
+        self.thread = threading.Thread(target=self.uvicorn.run, args=([listener],))
         self.thread.start()
 
     def terminate(self):
-        self.server.handle_exit(signal.SIGTERM, None)
+        self.uvicorn.handle_exit(signal.SIGTERM, None)
 
-    def ask(self, eia, answers):
-        """Posts in a thread, which puts the answer into `answers`."""
+    def post(self, eia, responses):
+        """Posts in a thread that adds the response to `responses`."""
         files = {"file": ("a.png", io.BytesIO(eia))}
-        asker = threading.Thread(
-            target=lambda: answers.append(httpx2.post(self.url + POST, files=files, data=FIELDS, timeout=60))
+        poster = threading.Thread(
+            target=lambda: responses.append(httpx2.post(self.url + POST, files=files, data=FIELDS, timeout=60))
         )
-        asker.start()
-        return asker
+        poster.start()
+        return poster
 
 
 @contextmanager
-def served(folder, **settings):
+def run_server(folder, **settings):
     found = Settings(folder=folder, **settings)
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        one = Served(ThreadPool(found), found, listener)
+        server = ServerThread(ThreadPool(found), found, listener)
         try:
-            wait_until(lambda: one.server.started)
-            yield one
+            wait_until(lambda: server.uvicorn.started)
+            yield server
         finally:
-            one.server.should_exit = True
-            one.thread.join(30)
-            assert not one.thread.is_alive()
+            server.uvicorn.should_exit = True
+            server.thread.join(30)
+            assert not server.thread.is_alive()
 
 
-def test_what_runs_is_finished(eia, tmp_path):
-    began, go = threading.Event(), threading.Event()
-    answers, streams = [], []
-    with served(tmp_path) as one:
-        one.pool.before = lambda work, progress, cancelled: (began.set(), go.wait(30))
-        asker = one.ask(eia, answers)
-        assert began.wait(30)
-        with httpx2.Client(base_url=one.url) as client:
+def test_running_jobs_are_finished(eia, tmp_path):
+    started, go = threading.Event(), threading.Event()
+    responses, streams = [], []
+    with run_server(tmp_path) as server:
+        server.pool.before = lambda work, progress, cancelled: (started.set(), go.wait(30))
+        poster = server.post(eia, responses)
+        assert started.wait(30)
+        with httpx2.Client(base_url=server.url) as client:
             assert client.get("/readyz").status_code == 200
-            id_ = next(iter(one.server._state.engine.jobs.queue.active.items())).partition(".")[0]
+            id_ = next(iter(server.uvicorn._state.engine.jobs.queue.active.items())).partition(".")[0]
             follower = threading.Thread(
-                target=lambda: streams.append(httpx2.get(f"{one.url}{POST}/{id_}/events", timeout=60).text)
+                target=lambda: streams.append(httpx2.get(f"{server.url}{POST}/{id_}/events", timeout=60).text)
             )
             follower.start()
-            one.terminate()
+            server.terminate()
             assert client.get("/readyz").status_code == 503
             assert "stopping" in client.get("/readyz").json()["detail"]
             refused = client.post(POST, files={"file": ("a.png", eia)}, data=FIELDS)
@@ -82,47 +82,47 @@ def test_what_runs_is_finished(eia, tmp_path):
             assert client.get("/healthz").status_code == 200
             assert client.get(f"{POST}/{id_}").json()["state"] == "running"
         go.set()
-        one.thread.join(30)
-        assert not one.thread.is_alive()
-        asker.join(30)
+        server.thread.join(30)
+        assert not server.thread.is_alive()
+        poster.join(30)
         follower.join(30)
-    assert [answer.status_code for answer in answers] == [200]
+    assert [response.status_code for response in responses] == [200]
     assert "event: running" in streams[0]
 
 
-def test_what_does_not_finish_in_time_is_done_by_the_next_server(eia, tmp_path):
-    began = threading.Event()
-    answers = []
+def test_unfinished_jobs_are_done_by_the_next_server(eia, tmp_path):
+    started = threading.Event()
+    responses = []
 
     def before(work, progress, cancelled):
-        began.set()
+        started.set()
         assert cancelled.wait(30)
         raise Cancelled
 
-    with served(tmp_path, drain_seconds=0) as one:
-        one.pool.before = before
-        asker = one.ask(eia, answers)
-        assert began.wait(30)
-        one.terminate()
-        one.thread.join(30)
-        assert not one.thread.is_alive()
-        asker.join(30)
-    assert answers[0].status_code == 202
-    with served(tmp_path) as one, httpx2.Client(base_url=one.url) as client:
-        place = answers[0].headers["location"]
+    with run_server(tmp_path, drain_seconds=0) as server:
+        server.pool.before = before
+        poster = server.post(eia, responses)
+        assert started.wait(30)
+        server.terminate()
+        server.thread.join(30)
+        assert not server.thread.is_alive()
+        poster.join(30)
+    assert responses[0].status_code == 202
+    with run_server(tmp_path) as server, httpx2.Client(base_url=server.url) as client:
+        place = responses[0].headers["location"]
         wait_until(lambda: client.get(place).json()["state"] == "done")
         assert client.get(f"{place}/result").status_code == 200
-        assert one.pool.runs == 1
+        assert server.pool.runs == 1
 
 
-def test_a_second_signal_does_not_wait(tmp_path, monkeypatch):
+def test_a_second_signal_kills(tmp_path, monkeypatch):
     killed = []
-    with served(tmp_path) as one:
-        monkeypatch.setattr(one.server._state.engine, "drain", threading.Event().wait)
+    with run_server(tmp_path) as server:
+        monkeypatch.setattr(server.uvicorn._state.engine, "drain", threading.Event().wait)
         monkeypatch.setattr(server_module.signal, "signal", lambda *given: killed.append(given))
         monkeypatch.setattr(server_module.os, "kill", lambda *given: killed.append(given))
-        one.terminate()
+        server.terminate()
         assert not killed
-        one.terminate()
+        server.terminate()
         assert killed == [(signal.SIGTERM, signal.SIG_DFL), (os.getpid(), signal.SIGTERM)]
         monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""OpenTelemetry: what goes to a collector where one is named, and what is said where it can't."""
+"""Export to an OpenTelemetry collector."""
 
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -13,10 +13,10 @@ from tests.support.web import run_app
 
 @pytest.fixture
 def collector():
-    """An address, and the paths and bodies of what was sent there."""
+    """The address of a collector, and the paths and bodies that it receives."""
     received = []
 
-    class Takes(BaseHTTPRequestHandler):
+    class Handler(BaseHTTPRequestHandler):
         def do_POST(self):
             body = self.rfile.read(int(self.headers["content-length"]))
             received.append((self.path, body))
@@ -26,7 +26,7 @@ def collector():
         def log_message(self, *_):
             """Nothing."""
 
-    with ThreadingHTTPServer(("127.0.0.1", 0), Takes) as server:
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield f"http://127.0.0.1:{server.server_address[1]}", received
@@ -40,15 +40,15 @@ def test_traces_go_to_the_collector(collector, tmp_path):
     settings = {"OTEL_EXPORTER_OTLP_ENDPOINT": url, "OTEL_EXPORTER_OTLP_COMPRESSION": "none", "CIIR_WORKERS": "0"}
     with run_server(tmp_path / "log", **settings, CIIR_SYNC_SECONDS="0") as server:
         files = {"file": ("a.png", EIA_PNG)}
-        answer = httpx2.post(f"{server.url}/v1/reconstructions", files=files, data={"lenses": "6x9"}, timeout=60)
-        assert answer.status_code == 202
+        response = httpx2.post(f"{server.url}/v1/reconstructions", files=files, data={"lenses": "6x9"}, timeout=60)
+        assert response.status_code == 202
     traces = b"".join(body for path, body in received if path == "/v1/traces")
     assert b"POST /v1/reconstructions" in traces
-    assert answer.headers["x-reconstruction-id"].encode() in traces
+    assert response.headers["x-reconstruction-id"].encode() in traces
     assert any(path == "/v1/metrics" for path, _ in received)
 
 
-def test_where_that_can_not_be_the_log_says_so(monkeypatch, tmp_path, caplog):
+def test_a_failed_configuration_is_logged(monkeypatch, tmp_path, caplog):
     monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", "http://127.0.0.1:9")
     monkeypatch.setenv("OTEL_EXPORTER_OTLP_PROTOCOL", "grpc")
     with run_app(tmp_path) as client:

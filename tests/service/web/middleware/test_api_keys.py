@@ -11,7 +11,7 @@ def guarded(tmp_path_factory):
         yield client
 
 
-def test_without_keys_all_are_let_in(client):
+def test_a_server_without_keys_is_open(client):
     assert client.get("/v1/models").status_code == 200
 
 
@@ -31,7 +31,7 @@ def test_with_a_key(guarded, headers):
 
 
 @pytest.mark.parametrize(
-    ("headers", "words"),
+    ("headers", "parts"),
     [
         ({}, "no API key"),
         ({"Authorization": "Basic first"}, "no API key"),
@@ -41,7 +41,7 @@ def test_with_a_key(guarded, headers):
         ({"Authorization": "Bearer first,zweiter-schlüssel"}, "not known"),
     ],
 )
-def test_without_one(guarded, headers, words):
+def test_without_a_key(guarded, headers, parts):
     given = {name: value.encode() for name, value in headers.items()}
     for method, path in [
         ("GET", "/v1/models"),
@@ -53,16 +53,16 @@ def test_without_one(guarded, headers, words):
         ("GET", f"{POST}/{'0' * 32}/events"),
     ]:
         response = guarded.request(method, path, headers=given)
-        check_problem(response, 401, words, "Bearer KEY")
+        check_problem(response, 401, parts, "Bearer KEY")
         assert response.headers["www-authenticate"].startswith("Bearer")
 
 
-def test_what_load_balancers_and_readers_ask_is_open(guarded):
+def test_health_and_docs_are_open(guarded):
     for path in ("/healthz", "/readyz", "/docs", "/openapi.json"):
         assert guarded.get(path).status_code == 200
 
 
-def test_it_is_checked_before_the_body_is_read(guarded):
+def test_the_key_is_checked_before_the_body_is_read(guarded):
     read = []
 
     def body():

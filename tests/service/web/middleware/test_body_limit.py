@@ -1,4 +1,4 @@
-"""In-process; over sockets in tests/service/test_server.py."""
+"""Body limits in this process; tests/service/web/test_over_sockets.py has those over sockets."""
 
 import anyio
 import pytest
@@ -9,8 +9,8 @@ from ciir.errors import TooLarge
 from ciir.service.web.middleware.body_limit import OTHER_BYTES, BodyLimit
 
 
-def ask(chunks, headers=(), *, path="/upload", seconds=60.0, read=True):
-    """What the middleware sends where the application reads all of the body, or none; `...` in `chunks`: never more."""
+def request(chunks, headers=(), *, path="/upload", seconds=60.0, read=True):
+    """Status and `Connection` of the response. A chunk `...`: nothing more arrives. `read`: the app reads the body."""
     sent = []
 
     async def receive():
@@ -44,29 +44,29 @@ def declared(size):
 
 
 def test_within_the_limit():
-    assert ask([bytes(10_000)], declared(10_000)) == (200, None)
-    assert ask([bytes(5_000), bytes(5_000)], CHUNKED) == (200, None)
-    assert ask([]) == (200, None)
+    assert request([bytes(10_000)], declared(10_000)) == (200, None)
+    assert request([bytes(5_000), bytes(5_000)], CHUNKED) == (200, None)
+    assert request([]) == (200, None)
 
 
-def test_over_it():
-    assert ask([bytes(10_001)], declared(10_001)) == (413, b"close")
+def test_over_the_limit():
+    assert request([bytes(10_001)], declared(10_001)) == (413, b"close")
     with pytest.raises(TooLarge, match="10,000"):
-        ask([bytes(5_000), bytes(5_001)], CHUNKED)
+        request([bytes(5_000), bytes(5_001)], CHUNKED)
 
 
-def test_elsewhere_it_is_small():
-    assert ask([bytes(OTHER_BYTES)], declared(OTHER_BYTES), path="/other") == (200, None)
-    assert ask([bytes(OTHER_BYTES + 1)], declared(OTHER_BYTES + 1), path="/other") == (413, b"close")
-
-
-@pytest.mark.parametrize("headers", [declared(100), CHUNKED])
-def test_a_body_that_nobody_read_closes_the_connection(headers):
-    assert ask([bytes(50), bytes(50)], headers, read=False) == (200, b"close")
+def test_other_paths_have_a_small_limit():
+    assert request([bytes(OTHER_BYTES)], declared(OTHER_BYTES), path="/other") == (200, None)
+    assert request([bytes(OTHER_BYTES + 1)], declared(OTHER_BYTES + 1), path="/other") == (413, b"close")
 
 
 @pytest.mark.parametrize("headers", [declared(100), CHUNKED])
-def test_a_body_that_does_not_come(headers):
-    with pytest.raises(HTTPException, match=r"not whole after 0\.05 s") as caught:
-        ask([bytes(50), ...], headers, seconds=0.05)
+def test_an_unread_body_closes_the_connection(headers):
+    assert request([bytes(50), bytes(50)], headers, read=False) == (200, b"close")
+
+
+@pytest.mark.parametrize("headers", [declared(100), CHUNKED])
+def test_a_body_that_does_not_arrive(headers):
+    with pytest.raises(HTTPException, match=r"not complete after 0\.05 s") as caught:
+        request([bytes(50), ...], headers, seconds=0.05)
     assert caught.value.status_code == 408

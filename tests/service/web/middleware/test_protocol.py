@@ -1,4 +1,4 @@
-"""Clients that don't do their part, over real sockets; how long they have is made short."""
+"""Slow and broken clients over real sockets, with short timeouts."""
 
 import json
 import socket
@@ -13,11 +13,11 @@ from ciir.service.web.middleware.protocol import make_protocol
 
 SECONDS = 0.3
 LARGE = 64 * 2**20
-"""More than the kernel's buffers take."""
+"""More than the kernel's socket buffers hold."""
 
 
 async def app(scope, receive, send):
-    """Answers with as many bytes as the path says, once it has the body."""
+    """Reads the body and responds with as many bytes as the path says."""
     while (await receive()).get("more_body", False):
         pass
     size = int(scope["path"].removeprefix("/"))
@@ -53,24 +53,23 @@ def connected(port):
         yield connection
 
 
-def is_cut_off(connection):
-    """Waits for the end of the connection, whichever way it comes."""
+def wait_for_end(connection):
+    """Waits for the end of the connection, orderly or not."""
     try:
         while connection.recv(2**16):
             pass
     except ConnectionError:
         pass
-    return True
 
 
 def drip(connection, text):
-    """Sends `text` a byte at a time, so slowly that it takes many times as long as is waited for it."""
+    """Sends `text` byte by byte, in many times the timeout."""
     for byte in text:
         connection.sendall(bytes([byte]))
         time.sleep(SECONDS / 8)
 
 
-def test_one_that_does_its_part(port):
+def test_a_good_client(port):
     with connected(port) as connection:
         for _ in range(2):
             connection.sendall(b"GET /3 HTTP/1.1\r\nHost: x\r\n\r\n")
@@ -80,37 +79,37 @@ def test_one_that_does_its_part(port):
             assert answer.startswith(b"HTTP/1.1 200")
 
 
-def test_one_that_says_nothing(port):
+def test_a_silent_client(port):
     with connected(port) as connection:
-        assert is_cut_off(connection)
+        wait_for_end(connection)
 
 
-def test_one_that_sends_its_head_a_byte_at_a_time(port):
+def test_a_slow_head(port):
     with connected(port) as connection, pytest.raises(ConnectionError):
         drip(connection, b"GET /3 HTTP/1.1\r\nHost: x\r\nX-Long: " + b"x" * 100)
 
 
-def test_one_that_does_so_with_its_second_request(port):
+def test_a_slow_head_of_a_second_request(port):
     with connected(port) as connection:
         connection.sendall(b"GET /3 HTTP/1.1\r\nHost: x\r\n\r\n")
         with pytest.raises(ConnectionError):
             drip(connection, b"GET /3 HTTP/1.1\r\nHost: x\r\nX-Long: " + b"x" * 100)
 
 
-def test_one_that_stops_reading(port):
+def test_a_client_that_stops_reading(port):
     with connected(port) as connection:
         connection.sendall(b"GET /%d HTTP/1.1\r\nHost: x\r\n\r\n" % LARGE)
-        with pytest.raises(ConnectionError):  # it is reset, as what it hasn't read can't be sent
+        with pytest.raises(ConnectionError):  # a reset, as the rest cannot be sent
             drip(connection, b"\r\n" * 50)
 
 
-def test_one_that_asks_for_nothing_more(port):
+def test_an_idle_client(port):
     with connected(port) as connection:
         connection.sendall(b"GET /3 HTTP/1.1\r\nHost: x\r\n\r\n")
-        assert is_cut_off(connection)
+        wait_for_end(connection)
 
 
-def test_one_that_speaks_something_else(port):
+def test_bytes_that_are_not_http(port):
     with connected(port) as connection:
         connection.sendall(b"\x16\x03\x01 nonsense\r\n\r\n")
         answer = b"".join(iter(lambda: connection.recv(2**16), b""))
@@ -121,7 +120,7 @@ def test_one_that_speaks_something_else(port):
     assert set(json.loads(body)) == {"type", "title", "status", "detail", "instance"}
 
 
-def test_one_whose_body_breaks_off_into_nonsense(port):
+def test_a_malformed_chunk(port):
     with connected(port) as connection:
         connection.sendall(b"POST /3 HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nabc\r\nnonsense\r\n")
         assert b"application/problem+json" in b"".join(iter(lambda: connection.recv(2**16), b""))

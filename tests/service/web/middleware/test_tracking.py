@@ -15,7 +15,7 @@ def lines(caplog):
 
 
 @pytest.mark.parametrize("path", ["/healthz", "/nothing", "/v1/models", "/v1/reconstructions/0", "/openapi.json"])
-def test_every_answer_has_an_id_and_security_headers(client, path):
+def test_every_response_has_an_id_and_security_headers(client, path):
     response = client.get(path, headers={"X-Request-Id": "mine-1"})
     assert response.headers["x-request-id"] == "mine-1"
     for name, value in SECURITY_HEADERS.items():
@@ -23,7 +23,7 @@ def test_every_answer_has_an_id_and_security_headers(client, path):
 
 
 @pytest.mark.parametrize("given", [None, "", "two words", "x" * 65, "ein\tTab", 'quote"', "${jndi:x}"])
-def test_an_id_that_is_none_is_replaced(client, given):
+def test_an_invalid_id_is_replaced(client, given):
     response = client.get("/healthz", headers={} if given is None else {"X-Request-Id": given})
     assert len(response.headers["x-request-id"]) == 32
     assert response.headers["x-request-id"] != client.get("/healthz").headers["x-request-id"]
@@ -32,7 +32,7 @@ def test_an_id_that_is_none_is_replaced(client, given):
 def test_every_request_is_one_line(client, lines):
     client.get("/v1/models?secret=1")
     client.get("/v1/%0aforged line")
-    client.get("/healthz")  # which machines ask for all the time
+    client.get("/healthz")  # not logged
     first, second = (record.getMessage() for record in lines())
     assert first.startswith("GET /v1/models 200 ")
     assert "secret" not in first
@@ -42,32 +42,32 @@ def test_every_request_is_one_line(client, lines):
 
 def test_lines_as_json(client, lines, eia):
     form = logs._Json()
-    told = []
+    entries = []
     handler = logging.Handler()
-    handler.emit = lambda record: told.append(json.loads(form.format(record)))
+    handler.emit = lambda record: entries.append(json.loads(form.format(record)))
     logger = logging.getLogger("ciir")
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
-        answer = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
+        response = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
-    assert {line["request_id"] for line in told} == {"r-1"}
-    access = next(line for line in told if line["logger"] == "ciir.access")
+    assert {line["request_id"] for line in entries} == {"r-1"}
+    access = next(line for line in entries if line["logger"] == "ciir.access")
     assert {name: access[name] for name in ("method", "path", "status", "bytes_out", "level")} == {
         "method": "POST",
         "path": "/v1/reconstructions",
         "status": 200,
-        "bytes_out": len(answer.content),
+        "bytes_out": len(response.content),
         "level": "INFO",
     }
-    job = next(line for line in told if line["logger"] == "ciir.jobs")
-    assert answer.headers["x-reconstruction-id"] in job["message"]
+    job = next(line for line in entries if line["logger"] == "ciir.jobs")
+    assert response.headers["x-reconstruction-id"] in job["message"]
 
 
-def test_what_nobody_foresaw_is_a_problem_with_an_id(client, eia, monkeypatch):
+def test_an_unexpected_exception_is_a_problem_with_an_id(client, eia, monkeypatch):
     def broken(*_, **__):
         raise KeyError("secret")
 

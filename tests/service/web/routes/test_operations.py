@@ -24,12 +24,12 @@ def test_not_ready_while_models_are_loaded(eia, tmp_path):
         assert client.get("/healthz").status_code == 200
         client.pool.ready = True
         assert client.get("/readyz").status_code == 200
-        client.pool.ready = False  # workers are being replaced: jobs wait for that in the queue
+        client.pool.ready = False  # workers are replaced: jobs wait in the queue
         check_problem(client.get("/readyz"), 503, "worker")
         assert post_file(client, data=eia, lenses="6x9", model="none").status_code == 200
 
 
-def test_a_server_that_drains(eia, tmp_path):
+def test_a_draining_server(eia, tmp_path):
     with run_app(tmp_path) as client:
         assert client.get("/readyz").status_code == 200
         client.engine.drain()
@@ -38,7 +38,7 @@ def test_a_server_that_drains(eia, tmp_path):
         assert client.get("/healthz").status_code == 200
 
 
-def test_a_server_without_workers_takes_jobs_in(eia, tmp_path):
+def test_a_server_without_workers_accepts_jobs(eia, tmp_path):
     with run_app(tmp_path, workers=0, sync_seconds=0) as client:
         assert client.get("/readyz").status_code == 200
         response = post_file(client, data=eia, lenses="6x9", model="none")

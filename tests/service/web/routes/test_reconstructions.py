@@ -1,4 +1,4 @@
-"""The one path: a form in, a job, its result out."""
+"""The routes of reconstructions: a form in, a job, its result out."""
 
 import io
 import json
@@ -21,26 +21,26 @@ from tests.support.web import check_problem, post_file, run_app
 POST = "/v1/reconstructions"
 
 
-def slow(client):
-    """Lets work begin and go on only when told: returns (began, go)."""
-    began, go = threading.Event(), threading.Event()
+def pause_work(client):
+    """Makes jobs wait: (set when one has started, to be set to go on)."""
+    started, go = threading.Event(), threading.Event()
 
     def before(work, progress, cancelled):
-        began.set()
+        started.set()
         assert go.wait(30)
 
     client.pool.before = before
-    return began, go
+    return started, go
 
 
 @pytest.fixture
 def own(tmp_path):
-    """A server of the test's own."""
+    """The client of a server that no other test uses."""
     with run_app(tmp_path) as client:
         yield client
 
 
-def events(response):
+def parse_events(response):
     """(number, kind, data) of each event of a stream."""
     found = []
     for block in response.text.split("\n\n"):
@@ -95,7 +95,7 @@ def test_a_large_result_goes_out_in_pieces(client, eia, monkeypatch):
     assert pieces.headers["content-length"] == whole.headers["content-length"] == str(len(whole.content))
 
 
-def test_the_id_follows_what_the_result_depends_on(client, eia):
+def test_the_id_depends_on_all_that_the_result_does(client, eia):
     def ids(**fields):
         response = post_file(client, **({"data": eia, "lenses": "6x9", "model": "none"} | fields))
         assert response.status_code == 200, response.text
@@ -111,7 +111,7 @@ def test_the_id_follows_what_the_result_depends_on(client, eia):
     assert len({one, other, *(id_ for id_, _ in others)}) == 5
 
 
-def test_what_was_asked_for_before_is_not_made_again(own, eia):
+def test_a_repeated_request_runs_no_job(own, eia):
     fields = {"lenses": "6x9", "views": "cross", "model": "bicubic"}
     first, again = (post_file(own, data=eia, **fields) for _ in range(2))
     assert own.pool.runs == 1
@@ -124,26 +124,26 @@ def test_what_was_asked_for_before_is_not_made_again(own, eia):
     assert own.pool.runs == 2
 
 
-def test_two_at_once_do_the_work_once(own, eia):
-    began, go = slow(own)
-    answers = []
-    askers = [
-        threading.Thread(target=lambda: answers.append(post_file(own, data=eia, lenses="6x9", model="none")))
+def test_two_equal_requests_share_a_job(own, eia):
+    started, go = pause_work(own)
+    responses = []
+    threads = [
+        threading.Thread(target=lambda: responses.append(post_file(own, data=eia, lenses="6x9", model="none")))
         for _ in range(2)
     ]
-    askers[0].start()
-    assert began.wait(30)
-    askers[1].start()
+    threads[0].start()
+    assert started.wait(30)
+    threads[1].start()
     wait_until(lambda: own.engine.metrics.submitted.labels("accepted")._value.get() == 2)
     go.set()
-    for asker in askers:
-        asker.join(30)
-    assert [answer.status_code for answer in answers] == [200, 200]
-    assert answers[0].content == answers[1].content
+    for thread in threads:
+        thread.join(30)
+    assert [response.status_code for response in responses] == [200, 200]
+    assert responses[0].content == responses[1].content
     assert own.pool.runs == 1
 
 
-def test_a_client_that_has_the_result_is_told_so(own, eia, tmp_path):
+def test_if_none_match(own, eia, tmp_path):
     fields = {"data": eia, "lenses": "6x9", "model": "none"}
     tag = post_file(own, **fields).headers["etag"]
     for given in (tag, f'"x", W/{tag}'):
@@ -153,13 +153,13 @@ def test_a_client_that_has_the_result_is_told_so(own, eia, tmp_path):
         assert (result.status_code, result.content, result.headers["etag"].removeprefix("W/")) == (304, b"", tag)
     assert post_file(own, headers={"If-None-Match": '"another"'}, **fields).status_code == 200
     assert own.pool.runs == 1
-    with run_app(tmp_path / "another") as other:  # which needn't make what the client has
+    with run_app(tmp_path / "another") as other:  # a server that has never run the job
         assert post_file(other, headers={"If-None-Match": tag}, **fields).status_code == 304
         assert other.pool.runs == 0
 
 
-def test_a_client_that_does_not_wait(own, eia):
-    began, go = slow(own)
+def test_respond_async(own, eia):
+    started, go = pause_work(own)
     response = post_file(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", views="1,2", model="none")
     assert response.status_code == 202
     assert response.headers["preference-applied"] == "respond-async"
@@ -167,52 +167,52 @@ def test_a_client_that_does_not_wait(own, eia):
     place = response.headers["location"]
     assert place == f"{POST}/{response.headers['x-reconstruction-id']}"
     assert response.json()["state"] in ("queued", "running")
-    assert began.wait(30)
-    told = own.get(place)
-    assert (told.json()["state"], told.json()["attempts"]) == ("running", 1)
-    assert told.headers["cache-control"] == "no-store"
-    assert "result" not in told.json()
+    assert started.wait(30)
+    status = own.get(place)
+    assert (status.json()["state"], status.json()["attempts"]) == ("running", 1)
+    assert status.headers["cache-control"] == "no-store"
+    assert "result" not in status.json()
     early = own.get(f"{place}/result")
     check_problem(early, 409, "running", "/events")
     assert early.headers["retry-after"] == "1"
     go.set()
     wait_until(lambda: own.get(place).json()["state"] == "done")
-    told = own.get(place).json()
-    assert told["options"] == {"lenses": "6x9", "views": "1,2", "model": "none"}
-    assert (told["format"], told["input"]) == ("png", "upload.png")
-    assert told["report"]["plan"]["model"] == "none"
-    result = own.get(told["result"]["url"])
+    status = own.get(place).json()
+    assert status["options"] == {"lenses": "6x9", "views": "1,2", "model": "none"}
+    assert (status["format"], status["input"]) == ("png", "upload.png")
+    assert status["report"]["plan"]["model"] == "none"
+    result = own.get(status["result"]["url"])
     assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
-    assert len(result.content) == told["result"]["size"]
-    assert own.head(told["result"]["url"]).headers["etag"] == result.headers["etag"]
+    assert len(result.content) == status["result"]["size"]
+    assert own.head(status["result"]["url"]).headers["etag"] == result.headers["etag"]
 
 
-def test_a_client_that_waits_for_a_while(own, eia):
-    began, go = slow(own)
+def test_wait(own, eia):
+    started, go = pause_work(own)
     response = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none")
     assert (response.status_code, response.headers["preference-applied"]) == (202, "wait=0")
-    assert began.wait(30)
+    assert started.wait(30)
     go.set()
     response = post_file(own, data=eia, headers={"Prefer": "respond-async, wait=10"}, lenses="6x9", model="none")
     assert (response.status_code, response.headers["preference-applied"]) == (200, "respond-async, wait=10")
 
 
-def test_what_takes_longer_than_the_server_waits(eia, tmp_path):
+def test_a_job_that_takes_longer_than_sync_seconds(eia, tmp_path):
     with run_app(tmp_path, sync_seconds=0) as client:
-        began, go = slow(client)
+        started, go = pause_work(client)
         response = post_file(client, data=eia, lenses="6x9", model="none")
         assert response.status_code == 202
         assert "preference-applied" not in response.headers
-        assert began.wait(30)
+        assert started.wait(30)
         go.set()
 
 
-def test_events_are_told_and_told_again(own, eia):
-    began, go = slow(own)
+def test_events_can_be_read_again(own, eia):
+    started, go = pause_work(own)
     place = post_file(
         own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", views="all", model="none"
     ).headers["location"]
-    assert began.wait(30)
+    assert started.wait(30)
     streams = []
     reader = threading.Thread(target=lambda: streams.append(own.get(f"{place}/events")))
     reader.start()
@@ -220,34 +220,33 @@ def test_events_are_told_and_told_again(own, eia):
     reader.join(30)
     stream = streams[0]
     assert stream.headers["content-type"].startswith("text/event-stream")
-    live = events(stream)
+    live = parse_events(stream)
     assert [number for number, _, _ in live] == list(range(len(live)))
     assert [kind for _, kind, _ in live][:2] == ["queued", "running"]
     assert live[-1][1] == "done"
-    assert events(own.get(f"{place}/events")) == live
-    assert events(own.get(f"{place}/events", headers={"Last-Event-ID": "0"})) == live[1:]
+    assert parse_events(own.get(f"{place}/events")) == live
+    assert parse_events(own.get(f"{place}/events", headers={"Last-Event-ID": "0"})) == live[1:]
     end = own.get(f"{place}/events", headers={"Last-Event-ID": str(live[-1][0])})
     assert (end.status_code, end.content) == (204, b"")
     check_problem(own.get(f"{place}/events", headers={"Last-Event-ID": "x"}), 400, "'x'", "leave it out")
 
 
-def test_a_job_that_is_cancelled(own, eia):
-    began, go = slow(own)
+def test_cancelling(own, eia):
+    started, go = pause_work(own)
     place = post_file(own, data=eia, headers={"Prefer": "respond-async"}, lenses="6x9", model="none").headers[
         "location"
     ]
-    assert began.wait(30)
+    assert started.wait(30)
     assert own.delete(place).json()["state"] == "cancelled"
     assert own.delete(place).json()["state"] == "cancelled"
     go.set()
     check_problem(own.get(f"{place}/result"), 409, "cancelled", "again")
-    assert events(own.get(f"{place}/events"))[-1][1] == "cancelled"
+    assert parse_events(own.get(f"{place}/events"))[-1][1] == "cancelled"
     assert post_file(own, data=eia, lenses="6x9", model="none").status_code == 200
-    assert own.delete(place).json()["state"] == "done"  # it stays
+    assert own.delete(place).json()["state"] == "done"  # a job that has ended is not cancelled
 
 
-def test_a_client_that_leaves_does_not_take_the_job_with_it(own, eia):
-    """What was admitted is kept: the same client or another asks again and gets it."""
+def test_a_job_goes_on_without_its_client(own, eia):
     place = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none").headers["location"]
     wait_until(lambda: own.get(place).json()["state"] == "done")
     assert own.pool.runs == 1
@@ -256,13 +255,13 @@ def test_a_client_that_leaves_does_not_take_the_job_with_it(own, eia):
 
 
 @pytest.mark.parametrize("id_", ["0" * 32, "x", "0" * 33, "%2e%2e", "A" * 32])
-def test_a_job_that_is_not_there(client, id_):
+def test_an_unknown_job(client, id_):
     for path in ("", "/result", "/events"):
         check_problem(client.get(f"{POST}/{id_}{path}"), 404, "post")
     check_problem(client.delete(f"{POST}/{id_}"), 404)
 
 
-def test_a_result_that_is_gone(own, eia):
+def test_an_expired_result(own, eia):
     fields = {"data": eia, "lenses": "6x9", "model": "none"}
     place = post_file(own, **fields).headers["content-location"]
     job = own.engine.jobs.get(place.split("/")[-2])
@@ -272,24 +271,24 @@ def test_a_result_that_is_gone(own, eia):
     assert own.get(place).status_code == 200
 
 
-def test_client_file_names_give_a_suffix_and_no_more(client):
+def test_only_the_suffix_of_a_file_name_is_used(client):
     detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
     assert "upload.txt" in detail
     assert "pass" not in detail
 
 
-def test_fields_that_a_web_form_left_empty_are_not_given(client, eia):
+def test_empty_fields_are_ignored(client, eia):
     assert post_file(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
 
 
 @pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
 def test_bad_input(client, bad_input):
-    name, data, texts, status, words = bad_input
+    name, data, texts, status, parts = bad_input
     for _ in range(2):
         runs = client.pool.runs
         detail = check_problem(post_file(client, name, data, **texts), status)
-        assert contains_all(detail, words), detail
-    assert client.pool.runs == runs  # what failed by the input's fault isn't tried again
+        assert contains_all(detail, parts), detail
+    assert client.pool.runs == runs  # an input error is final
 
 
 def test_bad_forms(client, eia):
@@ -312,14 +311,14 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files=long_field), 400, "Part")
 
 
-def test_a_charset_that_is_none_is_the_clients_fault(client):
+def test_an_unusable_charset(client):
     body = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n\xff\r\n--b--\r\n'
     for charset in ("undefined", "UNDEFINED"):
         headers = {"Content-Type": f"multipart/form-data; boundary=b; charset={charset}"}
         check_problem(client.post(POST, content=body, headers=headers), 400, "UTF-8")
 
 
-def test_faults_of_the_server_are_problems_without_details(own, eia, monkeypatch, caplog):
+def test_server_errors_are_problems_without_details(own, eia, monkeypatch, caplog):
     def broken(*_, **__):
         raise KeyError("secret")
 
@@ -327,7 +326,7 @@ def test_faults_of_the_server_are_problems_without_details(own, eia, monkeypatch
     assert "secret" not in check_problem(post_file(own, data=eia, lenses="6x9"), 500, "log")
     assert "secret" in caplog.text
     monkeypatch.undo()
-    assert post_file(own, data=eia, lenses="6x9").status_code == 200  # it is tried again
+    assert post_file(own, data=eia, lenses="6x9").status_code == 200  # the job runs again
 
 
 def test_a_full_queue(own, eia, monkeypatch):
@@ -340,12 +339,12 @@ def test_a_full_queue(own, eia, monkeypatch):
     assert response.headers["retry-after"] == "7"
 
 
-def test_without_its_queue(own, eia, monkeypatch):
-    def gone(*_, **__):
+def test_without_a_queue(own, eia, monkeypatch):
+    def fail(*_, **__):
         raise QueueUnavailable("the queue can't be reached; start it")
 
     for name in ("submit", "get", "waiting"):
-        monkeypatch.setattr(own.engine.jobs, name, gone)
+        monkeypatch.setattr(own.engine.jobs, name, fail)
     for response in (post_file(own, data=eia, lenses="6x9"), own.get(f"{POST}/{'0' * 32}"), own.get("/readyz")):
         check_problem(response, 503, "start it")
         assert response.headers["retry-after"] == "1"
@@ -358,7 +357,7 @@ def test_limit_on_output_pixels(eia, tmp_path):
         check_problem(post_file(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
 
 
-def test_views_of_a_grid_help_one_another_where_no_model_is_named(client, eia, stand_in):
+def test_a_view_set_is_upscaled_by_the_light_field_network(client, eia, stand_in):
     response = post_file(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip")
     with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
         report = json.loads(archive.read("report.json"))

@@ -1,4 +1,4 @@
-"""A real server, real sockets."""
+"""A real server: parallel requests, body limits, slow clients, start-up errors."""
 
 import io
 import json
@@ -26,34 +26,39 @@ def send(url, name, data, **fields):
     return httpx2.post(url + POST, files={"file": (name, data)}, data=fields, timeout=120)
 
 
-def test_eight_at_once(server):
+def connect(url):
+    host, port = url.removeprefix("http://").split(":")
+    return socket.create_connection((host, int(port)), timeout=30)
+
+
+def test_parallel_requests(server):
     eias = [make_picture(24, 36, 3, np.uint8, seed) for seed in range(8)]
 
-    def ask(index):
+    def post(index):
         if index % 2:
             fields = {"lenses": "20x20", "backend": "raytrace", "views": "cross"}
             return send(server, "cube.off", CUBE, **fields)
         return send(server, "eia.png", encode_png(eias[index]), lenses="6x9", views="1,2", model="none")
 
     with ThreadPoolExecutor(8) as pool:
-        answers = list(pool.map(ask, range(8)))
-    assert [answer.status_code for answer in answers] == [200] * 8
-    for index, answer in enumerate(answers):
+        responses = list(pool.map(post, range(8)))
+    assert [response.status_code for response in responses] == [200] * 8
+    for index, response in enumerate(responses):
         if index % 2:
-            with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+            with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
                 assert len(archive.namelist()) == 6
                 assert json.loads(archive.read("report.json"))["plan"]["backend"] == "raytrace"
         else:
-            assert np.array_equal(decode(answer.content, name="x"), eias[index][1::4, 2::4])
+            assert np.array_equal(decode(response.content, name="x"), eias[index][1::4, 2::4])
 
 
-def test_eight_at_once_on_the_one_thread_that_owns_the_context(server):
+def test_parallel_requests_with_opengl(server):
     try:
         open_backend("raster")
     except BackendUnavailable as error:
         pytest.skip(f"raster doesn't run here: {error}")
 
-    def ask(index):
+    def post(index):
         fields = {
             "lenses": f"{20 + index % 2}x20",
             "backend": "raster",
@@ -64,15 +69,15 @@ def test_eight_at_once_on_the_one_thread_that_owns_the_context(server):
         return send(server, "cube.off", CUBE, **fields)
 
     with ThreadPoolExecutor(8) as pool:
-        answers = list(pool.map(ask, range(8)))
-    assert [answer.status_code for answer in answers] == [200] * 8
-    views = [np.load(io.BytesIO(answer.content))["views"] for answer in answers]
+        responses = list(pool.map(post, range(8)))
+    assert [response.status_code for response in responses] == [200] * 8
+    views = [np.load(io.BytesIO(response.content))["views"] for response in responses]
     for index, other in enumerate(views):
         assert other.shape == (225, 20 + index % 2, 20, 3)
         assert np.array_equal(other, views[index % 2])
 
 
-def test_alive_while_it_works(server):
+def test_healthz_responds_while_workers_are_busy(server):
     busy = threading.Event()
     seen = []
 
@@ -83,19 +88,19 @@ def test_alive_while_it_works(server):
 
     watcher = threading.Thread(target=watch)
     watcher.start()
-    begun = len(seen)
+    start = len(seen)
     with ThreadPoolExecutor(3) as pool:
-        asked = [
+        requests = [
             pool.submit(send, server, "cube.off", CUBE, lenses="200x200", backend="raytrace", model="paper")
-            for _ in range(3)  # the slowest network: half a second of work and more
+            for _ in range(3)  # the slowest network: more than half a second each
         ]
-        answers = [future.result() for future in asked]
-    answered = len(seen) - begun
+        responses = [future.result() for future in requests]
+    answered = len(seen) - start
     busy.set()
     watcher.join()
-    assert [answer.status_code for answer in answers] == [200] * 3
+    assert [response.status_code for response in responses] == [200] * 3
     assert set(seen) == {200}
-    assert answered > 3  # more than once for each: nobody waited for a reconstruction to end
+    assert answered > 3  # it did not wait for the reconstructions
 
 
 @pytest.fixture(scope="module")
@@ -139,36 +144,34 @@ FORM = "Content-Type: multipart/form-data; boundary=b"
 @pytest.mark.parametrize(
     "start", [b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n', b"broken"]
 )
-def test_an_endless_body_is_not_read_on(small_server, start):
-    def send_for_ever(connection):
+def test_an_endless_body_is_cut_off(small_server, start):
+    def send_endlessly(connection):
         connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n{FORM}\r\n\r\n".encode())
         connection.sendall(b"%x\r\n%b\r\n" % (len(start), start))
         deadline = time.monotonic() + 30
         while time.monotonic() < deadline:
             connection.sendall(b"10000\r\n" + bytes(0x10000) + b"\r\n")
 
-    host, port = small_server.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=30) as connection, pytest.raises(ConnectionError):
-        send_for_ever(connection)
+    with connect(small_server) as connection, pytest.raises(ConnectionError):
+        send_endlessly(connection)
 
 
 @pytest.mark.parametrize("framing", ["Content-Length: 100001", "Transfer-Encoding: chunked"])
 def test_the_connection_of_a_refused_body_is_closed(small_server, framing):
-    host, port = small_server.removeprefix("http://").split(":")
     headers = f"{framing}\r\n{FORM}"
     body = bytes(100_001)
     if "chunked" in framing:
         part = b"--b\r\nContent-Disposition: form-data; name=file; filename=a\r\n\r\n" + body
         body = b"%x\r\n%b\r\n" % (len(part), part)  # without an end
-    with socket.create_connection((host, int(port)), timeout=30) as connection:
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: {host}\r\n{headers}\r\n\r\n".encode() + body)
-        answer = b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
-    head = answer.partition(b"\r\n\r\n")[0].lower()
+    with connect(small_server) as connection:
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\n{headers}\r\n\r\n".encode() + body)
+        response = b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
+    head = response.partition(b"\r\n\r\n")[0].lower()
     assert head.startswith(b"http/1.1 413")
     assert b"\r\nconnection: close" in head
 
 
-def test_both_shapes_below_the_limit(small_server):
+def test_declared_and_chunked_bodies_below_the_limit(small_server):
     data = EIA_PNG
     declared = send(small_server, "a.png", data, lenses="6x9", model="none")
     head = b'--b\r\nContent-Disposition: form-data; name="%s"%s\r\n\r\n%s\r\n'
@@ -180,81 +183,75 @@ def test_both_shapes_below_the_limit(small_server):
     assert declared.content == chunked.content
 
 
-def test_a_client_that_asks_first_need_not_send(small_server):
-    host, port = small_server.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=30) as connection:
+def test_expect_100_continue_is_refused_at_once(small_server):
+    with connect(small_server) as connection:
         connection.sendall(
-            f"POST {POST} HTTP/1.1\r\nHost: {host}\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n"
+            f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n"
             "Content-Type: multipart/form-data; boundary=b\r\n\r\n".encode()
         )
         assert connection.recv(100).startswith(b"HTTP/1.1 413")
 
 
-def test_a_client_that_stalls_is_not_waited_for(small_server):
-    host, port = small_server.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=30) as connection:
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: {host}\r\nContent-Length: 9999999\r\n\r\nxyz".encode())
+def test_a_refused_body_that_stalls(small_server):
+    with connect(small_server) as connection:
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 9999999\r\n\r\nxyz".encode())
         assert connection.recv(100).startswith(b"HTTP/1.1 413")
 
 
 @pytest.fixture(scope="module")
-def impatient_server(tmp_path_factory):
-    """One worker, and clients have a second or three for their part."""
-    log = tmp_path_factory.mktemp("impatient") / "log"
+def short_server(tmp_path_factory):
+    """One worker and short timeouts for clients."""
+    log = tmp_path_factory.mktemp("short") / "log"
     with run_server(log, CIIR_WORKERS="1", CIIR_BODY_SECONDS="3", CIIR_CLIENT_SECONDS="1") as server:
         yield server.url
 
 
-def connected(url):
-    host, port = url.removeprefix("http://").split(":")
-    return socket.create_connection((host, int(port)), timeout=30)
-
-
 def drip(connection, text):
+    """Sends `text` byte by byte."""
     for byte in text:
         connection.sendall(bytes([byte]))
         time.sleep(0.1)
 
 
-def test_a_client_that_sends_a_byte_at_a_time_is_cut_off_and_holds_no_worker(impatient_server):
-    with connected(impatient_server) as connection:
+def test_a_slow_body_is_cut_off_and_holds_no_worker(short_server):
+    with connect(short_server) as connection:
         connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 90000\r\n{FORM}\r\n\r\n".encode())
         part = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
         for byte in part[:8]:
             connection.sendall(bytes([byte]))
         fields = {"lenses": "6x9", "model": "none"}
-        assert send(impatient_server, "a.png", EIA_PNG, **fields).status_code == 200
+        assert send(short_server, "a.png", EIA_PNG, **fields).status_code == 200
         connection.settimeout(0.1)
-        answer = b""
-        for byte in part[8:]:  # which takes longer than it has
+        response = b""
+        for byte in part[8:]:  # takes longer than the timeout
             connection.sendall(bytes([byte]))
             try:
-                answer = connection.recv(65536)
+                response = connection.recv(65536)
             except TimeoutError:
                 continue
             break
         connection.settimeout(30)
-        answer += b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
-    assert answer.startswith(b"HTTP/1.1 408")
-    assert b"application/problem+json" in answer
-    assert b"not whole after 3 s" in answer
+        response += b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
+    assert response.startswith(b"HTTP/1.1 408")
+    assert b"application/problem+json" in response
+    assert b"not complete after 3 s" in response
 
 
-def test_a_client_that_stops_reading_is_cut_off_and_holds_no_worker(impatient_server):
-    """Its result is larger than what the kernel takes off the server's hands."""
+def test_a_client_that_stops_reading_is_cut_off_and_holds_no_worker(short_server):
+    """The result is larger than the kernel's socket buffers."""
     noise = make_picture(1500, 1500, 3, np.uint8, 7)
     fields = {"lenses": "1500x1500", "model": "nearest", "scale": "3", "format": "npz"}
-    whole = send(impatient_server, "a.png", encode_png(noise), **fields)
+    whole = send(short_server, "a.png", encode_png(noise), **fields)
     assert whole.status_code == 200, whole.text
     assert len(whole.content) > 2**24
-    with connected(impatient_server) as connection:
+    with connect(short_server) as connection:
         path = whole.headers["content-location"]
         connection.sendall(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
         other = {"lenses": "6x9", "model": "none"}
-        assert send(impatient_server, "a.png", EIA_PNG, **other).status_code == 200
-        with pytest.raises(ConnectionError):  # it is reset: the rest can't be sent
+        assert send(short_server, "a.png", EIA_PNG, **other).status_code == 200
+        with pytest.raises(ConnectionError):  # a reset, as the rest cannot be sent
             drip(connection, b"\r\n" * 150)
-    assert httpx2.get(impatient_server + path, timeout=60).content == whole.content
+    assert httpx2.get(short_server + path, timeout=60).content == whole.content
 
 
 def test_a_port_that_is_taken(server):
