@@ -19,9 +19,10 @@ import zlib
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ciir.errors import InputError
-from ciir.renderer.readers import inputs, tiff
+from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.png import SIGNATURE
+from ciir.renderer.writers.tiff import encode as encode_tiff
 from ciir.service.settings import Settings
 from tests.fuzz import gltf_seeds, seeds
 
@@ -128,7 +129,7 @@ def elements(size: int) -> Costly:
 
 def pages(size: int) -> Costly:
     """A TIFF of one picture, and pages without any behind it."""
-    data = bytearray(tiff.encode(seeds.noise(16, 16, 3)))
+    data = bytearray(encode_tiff(seeds.noise(16, 16, 3)))
     data += bytes(len(data) % 2)
     first = struct.unpack_from("<I", data, 4)[0]
     count = struct.unpack_from("<H", data, first)[0]

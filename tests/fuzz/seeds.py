@@ -15,8 +15,10 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from ciir.renderer.readers import jpeg, tiff
+from ciir.renderer.readers import jpeg
+from ciir.renderer.writers.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.tiff import encode as encode_tiff
 from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
@@ -79,8 +81,8 @@ def jpegs() -> list[bytes]:
     turned = Image.Exif()
     turned[jpeg.ORIENTATION] = 6
     return [
-        jpeg.encode(noise(16, 16, 1)[..., 0]),
-        jpeg.encode(noise(16, 16, 3)),
+        encode_jpeg(noise(16, 16, 1)[..., 0]),
+        encode_jpeg(noise(16, 16, 3)),
         saved(rgb, "JPEG", progressive=True, subsampling=2),
         saved(rgb, "JPEG", exif=turned),
     ]
@@ -88,7 +90,7 @@ def jpegs() -> list[bytes]:
 
 def tiffs() -> list[bytes]:
     """8 and 16 bit, the compressions that are read, strips and tiles, planes apart, both byte orders."""
-    written = [tiff.encode(noise(16, 16, n, dtype)) for n in (2, 3, 4) for dtype in (np.uint8, np.uint16)]
+    written = [encode_tiff(noise(16, 16, n, dtype)) for n in (2, 3, 4) for dtype in (np.uint8, np.uint16)]
     for more in (
         {"compression": "lzw"},
         {"compression": "packbits"},

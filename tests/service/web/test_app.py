@@ -4,10 +4,10 @@ import re
 from urllib.parse import quote
 
 import pytest
-from ciir.service.pipeline.outputs import FORMATS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ciir.renderer.writers.formats import FORMATS
 from ciir.service.pipeline.options import NAMES
 from tests.support.web import check_problem, run_app
 
