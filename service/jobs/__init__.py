@@ -1,17 +1,20 @@
-"""Reconstructions that are asked for, waited for and looked up under their content's hash: a durable queue, what is
-known of each job, its input and result, and the worker processes that do the work.
+"""Reconstructions as jobs: a durable queue, a record of each job, its files, and the worker processes that run it.
 
 ::
 
-    jobs      what those who ask see: submit, get, changes, cancel, open_result, sweep
-      identity, lanes         which requests are the same; which of two queues one waits in
-      queue, records, runs    where jobs wait and are kept; changed one at a time; the steps from queued to done
-      files                   inputs and results, in a folder or an object store
-    consumer  takes jobs off the queue: threads, each of which has a worker process do one
-      watch, owner            what has died is run again
-      pool, work, sandbox     worker processes, what they do, and what they may not
+    engine            the jobs, the consumer and the worker processes of one server
+    jobs              submit, look up, wait for, cancel, fetch and expire jobs
+      identity, lanes   the id of a request; which of two queues a job waits in
+      queue, records    storage in SQLite or Redis; one record per job, changed by compare and swap
+      lifecycle         the changes of state of a job, from queued to its end
+      files             inputs and results, in a folder or an object store
+    workers/
+      consumer          threads that take jobs off the queue and run each in a worker process
+      recovery          finds jobs whose consumer died and runs them again
+      pool, task        worker processes, and the task that one of them runs
+      progress          the file through which a task reports its progress
+      sandbox           what a worker process is not allowed to do
 
-Nothing here knows of HTTP, and nothing is lost when a process is killed: a job is kept from `submit` on, each change is
-a compare and swap, each run has a claim of its own and files that no other run shares. So the run of a consumer that
-was taken for dead and comes back changes nothing.
+No job is lost when a process is killed: a job is stored before `submit` returns, every change is a compare and swap,
+and each run has its own lease and its own files. A consumer that was declared dead and resumes cannot change the job.
 """

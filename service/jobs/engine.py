@@ -1,4 +1,4 @@
-"""Jobs, the pool of worker processes and what brings them together, opened, drained and closed as one."""
+"""The jobs, the consumer and the worker processes of one server, started, drained and closed together."""
 
 from __future__ import annotations
 
@@ -17,16 +17,14 @@ if TYPE_CHECKING:
 
 
 class Engine:
-    """What `ciir serve` and `ciir worker` share. With `settings.workers` of 0 there are jobs and nobody who does them
-    here.
-    """
+    """What `ciir serve` and `ciir worker` share. With `settings.workers` of 0 it only stores jobs."""
 
     def __init__(self, settings: Settings, metrics: Metrics, pool: Pool | None = None) -> None:
-        """Opens the queue; raises `InvalidOption`. Nothing runs yet. `pool`: a new one where None is given."""
+        """Opens the queue and starts nothing; raises `InvalidOption`. `pool`: created if None is given."""
         self.jobs = Jobs(settings)
         self.metrics = metrics
         self._settings = settings
-        self._pool = pool or _pool(settings)
+        self._pool = pool or _create_pool(settings)
         self._consumer = (
             Consumer(self.jobs, CountingPool(self._pool, metrics), settings.workers) if self._pool is not None else None
         )
@@ -36,34 +34,34 @@ class Engine:
         metrics.workers.set_function(self._pool.count_ready if self._pool is not None else lambda: 0)
 
     def start(self) -> None:
-        """Begins to take jobs off the queue, and to start worker processes; nothing where it was drained before."""
-        with self._changing:  # a signal may have it drained from another thread meanwhile
+        """Starts the worker processes and the consumer, unless it was drained before."""
+        with self._changing:  # a signal may call `drain` in another thread meanwhile
             if self._pool is not None and self._consumer is not None:
                 self._pool.start()
                 self._consumer.start()
 
     def check_accepting(self) -> None:
-        """Raises `NotReady` before the first worker was ready, and from `drain` on.
+        """Raises `NotReady` until the first worker is ready, and after `stop_accepting`.
 
-        Not where workers are replaced later: jobs wait for that in the queue.
+        Not while workers are replaced later: jobs then wait in the queue.
         """
         if self._draining.is_set():
             raise NotReady("the server is stopping; try again in a second, another one may answer")
         if self._pool is not None and not (self._was_ready or self._pool.is_ready()):
-            raise NotReady("the models are being loaded; try again in a second (where that fails the log says so)")
+            raise NotReady("the models are being loaded; try again in a second (if that fails, the log says why)")
         self._was_ready = True
 
     def check_ready(self) -> None:
-        """Raises `NotReady` unless requests are taken and a worker answers, or `QueueUnavailable` without a queue."""
+        """Raises `NotReady` unless jobs are accepted and a worker is ready, or `QueueUnavailable`."""
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
-            raise NotReady("no worker process answers; new ones are being started, try again in a second")
-        self.jobs.waiting()
+            raise NotReady("no worker process is ready; new ones are being started, try again in a second")
+        self.jobs.count_waiting()
 
     def update_gauges(self) -> None:
-        """Brings the queue's figures in `metrics` up to date; those of the process itself always are."""
+        """Sets the gauges of the queue in `metrics`; all other metrics are always current."""
         try:
-            waiting, running = self.jobs.waiting(), self.jobs.running()
+            waiting, running = self.jobs.count_waiting(), self.jobs.count_running()
         except QueueUnavailable:
             self.metrics.queue_up.set(0)
             return
@@ -72,11 +70,11 @@ class Engine:
         self.metrics.running.set(running)
 
     def stop_accepting(self) -> None:
-        """From now on nothing new is admitted: `check_accepting` raises."""
+        """Makes `check_accepting` raise from now on."""
         self._draining.set()
 
     def drain(self) -> None:
-        """Takes nothing more off the queue; what runs is finished within `drain_seconds` or put back. Blocks."""
+        """Stops the consumer: running jobs finish within `drain_seconds` or return to the queue. Blocks."""
         self.stop_accepting()
         with self._changing:
             if self._consumer is not None:
@@ -84,14 +82,14 @@ class Engine:
                 self._consumer = None
 
     def close(self) -> None:
-        """Drains, and ends the worker processes."""
+        """Drains, ends the worker processes and closes the queue."""
         self.drain()
         if self._pool is not None:
             self._pool.close()
         self.jobs.close()
 
 
-def _pool(settings: Settings) -> Pool | None:
+def _create_pool(settings: Settings) -> Pool | None:
     if not settings.workers:
         return None
     from ciir.service.jobs.workers.pool import Pool

@@ -1,4 +1,4 @@
-"""Trouble with what is used all the time, in the log: once when it begins and once when it is over."""
+"""Logs the errors of a resource in constant use: once when they begin and once when they are over."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import logging
 _log = logging.getLogger("ciir.jobs")
 
 
-class Trouble:
-    """What is wrong with one thing just now. Threads may share it."""
+class ErrorLog:
+    """The log of one resource. Threads may share it."""
 
-    def __init__(self, what: str) -> None:
-        self._what, self._why = what, ""
+    def __init__(self, resource: str) -> None:
+        self._resource, self._reason = resource, ""
 
-    def begins(self, why: str) -> None:
-        """It failed; logged unless it failed in the same way the last time."""
-        if why != self._why:
-            self._why = why
-            _log.warning("%s: %s", self._what, why)
+    def log_error(self, reason: str) -> None:
+        """Logs that an operation failed, unless the last one failed for the same reason."""
+        if reason != self._reason:
+            self._reason = reason
+            _log.warning("%s: %s", self._resource, reason)
 
-    def is_over(self) -> None:
-        """It worked."""
-        if self._why:
-            self._why = ""
-            _log.warning("%s can be used again", self._what)
+    def log_success(self) -> None:
+        """Logs that the resource works again, if the last operation failed."""
+        if self._reason:
+            self._reason = ""
+            _log.warning("%s can be used again", self._resource)

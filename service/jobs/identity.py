@@ -1,4 +1,4 @@
-"""Which requests are the same: an id for everything that a result depends on and that needs no decoding."""
+"""The id of a request: a hash of everything that its result depends on. Nothing is decoded."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ _CODE = ("renderer", "models", "service")
 _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
-def identity(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of the input's bytes, the suffix of its name, the options, the format, the
-    limits in force, and the installation, which holds the networks' SHA-256 and all versions.
+def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str:
+    """`DIGITS` hexadecimal digits: the hash of the file's bytes and suffix, the options, the format, the limits and the
+    installation.
 
-    Options are hashed as they are meant: `50X50` is `50x50`, and one that is given as its default isn't given. `file`
-    is read from its beginning and left there.
+    Options are parsed first: `50X50` and `50x50` give the same id, as do an option's default and leaving it out. Reads
+    `file` from its beginning and rewinds it.
     """
-    asked = [
-        installation(),
+    inputs = [
+        hash_installation(),
         os.path.splitext(request.name)[1],  # noqa: PTH122 - a name, no path
         Options.parse(request.options).as_dict(),
         request.format,
         dict(limits),
     ]
-    digest = hashlib.sha256(json.dumps(asked, sort_keys=True).encode() + b"\0")
+    digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode() + b"\0")
     file.seek(0)
     while chunk := file.read(CHUNK):
         digest.update(chunk)
@@ -47,8 +47,11 @@ def identity(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str
 
 
 @cache
-def installation() -> str:
-    """Hash of this package's code, cards and shaders and of its dependencies' versions; takes some 10 ms once."""
+def hash_installation() -> str:
+    """Hash of the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies.
+
+    Takes about 10 ms, once.
+    """
     digest = hashlib.sha256(json.dumps([(name, version(name)) for name in _PACKAGES]).encode())
     root = Path(__file__).parents[2]
     for folder in _CODE:

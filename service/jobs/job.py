@@ -1,4 +1,4 @@
-"""What is known of a job, as JSON can hold it."""
+"""The record of a job, which is stored as JSON."""
 
 from __future__ import annotations
 
@@ -9,46 +9,49 @@ from typing import Any, Literal
 Lane = Literal["small", "large"]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
-"""States that no job leaves, but by being asked for again."""
+"""States that a job only leaves when it is submitted again."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a client asked for, but for the file itself."""
+    """A client's request without the file."""
 
     name: str
     """`upload` and the suffix of the client's file name: `upload.glb`."""
     options: dict[str, str]
-    """As text, by the names of `service.pipeline.options.NAMES`; already parsed once, so known to be in range."""
+    """Option texts by the names of `service.pipeline.options.NAMES`, already parsed once and so in range."""
     format: str | None
-    """`png`, `zip`, `npz`; None: png where one view is asked for, else zip."""
+    """Output format; None: png for one view, else zip."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Why a job failed: the members of an RFC 9457 problem that don't depend on where it is asked for."""
+    """Why a job failed: the members of an RFC 9457 problem that do not depend on the URL."""
 
     status: int
     title: str
     detail: str
 
 
+INTERNAL_ERROR = Problem(500, "Internal error", "the reconstruction failed; the server's log says why")
+
+
 @dataclass(frozen=True)
 class Result:
-    """What a job that is done has to give, beside its file."""
+    """The result of a job that is done, without the file itself."""
 
     format: str
     size: int
-    """Bytes."""
+    """Bytes of the file."""
     report: dict[str, Any]
-    """`service.pipeline.report.Report` without its `views`, which a zip and an npz hold."""
+    """`service.pipeline.report.Report` without its `views`, which a zip and an npz contain."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened; events of a job are numbered from 0, and never change or go while the job is kept.
+    """Something that happened to a job. Events are numbered from 0 and never change while the record exists.
 
-    A job that is asked for again after it failed or was cancelled begins anew, from event 0.
+    A job that is submitted again after it failed or was cancelled starts again at event 0.
     """
 
     kind: Literal["queued", "running", "progress", "done", "failed", "cancelled"]
@@ -58,25 +61,24 @@ class Event:
 
 @dataclass(frozen=True)
 class Job:
-    """A job as it stands; replaced whole whenever something happens to it."""
+    """The state of a job; every change makes a new object."""
 
     id: str
-    """32 hexadecimal digits: the hash of input, options, network and version (`service.jobs.identity`)."""
+    """32 hexadecimal digits (`service.jobs.identity`)."""
     request: Request
     state: State = "queued"
     created: float = 0.0
-    """Seconds since 1970, by the clock on the wall: for people; nothing is decided by it."""
+    """Seconds since 1970, shown to users only."""
     attempts: int = 0
-    """How often its work was begun."""
-    deaths: int = 0
-    """How many worker processes died of it."""
+    """Runs that were started."""
+    worker_deaths: int = 0
+    """Worker processes that died during a run."""
     lane: Lane = "small"
-    """The queue it waits in: `service.jobs.lanes`."""
+    """The queue that it waits in (`service.jobs.lanes`)."""
     input: str = ""
-    """The input's name among the files, `id.` and some digits of its own; None other has it, however often the same is
-    asked for."""
-    claim: str = ""
-    """Of the last run: which consumer, and which of its runs; no other run has it."""
+    """Name of the input file: the id, a dot and random digits, new for each submission."""
+    lease: str = ""
+    """The last run's claim on the job: the consumer's name and a number, unique to the run."""
     events: tuple[Event, ...] = ()
     problem: Problem | None = None
     """Of a job that failed."""
@@ -85,11 +87,11 @@ class Job:
 
     @property
     def output(self) -> str:
-        """The result's name among the files; no two runs share one."""
-        return f"{self.id}.{self.claim}"
+        """Name of the result file, unique to the run."""
+        return f"{self.id}.{self.lease}"
 
-    def after(self, event: Event, **changes: Any) -> Job:
-        """The job once `event` has happened."""
+    def add_event(self, event: Event, **changes: Any) -> Job:
+        """The job with one more event and other changes of attributes."""
         return replace(self, events=(*self.events, event), **changes)
 
     def to_bytes(self) -> bytes:
@@ -98,11 +100,16 @@ class Job:
 
     @classmethod
     def from_bytes(cls, text: bytes) -> Job:
-        """What `to_bytes` wrote. Raises `ValueError`, `LookupError` or `TypeError` where it is something else."""
-        held = json.loads(text)
-        problem, result = held.pop("problem"), held.pop("result")
+        """Parses what `to_bytes` wrote. Raises `ValueError`, `LookupError` or `TypeError` for anything else."""
+        fields = json.loads(text)
+        problem, result = fields.pop("problem"), fields.pop("result")
         return cls(
-            **held | {"request": Request(**held["request"]), "events": tuple(Event(**e) for e in held["events"])},
+            **fields | {"request": Request(**fields["request"]), "events": tuple(Event(**e) for e in fields["events"])},
             problem=None if problem is None else Problem(**problem),
             result=None if result is None else Result(**result),
         )
+
+
+def parse_id(name: str) -> str:
+    """The job's id in the name of its input or result file."""
+    return name.partition(".")[0]

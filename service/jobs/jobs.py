@@ -1,7 +1,8 @@
-"""Jobs as those who ask see them: handed in, looked up, waited for, cancelled, fetched, and forgotten in the end."""
+"""The jobs of one queue: submit, look up, wait for, cancel, fetch and expire them."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 import secrets
 import time
@@ -12,9 +13,9 @@ from anyio import to_thread
 
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.files import INPUTS, RESULTS, Files
-from ciir.service.jobs.identity import identity
-from ciir.service.jobs.job import FINAL, Event, Job, Request
-from ciir.service.jobs.lanes import LANES, lane
+from ciir.service.jobs.identity import compute_id
+from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
+from ciir.service.jobs.lanes import LANES, choose_lane
 from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import POLL_SECONDS, Queue
 from ciir.service.jobs.records import Records
@@ -24,16 +25,15 @@ if TYPE_CHECKING:
 
     from ciir.service.settings import Settings
 
-LEAST_SECONDS = 60.0
-"""A result stays for so long after it was last asked for, or made, however little room there is: so that whoever waits
-for it gets it."""
-UNKNOWN_SECONDS = 86_400.0
-MOST_SWEEP_SECONDS = 2.0
-"""Of one sweep: whoever sweeps has to say meanwhile that it lives, and an object store takes its time to remove."""
-MOST_KEPT = 50_000
-"""Finished jobs that are kept, however small: all of them are looked at in each sweep."""
-WAITING_PER_SECOND = 4
-"""Jobs that a server is taken to finish each second, for a guess of when to come again."""
+MIN_KEEP_SECONDS = 60.0
+"""A result is kept for so long after its last use, even over `keep_bytes`, so that a waiting client can fetch it."""
+ORPHAN_SECONDS = 86_400.0
+SWEEP_LIMIT_SECONDS = 2.0
+"""Time limit of one sweep: its thread must send heartbeats too, and removing from an object store is slow."""
+FINISHED_LIMIT = 50_000
+"""Ended jobs that are kept, whatever their size, since each sweep reads them all."""
+JOBS_PER_SECOND = 4
+"""Assumed speed of a server, to estimate `Retry-After`."""
 _LIMITS = (
     "max_files",
     "max_unpacked_bytes",
@@ -48,20 +48,21 @@ _LIMITS = (
     "worker_memory_bytes",
     "worker_file_bytes",
 )
-"""Settings that may turn a result into a problem."""
+"""Settings that decide whether a job has a result or a problem."""
 
 
 class Jobs:
-    """Where jobs are. Threads may share it. Every method raises `QueueUnavailable` where queue or files can't be
-    used."""
+    """All jobs. Threads may share it. Every method raises `QueueUnavailable` if queue or files can't be used."""
 
     def __init__(self, settings: Settings) -> None:
-        """Opens the places that `settings` name, and makes what isn't there. Raises `InvalidOption`."""
+        """Opens or creates the queue and the folders that `settings` name. Raises `InvalidOption`."""
         self.folder: Path = settings.find_folder()
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
-            raise InvalidOption(f"{self.folder}: no folder for jobs ({error.strerror}); name another") from error
+            raise InvalidOption(
+                f"{self.folder}: not usable for jobs ({error.strerror}); name another folder"
+            ) from error
         self.files = Files(settings.files or str(self.folder / "files"), self.folder)
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
@@ -71,154 +72,153 @@ class Jobs:
         self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
 
     def compute_id(self, request: Request, file: BinaryIO) -> str:
-        """The id that the job of this request has, or would have."""
-        return identity(request, file, self._limits)
+        """The id of the job for this request, whether or not there is one."""
+        return compute_id(request, file, self._limits)
 
     def submit(self, request: Request, file: BinaryIO, *, size: int) -> Job:
-        """The job for `request` of the `size` bytes of `file`: the one that there is, or a new one, kept from here on.
+        """The job for `request` and the `size` bytes of `file`: an existing one, or a new one that is stored by now.
 
-        One that failed by the input's fault stands; one that failed otherwise, that was cancelled, or whose result is
-        gone is run again. Raises `QueueFull` where `max_waiting` wait in its lane (some more may, where several are
-        handed in at the same moment), and `QueueUnavailable` where it can't be kept.
+        A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, or lost
+        its result is. Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a
+        little).
         """
         id_ = self.compute_id(request, file)
         found = self.records.get(id_)
-        if found is not None and self._stands(found):
-            return self._asked_again(found)
-        its_lane = lane(request, size)
-        waiting = self.queue.waiting(its_lane)
+        if found is not None and self._is_valid(found):
+            return self._mark_used(found)
+        lane = choose_lane(request, size)
+        waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
-            raise QueueFull(retry_after=1 + waiting // WAITING_PER_SECOND)
+            raise QueueFull(retry_after=1 + waiting // JOBS_PER_SECOND)
         name = f"{id_}.{secrets.token_hex(8)}"
-        self._keep_input(name, file)
-        new = Job(id_, request, created=time.time(), events=(Event("queued"),), lane=its_lane, input=name)
-        made = self.records.change(id_, lambda job: None if job is not None and self._stands(job) else new)
-        if made is None:  # the same was handed in meanwhile
-            self.forget_input(name)
-            now = self.records.get(id_)
-            if now is None:
-                raise QueueUnavailable("the same was handed in, and forgotten, at the same moment; post it again")
-            return self._asked_again(now)
-        self.queue.push(its_lane, id_)
-        return made
+        self._put_input(name, file)
+        new = Job(id_, request, created=time.time(), events=(Event("queued"),), lane=lane, input=name)
+        created = self.records.update(id_, lambda job: None if job is not None and self._is_valid(job) else new)
+        if created is None:  # another call submitted the same meanwhile
+            self.remove_input(name)
+            existing = self.records.get(id_)
+            if existing is None:
+                raise QueueUnavailable("the same job was submitted and expired at the same moment; post it again")
+            return self._mark_used(existing)
+        self.queue.push(lane, id_)
+        return created
 
     def get(self, id_: str) -> Job | None:
-        """The job as it stands; None where there is none."""
+        """The current state of the job; None if there is no such job."""
         return self.records.get(id_)
 
     async def wait_for_change(self, id_: str, seen: int) -> Job:
-        """The job, once it has other than `seen` events or is at its end. Raises `LookupError` when it is gone."""
-        with self.records.listening(id_) as listener:
+        """The job, as soon as it has ended or has other than `seen` events. Raises `LookupError` if it is removed."""
+        with self.records.subscribe(id_) as changed:
             pause = POLL_SECONDS[0]
-            job = await to_thread.run_sync(self.get, id_)
             while True:
+                changed.clear()
+                job = await to_thread.run_sync(self.get, id_)
                 if job is None:
                     raise LookupError(id_)
                 if len(job.events) != seen or job.state in FINAL:
                     return job
-                job = await listener.heard(pause)
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(pause):
+                        await changed.wait()
                 pause = min(1.6 * pause, POLL_SECONDS[1])
-                if job is None or len(job.events) <= seen:
-                    job = await to_thread.run_sync(self.get, id_)
 
     def cancel(self, id_: str) -> Job | None:
-        """The job, cancelled if it waited or ran, else as it was; None where there is none. Its work stops soon."""
+        """Cancels the job unless it has ended, and returns it; None if there is no such job. Its work stops soon."""
         return self.lifecycle.cancel(id_)
 
     def open_result(self, id_: str) -> IO[bytes]:
-        """The result of a job that is done, at its beginning, the caller's to close. Raises `ResultExpired`."""
+        """The opened result of a job that is done; the caller closes it. Raises `ResultExpired`."""
         job = self.records.get(id_)
         if job is not None and job.result is not None:
-            try:
+            with suppress(FileNotFoundError):
                 file = self.files.open(RESULTS, job.output)
-            except FileNotFoundError:
-                pass
-            else:
-                self.lifecycle.touch(job)
+                self._mark_used(job)
                 return file
-        raise ResultExpired(f"{id_}: no result is kept, or no longer; post the input again")
+        raise ResultExpired(f"{id_}: there is no result, or no longer; post the input again")
 
-    def waiting(self) -> int:
-        """How many wait, in both lanes; some of them may have been cancelled."""
-        return sum(self.queue.waiting(each) for each in LANES)
+    def count_waiting(self) -> int:
+        """How many jobs wait, in both lanes, including some that were cancelled."""
+        return sum(self.queue.count_waiting(lane) for lane in LANES)
 
-    def running(self) -> int:
-        """How many run, on all machines."""
-        ids = [name.partition(".")[0] for name in self.queue.active.items()]
-        return sum(job.state == "running" for job in self.records.many(ids).values())
+    def count_running(self) -> int:
+        """How many jobs run, on all machines."""
+        ids = [parse_id(name) for name in self.queue.active.items()]
+        return sum(job.state == "running" for job in self.records.get_many(ids).values())
 
     def sweep(self) -> bool:
-        """Forgets jobs that were not asked for in `keep_seconds`, and the longest unused of more than `keep_bytes`, or
-        `MOST_KEPT`. False where it stopped after `MOST_SWEEP_SECONDS` with some of that left to do.
+        """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
 
-        Goes by the clock on the wall: where that was set back, what was used in its future counts as used now.
+        False if it stopped after `SWEEP_LIMIT_SECONDS` with work left. Uses the system clock: if it was set back, jobs
+        used in its future count as used now.
         """
         now = time.time()
-        kept = sorted((*json.loads(held), name) for name, held in self.queue.kept.items().items())
-        count, total = len(kept), sum(size for _, size, _ in kept)
-        until = time.monotonic() + MOST_SWEEP_SECONDS
-        for used, size, name in kept:
-            if time.monotonic() > until:
+        finished = sorted((*json.loads(value), name) for name, value in self.queue.finished.items().items())
+        count, total = len(finished), sum(size for _, size, _ in finished)
+        deadline = time.monotonic() + SWEEP_LIMIT_SECONDS
+        for used, size, name in finished:
+            if time.monotonic() > deadline:
                 return False
             age = now - used
-            is_over = total > self._keep_bytes or count > MOST_KEPT
+            is_over = total > self._keep_bytes or count > FINISHED_LIMIT
             if age < 0:
-                self.lifecycle.keep(name, size)
-            elif age > self._keep_seconds or (is_over and age > LEAST_SECONDS):
-                self._forget(name)
+                self.lifecycle.store_use(name, size)
+            elif age > self._keep_seconds or (is_over and age > MIN_KEEP_SECONDS):
+                self._expire(name)
                 count, total = count - 1, total - size
         return True
 
-    def forget_unknown(self) -> None:
-        """Removes files that no job knows of, as where the queue was emptied. Only when they are older than what is
-        kept, and than `UNKNOWN_SECONDS`: another queue's server may have been given the same place by mistake.
+    def remove_orphaned_files(self) -> None:
+        """Removes files without a job, for example after the queue was emptied.
+
+        Only files older than `keep_seconds` and `ORPHAN_SECONDS`: they may belong to another queue that was given the
+        same folder by mistake.
         """
-        results = self.files.names(RESULTS)  # a file is noted before it is made, and until it is removed
-        jobs = self.records.many([name.partition(".")[0] for name in results])
+        results = self.files.list_names(RESULTS)  # a file's job is stored before it and removed after it
+        jobs = self.records.get_many([parse_id(name) for name in results])
         outputs = {job.output for job in jobs.values()}
-        inputs = self.files.names(INPUTS)
-        unknown = [(RESULTS, name) for name in results if name not in outputs]
-        unknown += [(INPUTS, name) for name in set(inputs) - set(self.queue.active.items())]
-        for folder, name in unknown:
+        inputs = self.files.list_names(INPUTS)
+        orphans = [(RESULTS, name) for name in results if name not in outputs]
+        orphans += [(INPUTS, name) for name in set(inputs) - set(self.queue.active.items())]
+        for folder, name in orphans:
             with suppress(FileNotFoundError):
-                if self.files.age(folder, name) > max(self._keep_seconds, UNKNOWN_SECONDS):
+                if self.files.get_age(folder, name) > max(self._keep_seconds, ORPHAN_SECONDS):
                     self.files.remove(folder, name)
+
+    def remove_input(self, name: str) -> None:
+        """Removes an input that belongs to no job."""
+        self.files.remove(INPUTS, name)
+        self.queue.active.remove(name)
 
     def close(self) -> None:
         """Closes the queue."""
         self.queue.close()
 
-    def _stands(self, job: Job) -> bool:
-        """Whether asking for it again is the same as having asked before."""
+    def _is_valid(self, job: Job) -> bool:
+        """Whether the job answers a new request for the same."""
         if job.state == "done":
             return self.files.exists(RESULTS, job.output)
         if job.state == "failed":
             return job.problem is not None and job.problem.status < 500
         return job.state in ("queued", "running")
 
-    def _asked_again(self, job: Job) -> Job:
+    def _mark_used(self, job: Job) -> Job:
         if job.state in FINAL:
-            self.lifecycle.touch(job)
+            self.lifecycle.mark_used(job)
         return job
 
-    def _keep_input(self, name: str, file: BinaryIO) -> None:
-        """Notes the input before it is written, so that no process that dies leaves one that nobody knows of."""
+    def _put_input(self, name: str, file: BinaryIO) -> None:
+        """Stores the input's name before the file, so that a process that dies leaves no file without an entry."""
         self.queue.active.put(name, b"{}")
         try:
             self.files.put(INPUTS, name, file)
         except QueueUnavailable:
-            self.forget_input(name)
+            self.remove_input(name)
             raise
 
-    def forget_input(self, name: str) -> None:
-        """Removes an input that belongs to no job."""
-        self.files.remove(INPUTS, name)
-        self.queue.active.remove(name)
-
-    def _forget(self, name: str) -> None:
-        """Removes the finished job whose input had `name`, its result last, so that no job promises what is gone."""
-        id_ = name.partition(".")[0]
-        job = self.records.remove(id_, lambda job: job.input == name and job.state in FINAL)
+    def _expire(self, name: str) -> None:
+        """Removes the ended job with the input `name`, its result last, so that no job refers to a removed result."""
+        job = self.records.remove(parse_id(name), lambda job: job.input == name and job.state in FINAL)
         if job is not None:
             self.files.remove(RESULTS, job.output)
-        self.queue.kept.remove(name)
+        self.queue.finished.remove(name)

@@ -1,4 +1,4 @@
-"""Two queues, so that many small requests never wait behind large ones, and who takes from which."""
+"""Two queues, so that small jobs never wait behind large ones."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 LANES: tuple[Lane, ...] = ("small", "large")
 SMALL_BYTES = 4 << 20
 SMALL_PIXELS = 2_000_000
-FAIR_TURN = 4
-"""Of so many turns a consumer begins one with the large ones, so that they get through while small ones keep coming."""
+LARGE_FIRST_EVERY = 4
+"""A thread prefers the large queue for one job in so many, so that large jobs run while small ones keep coming."""
 
 
-def lane(request: Request, size: int) -> Lane:
-    """`small` for a file of up to `SMALL_BYTES` that makes up to `SMALL_PIXELS`, as far as the options show.
+def choose_lane(request: Request, size: int) -> Lane:
+    """`small` for a file of up to `SMALL_BYTES` whose output is up to `SMALL_PIXELS`, as estimated from the options.
 
-    Output pixels are the lenses times `scale` squared for each view; counts that aren't given are a mesh's defaults, as
-    nothing is decoded here. A guess by which jobs are put in order, no limit.
+    The estimate is lenses times `scale` squared for each view. Nothing is decoded: options that are not given count as
+    a mesh's defaults. It only orders jobs; limits are checked elsewhere.
     """
     options = Options.parse(request.options)
     rows, cols = options.lenses or LENSES
@@ -31,12 +31,11 @@ def lane(request: Request, size: int) -> Lane:
     return "small" if is_small else "large"
 
 
-def order(thread: int, threads: int, turn: int) -> tuple[Lane, ...]:
-    """The queues from which consumer thread `thread` of `threads` takes its next job, first choice first.
+def order_lanes(thread: int, threads: int, count: int) -> tuple[Lane, ...]:
+    """The queues to try, in order, for job number `count` of consumer thread `thread` of `threads`.
 
-    Thread 0 is kept for small jobs where there is another. The others take small ones first, but in one turn of
-    `FAIR_TURN`.
+    With several threads, thread 0 only takes small jobs.
     """
     if thread == 0 and threads > 1:
         return ("small",)
-    return ("large", "small") if turn % FAIR_TURN == FAIR_TURN - 1 else ("small", "large")
+    return ("large", "small") if count % LARGE_FIRST_EVERY == LARGE_FIRST_EVERY - 1 else ("small", "large")

@@ -1,4 +1,4 @@
-"""What happens to a job from its first run to its end: each step holds only while the run's claim does."""
+"""The changes of state of a job, from its first run to its end. A run changes the job only while it holds the lease."""
 
 from __future__ import annotations
 
@@ -18,134 +18,135 @@ if TYPE_CHECKING:
     from ciir.service.jobs.queue import Queue
     from ciir.service.jobs.records import Records
 
-MOST_DEATHS = 2
-"""Worker processes that may die of one job."""
-MOST_ATTEMPTS = 5
-"""Runs that may be begun and never end because whoever ran them died: a job that takes the machine down isn't run for
-ever."""
-KILLER = Problem(
-    422, "Worker stopped", "the input stopped the worker process twice; send a smaller one, or report it as a fault"
+WORKER_DEATH_LIMIT = 2
+"""A job fails when so many worker processes died during its runs."""
+ATTEMPT_LIMIT = 5
+"""A job fails when its consumer died in each of so many runs: one that crashes the machine must not run for ever."""
+WORKER_STOPPED = Problem(
+    422, "Worker stopped", "the input crashed the worker process twice; send a smaller one, or report a bug"
 )
 INTERRUPTED = Problem(
-    503, "Interrupted", f"the server was stopped in each of {MOST_ATTEMPTS} runs; ask again to have it run again"
+    503, "Interrupted", f"the server was stopped in each of {ATTEMPT_LIMIT} runs; submit again to retry"
 )
 _log = logging.getLogger("ciir.jobs")
 
 
 class Lifecycle:
-    """The steps. All raise `QueueUnavailable`; all but `settle` change nothing where the claim is no longer the
-    job's."""
+    """Changes of state. All raise `QueueUnavailable`; those that take a run change nothing if its lease is lost."""
 
     def __init__(self, queue: Queue, records: Records, files: Files) -> None:
         self._queue, self._records, self._files = queue, records, files
 
-    def begin(self, id_: str, claim: str) -> Job | None:
-        """Claims a job that waits; None where it doesn't, any more."""
+    def start(self, id_: str, lease: str) -> Job | None:
+        """Leases a queued job and returns the run; None if the job is not queued."""
 
         def step(job: Job | None) -> Job | None:
             if job is None or job.state != "queued":
                 return None
             attempts = job.attempts + 1
-            return job.after(Event("running", {"attempt": attempts}), state="running", attempts=attempts, claim=claim)
+            return job.add_event(
+                Event("running", {"attempt": attempts}), state="running", attempts=attempts, lease=lease
+            )
 
-        return self._records.change(id_, step)
+        return self._records.update(id_, step)
 
-    def progress(self, run: Job, data: dict[str, Any]) -> bool:
-        """Adds an event; False where the run isn't the job's any more: it was cancelled, or taken for dead."""
-        return self._change(run, lambda job: job.after(Event("progress", data))) is not None
+    def add_progress(self, run: Job, data: dict[str, Any]) -> bool:
+        """Adds a progress event; False if the lease is lost: the job was cancelled, or its consumer declared dead."""
+        return self._update(run, lambda job: job.add_event(Event("progress", data))) is not None
 
     def finish(self, run: Job, outcome: Result | Problem) -> bool:
-        """The end of a run whose result, if it has one, is in its place. False, and that is gone, where the run isn't
-        the job's any more."""
+        """Ends the job. If the lease is lost, removes the run's result file and returns False."""
 
         def step(job: Job) -> Job:
             if isinstance(outcome, Problem):
-                return job.after(Event("failed", asdict(outcome)), state="failed", problem=outcome)
-            told = {"format": outcome.format, "size": outcome.size}
-            return job.after(Event("done", told), state="done", result=outcome)
+                return job.add_event(Event("failed", asdict(outcome)), state="failed", problem=outcome)
+            data = {"format": outcome.format, "size": outcome.size}
+            return job.add_event(Event("done", data), state="done", result=outcome)
 
-        done = self._change(run, step)
-        if done is not None:
-            self.settle(done)
-            return True
-        now = self._records.get(run.id)
-        if now is not None and now.state in FINAL and now.claim == run.claim and (now.result or now.problem) == outcome:
-            self.settle(now)  # it was written the last time this was tried, and the answer was lost
-            return True
-        self._files.remove(RESULTS, run.output)
-        return False
+        done = self._update(run, step)
+        if done is None:
+            now = self._records.get(run.id)
+            if now is not None and now.lease == run.lease and (now.result or now.problem) == outcome:
+                done = now  # an earlier call stored it, but the queue's answer was lost
+        if done is None:
+            self._files.remove(RESULTS, run.output)
+            return False
+        self.settle(done)
+        return True
 
-    def again(self, run: Job) -> None:
-        """Puts a run that was stopped back into the queue, from the start."""
-        self._requeue(run, lambda job: job.after(Event("queued"), state="queued"))
+    def requeue(self, run: Job) -> None:
+        """Puts the job of a run that was stopped back into the queue."""
+        self._requeue(run, lambda job: job.add_event(Event("queued"), state="queued"))
 
-    def worker_died(self, run: Job) -> None:
-        """Runs the job again, or fails it where its worker has died `MOST_DEATHS` times."""
+    def retry_after_worker_death(self, run: Job) -> None:
+        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`."""
 
         def step(job: Job) -> Job:
-            deaths = job.deaths + 1
-            if deaths >= MOST_DEATHS:
-                return job.after(Event("failed", asdict(KILLER)), state="failed", problem=KILLER, deaths=deaths)
-            return job.after(Event("queued"), state="queued", deaths=deaths)
+            deaths = job.worker_deaths + 1
+            if deaths >= WORKER_DEATH_LIMIT:
+                failed = Event("failed", asdict(WORKER_STOPPED))
+                return job.add_event(failed, state="failed", problem=WORKER_STOPPED, worker_deaths=deaths)
+            return job.add_event(Event("queued"), state="queued", worker_deaths=deaths)
 
         self._requeue(run, step)
 
-    def consumer_died(self, run: Job) -> None:
-        """Runs the job again, or fails it after `MOST_ATTEMPTS`; what the run has left is removed."""
+    def retry_after_consumer_death(self, run: Job) -> None:
+        """Queues the job again, or fails it after `ATTEMPT_LIMIT`; removes the run's files."""
 
         def step(job: Job) -> Job:
-            if job.attempts >= MOST_ATTEMPTS:
-                return job.after(Event("failed", asdict(INTERRUPTED)), state="failed", problem=INTERRUPTED)
-            return job.after(Event("queued"), state="queued")
+            if job.attempts >= ATTEMPT_LIMIT:
+                return job.add_event(Event("failed", asdict(INTERRUPTED)), state="failed", problem=INTERRUPTED)
+            return job.add_event(Event("queued"), state="queued")
 
         if self._requeue(run, step):
-            self._files.discard(run.output)
+            self._files.remove_run(run.output)
+            self._files.remove(RESULTS, run.output)
 
     def cancel(self, id_: str) -> Job | None:
-        """The job, cancelled if it waited or ran; None where it isn't there."""
+        """Cancels the job unless it has ended, and returns it; None if there is no such job."""
 
         def step(job: Job | None) -> Job | None:
             if job is None or job.state in FINAL:
                 return None
-            return job.after(Event("cancelled"), state="cancelled")
+            return job.add_event(Event("cancelled"), state="cancelled")
 
-        cancelled = self._records.change(id_, step)
+        cancelled = self._records.update(id_, step)
         if cancelled is None:
             return self._records.get(id_)
         self.settle(cancelled)
         return cancelled
 
     def settle(self, job: Job) -> None:
-        """What follows from a job's end: its result is kept for a while, its input isn't.
+        """Registers an ended job for expiry and removes its input.
 
-        May be done twice; `service.jobs.workers.recovery` does it again where it wasn't done to the end.
+        May be repeated: `service.jobs.workers.recovery` does so where a process died before it was complete.
         """
-        self.touch(job)
+        self.mark_used(job)
         self._files.remove(INPUTS, job.input)
         self._queue.active.remove(job.input)
 
-    def touch(self, job: Job) -> None:
-        """Notes that a finished job was asked for just now."""
-        self.keep(job.input, len(job.to_bytes()) + (job.result.size if job.result is not None else 0))
+    def mark_used(self, job: Job) -> None:
+        """Stores that an ended job was used just now."""
+        self.store_use(job.input, len(job.to_bytes()) + (job.result.size if job.result is not None else 0))
 
-    def keep(self, name: str, size: int) -> None:
-        """Notes that the finished job whose input had `name`, of so many bytes with its result, is used now."""
-        self._queue.kept.put(name, json.dumps([time.time(), size]).encode())
+    def store_use(self, name: str, size: int) -> None:
+        """Stores that the ended job with the input `name`, of `size` bytes with its result, was used just now."""
+        self._queue.finished.put(name, json.dumps([time.time(), size]).encode())
 
-    def _change(self, run: Job, step: Callable[[Job], Job]) -> Job | None:
+    def _update(self, run: Job, step: Callable[[Job], Job]) -> Job | None:
         def guarded(job: Job | None) -> Job | None:
-            is_ours = job is not None and job.state == "running" and job.claim == run.claim
-            return step(job) if job is not None and is_ours else None
+            has_lease = job is not None and job.state == "running" and job.lease == run.lease
+            return step(job) if job is not None and has_lease else None
 
-        return self._records.change(run.id, guarded)
+        return self._records.update(run.id, guarded)
 
     def _requeue(self, run: Job, step: Callable[[Job], Job]) -> bool:
-        job = self._change(run, step)
+        job = self._update(run, step)
         if job is None:
             return False
         if job.state in FINAL:
             self.settle(job)
         else:
-            _log.warning("job %s: run %d was stopped; it is run again", job.id, job.attempts)
+            _log.warning("job %s: run %d was stopped; queued again", job.id, job.attempts)
             self._queue.push(job.lane, job.id)
         return True

@@ -1,13 +1,16 @@
-"""Where jobs wait and what is known of them is kept: huey's storage, a SQLite file by default or a Redis server.
+"""The queue and the tables of jobs, in a SQLite file or on a Redis server, through huey's storages.
 
-Keys are text and values bytes of JSON; nothing that is read is ever executed. What several processes change is changed
-by compare and swap. A SQLite file keeps all that was written when a process is killed at any moment; when the machine
-loses power it stays whole and may lose what was written last (`synchronous=NORMAL`). What Redis keeps, its `appendonly`
-and `appendfsync` say.
+Of huey only the storages are used: its consumer loses the task of a process that is killed. The storages have no
+compare and swap, can't wait for two queues at once, and need a SQLite connection for each queue; these are added here.
+
+Keys are text and values JSON; nothing that is read is executed. A SQLite file keeps everything written when a process
+is killed; after a power cut it is intact but may lack the last writes (`synchronous=NORMAL`). With Redis that depends
+on its `appendonly` and `appendfsync`.
 """
 
 from __future__ import annotations
 
+import copy
 import sqlite3
 import threading
 import time
@@ -22,7 +25,7 @@ from redis.exceptions import RedisError
 from redis.retry import Retry
 
 from ciir.errors import InvalidOption, QueueUnavailable
-from ciir.service.jobs.error_log import Trouble
+from ciir.service.jobs.error_log import ErrorLog
 from ciir.service.jobs.lanes import LANES
 
 if TYPE_CHECKING:
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
 
 FILE = "jobs.db"
 POLL_SECONDS = (0.02, 0.25)
-"""How often a SQLite file is looked at for what another process has put there: first, and at most."""
+"""Least and most time between two polls of a SQLite file for changes by other processes."""
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _SWAP = """\
 if redis.call('hget', KEYS[1], ARGV[1]) ~= ARGV[2] then return 0 end
@@ -42,22 +45,19 @@ return 1"""
 
 
 class _Sqlite(SqliteStorage):  # type: ignore[misc]
-    """huey's tables under one name, by a connection that those of all names share."""
-
-    def __init__(self, name: str, path: Path, shared: _Sqlite | None = None) -> None:
-        self._shared = shared
-        super().__init__(name, filename=str(path), create_tables=shared is None)
-        if shared is not None:
-            self.lock: threading.Lock = shared.lock
-
-    @property
-    def conn(self) -> Any:
-        return super().conn if self._shared is None else self._shared.conn
+    """huey's tables in one file, with compare and swap."""
 
     def _create_connection(self) -> Any:
         connection = super()._create_connection()
         connection.execute("pragma synchronous=normal")
         return connection
+
+    def with_name(self, name: str) -> _Sqlite:
+        """The same connection and lock for the rows of another name."""
+        self.conn  # noqa: B018 - connects, before the copy
+        other = copy.copy(self)
+        other.name = name
+        return other
 
     def swap(self, key: str, old: bytes, new: bytes | None) -> bool:
         with self.db(commit=True) as cursor:
@@ -69,7 +69,7 @@ class _Sqlite(SqliteStorage):  # type: ignore[misc]
 
 
 class _Redis(RedisStorage):  # type: ignore[misc]
-    """huey's keys under one name."""
+    """huey's keys under one name, with compare and swap."""
 
     def __init__(self, name: str, pool: ConnectionPool) -> None:
         super().__init__(name, blocking=False, connection_pool=pool)
@@ -79,172 +79,170 @@ class _Redis(RedisStorage):  # type: ignore[misc]
         return bool(self._swap(keys=[self.result_key], args=[key, old, *([] if new is None else [new])]))
 
 
-class _Telling:
-    """Tells callers, and the log, of a storage that can't be reached or written."""
+class _ErrorTranslator:
+    """Raises `QueueUnavailable` for errors of the storage, and logs them."""
 
     def __init__(self) -> None:
-        self._trouble = Trouble("the queue")
+        self._errors = ErrorLog("the queue")
 
     @contextmanager
     def __call__(self) -> Iterator[None]:
-        """Raises `QueueUnavailable` in place of what the storage raises; what callers hear names no server and no
-        path."""
+        """Clients get a message without the server's address or path."""
         try:
             yield
         except (RedisError, sqlite3.Error) as error:
-            self._trouble.begins(str(error))
-            is_redis = isinstance(error, RedisError)
-            why = "its server doesn't answer" if is_redis else str(error)
-            raise QueueUnavailable(f"the queue can't be used ({why}); try again later") from error
-        self._trouble.is_over()
+            self._errors.log_error(str(error))
+            reason = "its server doesn't answer" if isinstance(error, RedisError) else str(error)
+            raise QueueUnavailable(f"the queue can't be used ({reason}); try again later") from error
+        self._errors.log_success()
 
 
 class Table:
-    """Values by key. Every method raises `QueueUnavailable` where the storage can't be reached or written."""
+    """Values by key. Every method raises `QueueUnavailable` if the storage can't be reached or written."""
 
-    def __init__(self, storage: _Sqlite | _Redis, telling: _Telling) -> None:
-        self._storage, self._telling = storage, telling
+    def __init__(self, storage: _Sqlite | _Redis, translate_errors: _ErrorTranslator) -> None:
+        self._storage, self._translate_errors = storage, translate_errors
 
     def get(self, key: str) -> bytes | None:
-        """What is there."""
-        with self._telling():
+        """The value, or None."""
+        with self._translate_errors():
             value = self._storage.peek_data(key)
         return None if value is EmptyData else bytes(value)
 
-    def many(self, keys: Sequence[str]) -> dict[str, bytes]:
-        """What is there of `keys`."""
+    def get_many(self, keys: Sequence[str]) -> dict[str, bytes]:
+        """The values of those keys that have one."""
         if not keys:
             return {}
-        with self._telling():
+        with self._translate_errors():
             return {key: bytes(value) for key, value in self._storage.peek_many(keys).items()}
 
     def items(self) -> dict[str, bytes]:
-        """All."""
-        with self._telling():
+        """All values by key."""
+        with self._translate_errors():
             return {key: bytes(value) for key, value in self._storage.result_items().items()}
 
     def put(self, key: str, value: bytes) -> None:
-        """Puts `value` there, whatever was."""
-        with self._telling():
+        """Sets the value."""
+        with self._translate_errors():
             self._storage.put_data(key, value)
 
     def swap(self, key: str, old: bytes | None, new: bytes | None) -> bool:
-        """Puts `new` in the place of `old` in one step; False where something else is there. None means nothing."""
-        with self._telling():
+        """Replaces `old` by `new` atomically; False if the value is not `old`. None stands for no value."""
+        with self._translate_errors():
             if old is None:
                 return new is not None and bool(self._storage.put_if_empty(key, new))
             return self._storage.swap(key, old, new)
 
     def remove(self, key: str) -> None:
-        """Removes what is there, if anything is."""
-        with self._telling():
+        """Removes the value, if there is one."""
+        with self._translate_errors():
             self._storage.delete_data(key)
 
 
 class Queue:
-    """The lanes, in which ids wait, and the tables. Threads may share it; processes each open their own."""
+    """The lanes of waiting ids, and the tables. Threads may share it; each process opens its own."""
 
     def __init__(self, folder: Path, url: str = "") -> None:
-        """`url`: a Redis server's; empty: `FILE` in `folder`. Raises `InvalidOption` where that can't be opened."""
-        self._telling = _Telling()
+        """`url`: a Redis server; empty: `FILE` in `folder`. Raises `InvalidOption` if that can't be opened."""
+        self._translate_errors = _ErrorTranslator()
         self._pool: ConnectionPool | None = None
-        self._first: _Sqlite | None = None
+        self._sqlite: _Sqlite | None = None
         if url:
-            self._pool = _pool(url)
+            self._pool = _open_pool(url)
         else:
             try:
-                self._first = _Sqlite("ciir", folder / FILE)
+                self._sqlite = _Sqlite("ciir", filename=str(folder / FILE))
             except sqlite3.Error as error:
                 raise InvalidOption(
-                    f"{folder / FILE}: jobs can't be kept there ({error}); name another folder, or remove the file"
+                    f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or remove the file"
                 ) from error
         self._lanes = {lane: self._open(f"ciir{lane}") for lane in LANES}
-        self.jobs = Table(self._open("ciirjobs"), self._telling)
-        """Id -> the job."""
-        self.active = Table(self._open("ciiropen"), self._telling)
-        """A job's `input` -> nothing, while it waits or runs: what has to be looked after."""
-        self.kept = Table(self._open("ciirkept"), self._telling)
-        """A finished job's `input` -> when it was last asked for (seconds since 1970), and its bytes."""
-        self.beats = Table(self._open("ciirbeats"), self._telling)
-        """Consumer -> a count that rises while it lives."""
+        self.jobs = Table(self._open("ciirjobs"), self._translate_errors)
+        """Id -> the job's record."""
+        self.active = Table(self._open("ciiractive"), self._translate_errors)
+        """Name of a job's input -> nothing, from before the input is stored until the job is settled."""
+        self.finished = Table(self._open("ciirfinished"), self._translate_errors)
+        """Name of an ended job's input -> when it was last used (seconds since 1970), and its bytes."""
+        self.heartbeats = Table(self._open("ciirheartbeats"), self._translate_errors)
+        """Name of a consumer -> a count that rises while it lives."""
         self._pushed = threading.Condition()
-        self._count = 0
+        self._wakes = 0
 
     def _open(self, name: str) -> _Sqlite | _Redis:
-        if self._first is not None:
-            return _Sqlite(name, self._first.filename, self._first)
-        assert self._pool is not None  # noqa: S101 - one of them is there
+        if self._sqlite is not None:
+            return self._sqlite.with_name(name)
+        assert self._pool is not None  # noqa: S101 - one of them is set
         return _Redis(name, self._pool)
 
     def push(self, lane: Lane, id_: str) -> None:
-        """Puts an id at the end of a lane; it may stand there twice. Raises `QueueUnavailable`."""
-        with self._telling():
+        """Appends an id to a lane, which may hold it twice. Raises `QueueUnavailable`."""
+        with self._translate_errors():
             self._lanes[lane].enqueue(id_.encode())
         self.wake()
 
     def pop(self, lanes: Sequence[Lane], seconds: float) -> str | None:
-        """The first id of the first of `lanes` that has one; None where none comes within `seconds`, or after `wake`.
+        """The first id of the first of `lanes` that has one; None after `seconds`, or after `wake`.
 
         Raises `QueueUnavailable`.
         """
         if self._pool is not None:
-            with self._telling():
+            with self._translate_errors():
                 conn = self._lanes[lanes[0]].conn
                 found = conn.brpop([self._lanes[lane].queue_key for lane in lanes], timeout=seconds)
             return None if found is None else found[1].decode()
-        until = time.monotonic() + seconds
+        deadline = time.monotonic() + seconds
         pause = POLL_SECONDS[0]
         is_woken = False
         while True:
             with self._pushed:
-                count = self._count
+                wakes = self._wakes
             for lane in lanes:
-                with self._telling():
+                with self._translate_errors():
                     id_ = self._lanes[lane].dequeue()
                 if id_ is not None:
                     return bytes(id_).decode()
-            left = until - time.monotonic()
-            if left <= 0 or is_woken:
+            remaining = deadline - time.monotonic()
+            if remaining <= 0 or is_woken:
                 return None
             with self._pushed:
-                if self._count == count:
-                    self._pushed.wait(min(pause, left))
-                is_woken = self._count != count
+                if self._wakes == wakes:
+                    self._pushed.wait(min(pause, remaining))
+                is_woken = self._wakes != wakes
             pause = min(2 * pause, POLL_SECONDS[1])
 
     def wake(self) -> None:
-        """Has those that wait in this process look again."""
+        """Makes every waiting `pop` of this process check its lanes once more and return."""
         with self._pushed:
-            self._count += 1
+            self._wakes += 1
             self._pushed.notify_all()
 
-    def waiting(self, lane: Lane) -> int:
+    def count_waiting(self, lane: Lane) -> int:
         """How many ids are in a lane. Raises `QueueUnavailable`."""
-        with self._telling():
+        with self._translate_errors():
             return int(self._lanes[lane].queue_size())
 
-    def contents(self) -> set[str]:
-        """All ids that wait. Raises `QueueUnavailable`."""
-        with self._telling():
+    def list_waiting(self) -> set[str]:
+        """All ids in the lanes. Raises `QueueUnavailable`."""
+        with self._translate_errors():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 
     def close(self) -> None:
         """Closes the connections."""
-        if self._first is not None:
-            self._first.close()
+        if self._sqlite is not None:
+            self._sqlite.close()
         if self._pool is not None:
             self._pool.disconnect()
 
 
-def _pool(url: str) -> ConnectionPool:
+def _open_pool(url: str) -> ConnectionPool:
     try:
         return ConnectionPool.from_url(
             url,
             socket_connect_timeout=_CONNECT_SECONDS,
             socket_timeout=_ANSWER_SECONDS,
-            retry=Retry(NoBackoff(), 0),  # what was done though its answer got lost isn't done twice
+            retry=Retry(NoBackoff(), 0),  # a command whose answer was lost must not run twice
         )
-    except ValueError as error:  # without the address itself, which may hold a password
+    except ValueError as error:  # the message leaves out the URL, which may contain a password
         raise InvalidOption(
-            f"CIIR_QUEUE: no address of a Redis server ({error}); give one such as redis://localhost:6379/0"
+            f"CIIR_QUEUE: not the URL of a Redis server ({error}); give one such as redis://localhost:6379/0"
         ) from error

@@ -1,11 +1,12 @@
-"""What is known of each job, changed by one process or thread at a time and told to whoever waits for it here."""
+"""The records of all jobs, changed by compare and swap, with notifications within the process."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections import defaultdict
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ciir.service.jobs.job import Job
@@ -23,94 +24,65 @@ class Records:
 
     def __init__(self, table: Table) -> None:
         self._table = table
-        self._listeners: defaultdict[str, list[Listener]] = defaultdict(list)
+        self._listeners: defaultdict[str, list[Callable[[], object]]] = defaultdict(list)
 
     def get(self, id_: str) -> Job | None:
-        """The job as it stands."""
-        return self._read(id_, self._table.get(id_))
+        """The current record."""
+        return self._parse(id_, self._table.get(id_))
 
-    def many(self, ids: Sequence[str]) -> dict[str, Job]:
-        """Those of the jobs that are there."""
-        found = {id_: self._read(id_, text) for id_, text in self._table.many(ids).items()}
+    def get_many(self, ids: Sequence[str]) -> dict[str, Job]:
+        """The records of those ids that have one."""
+        found = {id_: self._parse(id_, text) for id_, text in self._table.get_many(ids).items()}
         return {id_: job for id_, job in found.items() if job is not None}
 
-    def change(self, id_: str, step: Callable[[Job | None], Job | None]) -> Job | None:
-        """Puts `step(job)` in the job's place, and returns it; `step` is called again where another was quicker.
+    def update(self, id_: str, step: Callable[[Job | None], Job | None]) -> Job | None:
+        """Replaces the record by `step(record)` and returns it; calls `step` again if the record changed meanwhile.
 
-        None where `step` returns None: nothing is changed then.
+        Changes nothing and returns None if `step` returns None.
         """
         while True:
             before = self._table.get(id_)
-            after = step(self._read(id_, before))
+            after = step(self._parse(id_, before))
             if after is None:
                 return None
             if self._table.swap(id_, before, after.to_bytes()):
-                self._tell(after)
+                for notify in self._listeners.get(id_, ()):
+                    with suppress(RuntimeError):  # its event loop is closed
+                        notify()
                 return after
 
     def remove(self, id_: str, condition: Callable[[Job], bool]) -> Job | None:
-        """Removes the job where it meets `condition`, and returns what it was; one that can't be read goes, too."""
+        """Removes the record if it meets `condition`, or is unreadable, and returns it."""
         while True:
             before = self._table.get(id_)
             if before is None:
                 return None
-            job = self._read(id_, before)
+            job = self._parse(id_, before)
             if job is not None and not condition(job):
                 return None
             if self._table.swap(id_, before, None):
                 return job
 
     @contextmanager
-    def listening(self, id_: str) -> Iterator[Listener]:
-        """Hears of every change to the job that is made through these records. To be used in an event loop."""
-        listener = Listener()
-        self._listeners[id_].append(listener)
+    def subscribe(self, id_: str) -> Iterator[asyncio.Event]:
+        """An event of the running event loop, set at each update of the job through this object."""
+        changed = asyncio.Event()
+        notify = partial(asyncio.get_running_loop().call_soon_threadsafe, changed.set)
+        self._listeners[id_].append(notify)
         try:
-            yield listener
+            yield changed
         finally:
-            others = [other for other in self._listeners[id_] if other is not listener]
+            others = [other for other in self._listeners[id_] if other is not notify]
             if others:
                 self._listeners[id_] = others
             else:
                 del self._listeners[id_]
 
-    def _tell(self, job: Job) -> None:
-        for listener in self._listeners.get(job.id, ()):
-            listener.tell(job)
-
-    def _read(self, id_: str, text: bytes | None) -> Job | None:
+    def _parse(self, id_: str, text: bytes | None) -> Job | None:
         if text is None:
             return None
         try:
             return Job.from_bytes(text)
         except (ValueError, LookupError, TypeError) as error:
-            _log.warning("job %s: its record is another version's, or damaged (%s); it counts as not there", id_, error)
+            _log.warning("job %s: ignored its record, which is damaged or of another version (%s)", id_, error)
             return None
-
-
-class Listener:
-    """Waits in an event loop for what another thread tells."""
-
-    def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._told = asyncio.Event()
-        self._job: Job | None = None
-
-    def tell(self, job: Job) -> None:
-        """Called in any thread."""
-        if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._take, job)
-
-    def _take(self, job: Job) -> None:
-        self._job = job
-        self._told.set()
-
-    async def heard(self, seconds: float) -> Job | None:
-        """The newest of which was told since the last call; None where nothing was within `seconds`."""
-        try:
-            async with asyncio.timeout(seconds):
-                await self._told.wait()
-        except TimeoutError:
-            return None
-        self._told.clear()
-        return self._job

@@ -1,1 +1,1 @@
-"""TODO"""
+"""Consumers of the queue and the worker processes that reconstruct."""

@@ -1,4 +1,4 @@
-"""Who runs a job: a name for each consumer, and whether the process behind a name is still there."""
+"""A locked file for each consumer, which shows the others on the same machine whether its process is alive."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-OWNERS = "owners"
+FOLDER = "consumers"
 
 
 class ConsumerLock:
-    """A new name, and a file in `folder` that is locked while this process lives: the system lets go of it in the
-    moment that the process ends, however it does. Raises `OSError` where that can't be made.
+    """A new name and a file of that name, locked until the process ends: the system releases the lock, even after a
+    kill. Raises `OSError` if the file can't be created.
     """
 
     def __init__(self, folder: Path) -> None:
         self.name = secrets.token_hex(8)
-        self._folder = folder / OWNERS
+        self._folder = folder / FOLDER
         self._folder.mkdir(parents=True, exist_ok=True)
         self._file = os.open(self._folder / self.name, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
         fcntl.flock(self._file, fcntl.LOCK_EX)
 
-    def is_gone(self, name: str) -> bool:
-        """Whether that process has ended, for certain. False where it lives, or is one of another machine."""
+    def is_dead(self, name: str) -> bool:
+        """Whether that consumer's process has certainly ended. False if it lives, or is on another machine."""
         try:
             file = os.open(self._folder / name, os.O_RDWR | os.O_CLOEXEC)
         except FileNotFoundError:
@@ -39,15 +39,15 @@ class ConsumerLock:
             os.close(file)
         return True
 
-    def names(self) -> list[str]:
-        """All that were here, this one among them, until they are forgotten."""
+    def list_names(self) -> list[str]:
+        """All consumers of this machine, dead or alive, whose file exists."""
         return [path.name for path in self._folder.iterdir()]
 
-    def forget(self, name: str) -> None:
-        """Removes what one that is gone has left."""
+    def remove(self, name: str) -> None:
+        """Removes the file of a dead consumer."""
         (self._folder / name).unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Ends it: the name is gone from here on."""
+        """Releases the lock and removes the file."""
         os.close(self._file)
-        self.forget(self.name)
+        self.remove(self.name)

@@ -1,12 +1,15 @@
-"""Worker processes: each does one piece of work at a time, within limits, and is replaced when it fails or is spent.
+"""Worker processes: each runs one task at a time, within limits, and is replaced when it fails or after `worker_jobs`.
 
-Each is a pebble pool of one process, so that no worker's death can harm another's: workers of one pool share a pipe and
-its lock. Time is measured here and not by pebble, which asks the clock on the wall.
+pebble starts and kills the processes and detects their deaths. Each process has a pebble pool of its own: the processes
+of one pool share a pipe and its lock, which a dead one may hold. pebble has no setting for these, done here:
+
+- a time limit on a monotonic clock (the `timeout` of `schedule` follows the system clock) and progress meanwhile;
+- no task for a process that has not loaded its models yet (`max_tasks` gives a new process tasks at once);
+- a new process in place of one that died idle (which breaks a pebble pool), and pauses while starting one fails.
 """
 
 from __future__ import annotations
 
-import json
 import logging
 import multiprocessing
 import os
@@ -16,15 +19,16 @@ import threading
 import time
 from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from pebble import CONSTS, ProcessExpired, ProcessPool
 
 from ciir.errors import Cancelled, WorkerDied
-from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.job import INTERNAL_ERROR, Problem
 from ciir.service.jobs.workers import sandbox
-from ciir.service.jobs.workers.task import Done, Outcome, Task, TaskLimits, read_progress, run_task, warm_up
+from ciir.service.jobs.workers.progress import read_progress
+from ciir.service.jobs.workers.task import Finished, Outcome, Task, TaskLimits, run_task, warm_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,226 +38,204 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 TICK_SECONDS = 0.05
-"""How often a piece of work that runs is looked at: for progress, for its time, and whether it is still wanted."""
-WATCH_SECONDS = 0.5
-"""How often workers that wait are looked at."""
-_MOST_PAUSE = 30.0
-"""Most seconds between two attempts to start a worker that fails to."""
-_ATTEMPTS = 3
-"""So many workers in a row may die between two pieces of work before one of them is told of it."""
-CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): SIGKILL follows at once
+"""How often tasks and workers are polled."""
+_MAX_PAUSE = 30.0
+"""Longest pause between two attempts to start a worker, in seconds."""
+CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): send SIGKILL at once
 _log = logging.getLogger("ciir.pool")
 
 
 class _Worker:
-    """A process, from its start to its end."""
+    """A worker process and its pebble pool."""
 
-    def __init__(self, allowed: TaskLimits) -> None:
-        bounds = sandbox.Bounds(allowed.memory, allowed.file)
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPool(1, initializer=sandbox.enter, initargs=(bounds, os.getpid()), context=context)
+    def __init__(self, limits: TaskLimits) -> None:
+        self._pool = ProcessPool(
+            1,
+            initializer=sandbox.enter,
+            initargs=(limits.memory, limits.file, os.getpid()),
+            context=multiprocessing.get_context("spawn"),
+        )
         self._lock = threading.Lock()
-        self.done = 0
-        """Pieces of work."""
-        self.ended = threading.Event()
-        """Once it is dead, or known to be."""
+        self.tasks = 0
+        """Tasks that it has run."""
 
     def call(self, function: Callable[..., Any], *args: object) -> ProcessFuture[Any]:
-        """Has the process call a function of a module; raises `RuntimeError` where it is dead."""
-        future: ProcessFuture[Any] = self._pool.schedule(function, args=args)
+        """Calls a module's function in the process; raises `BrokenProcessPool` if that is dead."""
+        try:
+            future: ProcessFuture[Any] = self._pool.schedule(function, args=args)
+        except RuntimeError as error:
+            raise BrokenProcessPool(str(error)) from error
         return future
 
     def is_alive(self) -> bool:
-        """Whether it can be given work."""
-        return not self.ended.is_set() and self._pool.active
+        """Whether it accepts tasks."""
+        return self._pool.active
 
     def end(self) -> None:
-        """Ends the process, whatever it does, and waits until it is dead."""
+        """Kills the process, if it is alive, and waits until it is dead."""
         with self._lock:
-            if not self.ended.is_set():
-                self._pool.stop()  # type: ignore[no-untyped-call]
-                self._pool.join()
-                self.ended.set()
+            self._pool.stop()  # type: ignore[no-untyped-call]
+            self._pool.join()
 
 
 class Pool:
-    """`settings.workers` processes, each started anew whenever it ends. Methods may be called from any thread."""
+    """`settings.workers` processes, each replaced when it ends. Methods may be called from any thread."""
 
     def __init__(self, settings: Settings) -> None:
-        self._count, self._most_jobs = settings.workers, settings.worker_jobs
-        self._seconds, self._allowed = settings.job_seconds, TaskLimits.from_settings(settings)
-        self._free: queue.Queue[_Worker] = queue.Queue()
-        self._warm: set[_Worker] = set()
+        self._count, self._max_tasks = settings.workers, settings.worker_jobs
+        self._seconds, self._limits = settings.job_seconds, TaskLimits.from_settings(settings)
+        self._idle: queue.Queue[_Worker] = queue.Queue()
+        self._ready: set[_Worker] = set()
         self._keepers: list[threading.Thread] = []
         self._lock, self._closed = threading.Lock(), threading.Event()
-        self.trouble = ""
-        """Why the last worker that should have started did not, in words; empty since one did."""
 
     def start(self) -> None:
-        """Begins to start the workers, unless that has been done; `ready` says when there are any."""
+        """Starts the workers in the background, unless that has been done."""
         with self._lock:
             if not self._keepers and not self._closed.is_set():
                 self._keepers = [
-                    threading.Thread(target=self._keep, name=f"worker-{number}", daemon=True)
+                    threading.Thread(target=self._keep_worker, name=f"worker-{number}", daemon=True)
                     for number in range(self._count)
                 ]
                 for keeper in self._keepers:
                     keeper.start()
 
     def is_ready(self) -> bool:
-        """Whether there is a worker that has loaded the models and lives; starts them where nobody has."""
+        """Whether a worker has loaded the models and is alive; starts the workers if needed."""
         self.start()
         return self.count_ready() > 0
 
     def count_ready(self) -> int:
-        """How many workers have loaded the models and live, at work or not."""
-        return sum(worker.is_alive() for worker in self._warm.copy())
+        """How many workers have loaded the models and are alive, idle or not."""
+        return sum(worker.is_alive() for worker in self._ready.copy())
 
-    def run(self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
-        """Waits for a worker, has it do `work`, and returns what came of it; starts the workers where nobody has.
+    def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+        """Waits for a worker, has it run `task`, and returns the outcome; starts the workers if needed.
 
-        `progress` is called in this thread with the data of `progress` events. What takes over `job_seconds` is
-        stopped: a `Problem`, as is a fault of this program (500), of which the log tells more.
+        Calls `progress` in this thread with the data of each progress event. A task over `job_seconds` is stopped and
+        gives a `Problem`; an unexpected exception gives `INTERNAL_ERROR` and is logged.
 
         Raises `WorkerDied`; `Cancelled` when `cancelled` is set or the pool is closed.
         """
         self.start()
-        for _ in range(_ATTEMPTS):
-            worker = self._take(cancelled)
+        while True:
+            worker = self._take_worker(cancelled)
             try:
-                return self._watched(worker, work, progress, cancelled)
-            except _NotBegunError as error:
+                return self._run_in(worker, task, progress, cancelled)
+            except BrokenProcessPool as error:
                 worker.end()
-                _log.warning("a worker process ended before its work began (%s); another one does it", error)
+                _log.warning("a worker process died before it received its task (%s); another one runs it", error)
             except BaseException:
                 worker.end()
                 raise
             finally:
-                self._give_back(worker)
-        raise WorkerDied(f"{_ATTEMPTS} worker processes in a row ended before their work began")
+                self._return_worker(worker)
 
     def close(self) -> None:
         """Ends all workers; `run` raises `Cancelled` from now on."""
         self._closed.set()
-        for worker in self._warm.copy():
-            worker.end()
         for keeper in self._keepers:
             keeper.join()
 
-    def _take(self, cancelled: threading.Event) -> _Worker:
+    def _take_worker(self, cancelled: threading.Event) -> _Worker:
         while not (cancelled.is_set() or self._closed.is_set()):
-            try:
-                worker = self._free.get(timeout=TICK_SECONDS)
-            except queue.Empty:
-                continue
-            if worker.is_alive():
-                return worker
-            worker.end()
+            with suppress(queue.Empty):
+                worker = self._idle.get(timeout=TICK_SECONDS)
+                if worker.is_alive():
+                    return worker
         raise Cancelled
 
-    def _give_back(self, worker: _Worker) -> None:
-        worker.done += 1
-        if worker.done >= self._most_jobs or not worker.is_alive():
+    def _return_worker(self, worker: _Worker) -> None:
+        worker.tasks += 1
+        if worker.tasks >= self._max_tasks:
             worker.end()
-        else:
-            self._free.put(worker)
+        elif worker.is_alive():
+            self._idle.put(worker)
 
-    def _watched(
+    def _run_in(
         self,
         worker: _Worker,
-        work: Task,
+        task: Task,
         progress: Callable[[dict[str, Any]], None],
         cancelled: threading.Event,
     ) -> Outcome:
-        """As `run`, with a worker that is there, and with which something is wrong where anything is raised."""
-        try:
-            future = worker.call(run_task, work, self._allowed)
-        except RuntimeError as error:
-            raise _NotBegunError(str(error)) from error
-        begun: float | None = None
-        read = 0
-        while True:
+        """As `run`, in a given worker; raises `BrokenProcessPool` if it died before it received the task."""
+        deadline = time.monotonic() + self._seconds
+        future = worker.call(run_task, task, self._limits)
+        offset = 0
+        is_done = False
+        while not is_done:
             wait([future], timeout=TICK_SECONDS)
             is_done = future.done()
-            told, read = read_progress(work.told, read)
-            for data in told:
+            events, offset = read_progress(task.progress, offset)
+            for data in events:
                 progress(data)
-            if is_done:
-                break
-            if cancelled.is_set() or self._closed.is_set():
+            if not is_done and (cancelled.is_set() or self._closed.is_set()):
                 raise Cancelled
-            if begun is None and future.running():
-                begun = time.monotonic()
-            if begun is not None and time.monotonic() - begun > self._seconds:
+            if not is_done and time.monotonic() > deadline:
                 worker.end()
-                return Problem(
-                    422,
-                    "Takes too long",
-                    f"not done after {self._seconds:g} s, the limit; ask for fewer views, or give a smaller input",
-                )
-        return self._outcome(worker, future, work)
+                return _time_problem(f"not done after {self._seconds:g} s")
+        return self._get_outcome(worker, future, task)
 
-    def _outcome(self, worker: _Worker, future: ProcessFuture[Any], work: Task) -> Outcome:
+    def _get_outcome(self, worker: _Worker, future: ProcessFuture[Any], task: Task) -> Outcome:
         try:
-            done: Done = future.result()
+            finished: Finished = future.result()
         except ProcessExpired as error:
             if error.exitcode == -signal.SIGXCPU:
-                return Problem(
-                    422,
-                    "Takes too long",
-                    f"took over {self._allowed.cpu_seconds} s of processor time, the limit; ask for fewer views, "
-                    "or give a smaller input",
-                )
-            raise WorkerDied(_cause(error.exitcode)) from error
-        except BrokenProcessPool as error:
-            raise _NotBegunError(str(error)) from error
-        except Exception:  # noqa: BLE001 - whatever the work may raise that nobody has thought of
-            _log.exception("work %s failed by a fault of this program", work.id)
-            return Problem(500, "Internal error", "the reconstruction failed; the server's log says why")
-        if done.is_spent:
+                return _time_problem(f"took over {self._limits.cpu_seconds} s of processor time")
+            raise WorkerDied(_describe_exit(error.exitcode)) from error
+        except BrokenProcessPool:
+            raise
+        except Exception:  # noqa: BLE001 - any error in the task that is not an error in its input
+            _log.exception("job %s: internal error", task.id)
+            return INTERNAL_ERROR
+        if finished.is_out_of_memory:
             worker.end()
-        if isinstance(done.outcome, Result):
-            return replace(done.outcome, report=json.loads(work.report.read_bytes()))
-        return done.outcome
+        return finished.outcome
 
-    def _keep(self) -> None:
-        """One after another: starts a worker, has it load the models, and waits until it has ended."""
+    def _keep_worker(self) -> None:
+        """Starts a worker, and another one whenever it ends, until the pool is closed."""
         pause = 1.0
         while not self._closed.is_set():
-            worker = _Worker(self._allowed)
+            worker = _Worker(self._limits)
             try:
-                missing = self._started(worker)
-                self.trouble, pause = "", 1.0
-                for line in missing:
-                    _log.warning("a worker process is not kept in: %s", line)
-                self._warm.add(worker)
-                self._free.put(worker)
-                while worker.is_alive() and not self._closed.is_set():
-                    worker.ended.wait(WATCH_SECONDS)
-            except Exception as error:  # noqa: BLE001 - told, and tried again
-                self.trouble = f"a worker process can't be started ({type(error).__name__}: {error})"
-                is_known = isinstance(error, ProcessExpired | BrokenProcessPool)  # it died: there is no more to tell
-                _log.error("%s; the next attempt is in %g s", self.trouble, pause, exc_info=None if is_known else error)
+                self._warm_up(worker)
+                pause = 1.0
+                while worker.is_alive() and not self._closed.wait(TICK_SECONDS):
+                    pass
+            except Exception as error:  # noqa: BLE001 - logged, and tried again
+                has_died = isinstance(error, ProcessExpired | BrokenProcessPool)  # then a traceback shows nothing
+                _log.error(
+                    "a worker process can't be started (%s: %s); the next attempt is in %g s",
+                    type(error).__name__,
+                    error,
+                    pause,
+                    exc_info=None if has_died else error,
+                )
                 self._closed.wait(pause)
-                pause = min(2 * pause, _MOST_PAUSE)
+                pause = min(2 * pause, _MAX_PAUSE)
             finally:
-                self._warm.discard(worker)
+                self._ready.discard(worker)
                 worker.end()
 
-    def _started(self, worker: _Worker) -> list[str]:
-        """Once it has loaded the models: what it isn't kept from. Raises what went wrong."""
+    def _warm_up(self, worker: _Worker) -> None:
+        """Makes a worker load the models and adds it to the idle ones. Raises whatever `warm_up` does."""
         future = worker.call(warm_up)
-        while not future.done() and not self._closed.is_set():
+        while not self._closed.is_set():
             wait([future], timeout=TICK_SECONDS)
-        missing: list[str] = [] if self._closed.is_set() else future.result()
-        return missing
+            if future.done():
+                for restriction in future.result():
+                    _log.warning("a worker process is not fully restricted: %s", restriction)
+                self._ready.add(worker)
+                self._idle.put(worker)
+                return
 
 
-class _NotBegunError(Exception):
-    """The worker was dead before the work began: no fault of the work's."""
+def _time_problem(reason: str) -> Problem:
+    return Problem(422, "Takes too long", f"{reason}, the limit; ask for fewer views, or give a smaller input")
 
 
-def _cause(exitcode: int) -> str:
+def _describe_exit(exitcode: int) -> str:
     """`was ended by signal 9 (Killed)`, `ended with status 1`."""
     if exitcode >= 0:
         return f"ended with status {exitcode}"

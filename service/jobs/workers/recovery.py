@@ -1,7 +1,8 @@
-"""Looks after what nobody works on any more: jobs whose consumer has died, and what a process that died left half done.
+"""Finds jobs whose consumer died, or that a dying process left between two steps, and repairs them.
 
-No clock on the wall decides anything: a consumer counts up while it lives, and one whose count has stood still for
-`DEAD_SECONDS` of this process's own monotonic clock is dead. On the same machine the system tells at once (`owner`).
+On the same machine a consumer's lock shows at once that it died (`consumer_lock`). Otherwise a consumer is dead when
+its heartbeat, a count, has not changed for `DEAD_SECONDS` of this process's monotonic clock; system clocks are not
+used.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import time
 from typing import TYPE_CHECKING
 
 from ciir.errors import QueueUnavailable
-from ciir.service.jobs.job import FINAL
+from ciir.service.jobs.job import FINAL, parse_id
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -20,115 +21,110 @@ if TYPE_CHECKING:
     from ciir.service.jobs.jobs import Jobs
     from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 
-BEAT_SECONDS = 1.0
+HEARTBEAT_SECONDS = 1.0
 DEAD_SECONDS = 10.0
-STRAY_SECONDS = 3.0
-"""A job that waits and isn't in the queue, or runs here and isn't worked on, for so long was lost on the way: whoever
-moved it died between two steps, or the queue's answer got lost."""
+LOST_SECONDS = 3.0
+"""A job is lost after so long outside the queue in state `queued`, or in state `running` with a lease of this consumer
+that no thread holds: a process died between two steps, or the queue's answer was lost."""
 STALE_SECONDS = 600.0
-"""An input that belongs to no job for so long is that of a process that died while it took it in."""
+"""An input without a job is removed after so long: the process that received it died."""
 _log = logging.getLogger("ciir.jobs")
 
 
-class Watch:
-    """What one consumer sees of all jobs that wait or run. Every method raises `QueueUnavailable`."""
+class Recovery:
+    """Repairs for all jobs that are not settled, done by one consumer. Every method raises `QueueUnavailable`."""
 
-    def __init__(self, jobs: Jobs, owner: ConsumerLock, clock: Callable[[], float] = time.monotonic) -> None:
-        self._jobs, self._owner, self._clock = jobs, owner, clock
+    def __init__(self, jobs: Jobs, lock: ConsumerLock, clock: Callable[[], float] = time.monotonic) -> None:
+        self._jobs, self._lock, self._clock = jobs, lock, clock
         self._count = 0
-        self._beats: dict[str, tuple[bytes, float]] = {}
-        """Consumer -> its count, and since when it has stood there."""
-        self._troubles: dict[tuple[str, str], float] = {}
-        """A job's input, and what is wrong with it -> since when."""
+        self._heartbeats: dict[str, tuple[bytes, float]] = {}
+        """Consumer -> its count, and when this process first read that count."""
+        self._defects: dict[tuple[str, str], float] = {}
+        """A job's input and its defect -> when this process first saw it."""
 
-    def beat(self) -> None:
-        """Says that this consumer lives."""
+    def send_heartbeat(self) -> None:
+        """Raises this consumer's count."""
         self._count += 1
         try:
-            self._jobs.queue.beats.put(self._owner.name, str(self._count).encode())
-        except QueueUnavailable:  # nor can the others say it: their silence up to now doesn't count
-            self._beats, self._troubles = {}, {}
+            self._jobs.queue.heartbeats.put(self._lock.name, str(self._count).encode())
+        except QueueUnavailable:  # nor can other consumers send theirs: the time until now doesn't count
+            self._heartbeats, self._defects = {}, {}
             raise
 
-    def look(self, claims: Collection[str]) -> None:
-        """Puts right what it finds; `claims`: those that this consumer works on."""
+    def repair(self, leases: Collection[str]) -> None:
+        """Repairs every defect that has lasted long enough; `leases`: those that this consumer's threads hold."""
         now = self._clock()
-        beats = self._jobs.queue.beats.items()
-        self._beats = {name: self._stood(name, count, now) for name, count in beats.items()}
+        heartbeats = self._jobs.queue.heartbeats.items()
+        self._heartbeats = {name: self._date_heartbeat(name, count, now) for name, count in heartbeats.items()}
         names = list(self._jobs.queue.active.items())
-        jobs = self._jobs.records.many([_id(name) for name in names])
-        waiting = self._jobs.queue.contents() if names else set()
-        before, self._troubles = self._troubles, {}
+        jobs = self._jobs.records.get_many([parse_id(name) for name in names])
+        waiting = self._jobs.queue.list_waiting() if names else set()
+        before, self._defects = self._defects, {}
         for name in names:
-            job = jobs.get(_id(name))
-            trouble, seconds = self._trouble(name, job, waiting, claims, now)
-            if trouble:
-                since = self._troubles[name, trouble] = before.get((name, trouble), now)
+            job = jobs.get(parse_id(name))
+            defect, seconds = self._find_defect(name, job, waiting, leases, now)
+            if defect:
+                since = self._defects[name, defect] = before.get((name, defect), now)
                 if now - since >= seconds:
-                    self._mend(name, job)
-        for name in beats:
+                    self._repair(name, job)
+        for name in heartbeats:
             if self._is_dead(name, now):
-                self._jobs.queue.beats.remove(name)
+                self._jobs.queue.heartbeats.remove(name)
 
-    def tidy(self) -> None:
-        """Removes what consumers of this machine that have ended left behind, after `look` has put their jobs back; and
-        files that no job knows of, as where a queue was emptied.
-        """
-        gone = [name for name in self._owner.names() if self._owner.is_gone(name)]
-        for made in self._jobs.files.runs():
-            if owner_of(made.rpartition(".")[2]) in gone:
-                self._jobs.files.discard_run(made)
-        for name in gone:
-            self._owner.forget(name)
-        self._jobs.forget_unknown()
+    def remove_leftovers(self) -> None:
+        """Removes the files of dead consumers of this machine and files without a job. Call it after `repair`."""
+        dead = [name for name in self._lock.list_names() if self._lock.is_dead(name)]
+        for result in self._jobs.files.list_runs():
+            if parse_consumer(result.rpartition(".")[2]) in dead:
+                self._jobs.files.remove_run(result)
+        for name in dead:
+            self._lock.remove(name)
+        self._jobs.remove_orphaned_files()
 
-    def _trouble(
-        self, name: str, job: Job | None, waiting: Collection[str], claims: Collection[str], now: float
+    def _find_defect(
+        self, name: str, job: Job | None, waiting: Collection[str], leases: Collection[str], now: float
     ) -> tuple[str, float]:
-        """What is wrong with what the input `name` belongs to, and for how long it may be; empty for nothing."""
+        """What is wrong with the job of input `name`, and after how many seconds to repair it; empty for nothing."""
         if job is None or job.input != name:
-            return "stale", STALE_SECONDS
+            return "input without a job", STALE_SECONDS
         if job.state in FINAL:
-            return "unsettled", 0.0
+            return "not settled", 0.0
         if job.state == "queued":
-            return ("", 0.0) if job.id in waiting else ("stray", STRAY_SECONDS)
-        owner = owner_of(job.claim)
-        if owner == self._owner.name:
-            return ("", 0.0) if job.claim in claims else ("dropped", STRAY_SECONDS)
-        if self._is_dead(owner, now):
-            return "orphaned", 0.0
-        return ("", 0.0) if owner in self._beats else ("silent", DEAD_SECONDS)
+            return ("", 0.0) if job.id in waiting else ("not in the queue", LOST_SECONDS)
+        consumer = parse_consumer(job.lease)
+        if consumer == self._lock.name:
+            return ("", 0.0) if job.lease in leases else ("not held by a thread", LOST_SECONDS)
+        if self._is_dead(consumer, now):
+            return "consumer is dead", 0.0
+        return ("", 0.0) if consumer in self._heartbeats else ("consumer sent no heartbeat", DEAD_SECONDS)
 
-    def _mend(self, name: str, job: Job | None) -> None:
+    def _repair(self, name: str, job: Job | None) -> None:
         if job is None or job.input != name:
-            self._jobs.forget_input(name)
+            self._jobs.remove_input(name)
         elif job.state in FINAL:
             self._jobs.lifecycle.settle(job)
         elif job.state == "queued":
-            _log.warning("job %s: waited outside the queue; it is put back", job.id)
+            _log.warning("job %s: was not in the queue; queued again", job.id)
             self._jobs.queue.push(job.lane, job.id)
         else:
-            self._jobs.lifecycle.consumer_died(job)
+            self._jobs.lifecycle.retry_after_consumer_death(job)
 
-    def _stood(self, name: str, count: bytes, now: float) -> tuple[bytes, float]:
-        held = self._beats.get(name)
-        return held if held is not None and held[0] == count else (count, now)
+    def _date_heartbeat(self, name: str, count: bytes, now: float) -> tuple[bytes, float]:
+        known = self._heartbeats.get(name)
+        return known if known is not None and known[0] == count else (count, now)
 
     def _is_dead(self, name: str, now: float) -> bool:
-        if name == self._owner.name:
+        if name == self._lock.name:
             return False
-        return self._owner.is_gone(name) or (name in self._beats and now - self._beats[name][1] >= DEAD_SECONDS)
+        has_stopped = name in self._heartbeats and now - self._heartbeats[name][1] >= DEAD_SECONDS
+        return has_stopped or self._lock.is_dead(name)
 
 
-def claim_of(owner: str, number: int) -> str:
-    """The claim of a consumer's run."""
-    return f"{owner}-{number}"
+def create_lease(consumer: str, number: int) -> str:
+    """The lease of a consumer's run."""
+    return f"{consumer}-{number}"
 
 
-def owner_of(claim: str) -> str:
-    """The consumer that made it."""
-    return claim.partition("-")[0]
-
-
-def _id(name: str) -> str:
-    return name.partition(".")[0]
+def parse_consumer(lease: str) -> str:
+    """The consumer that created a lease."""
+    return lease.partition("-")[0]

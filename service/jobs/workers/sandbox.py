@@ -1,7 +1,7 @@
-"""What a worker process may not do: it can open no socket, and memory, files and processor time have limits.
+"""Restrictions on a worker process: no sockets, and limits on memory, files and processor time.
 
-Imported before anything else in a worker process, and loads nothing heavy itself. Linux (seccomp(2), prctl(2),
-setrlimit(2)); what a system doesn't have is told by `enter`, never passed over.
+Imported before anything else in a worker process, so it imports nothing heavy. Linux (seccomp(2), prctl(2),
+setrlimit(2)); `enter` reports what a system does not have.
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ import platform
 import resource
 import signal
 import struct
-from dataclasses import dataclass
 
 _OPEN_FILES = 1024
 _ARENAS = 4
-"""Parts of the heap that threads share: by default 8 for each core, and each takes 64 MiB of address space."""
+"""Heaps that threads share: by default there are 8 for each core, each with 64 MiB of address space."""
 _M_ARENA_MAX = -8  # malloc.h
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
 _SET_MODE_FILTER, _FLAG_TSYNC = 1, 1
@@ -29,47 +28,36 @@ _SYSTEMS = {
     "aarch64": (0xC00000B7, 277, 198, 425),
 }
 
-
-@dataclass(frozen=True)
-class Bounds:
-    """What a worker process may use."""
-
-    memory: int
-    """Bytes of address space."""
-    file: int
-    """Bytes of a file that it writes."""
-
-
 missing: list[str] = []
-"""What this process is not kept from, in words; of use after `enter`."""
+"""Restrictions that this process lacks, one sentence each; set by `enter`."""
 
 
-def enter(bounds: Bounds, parent: int) -> None:
-    """Sets the limits for the rest of this process's life; it ends with its `parent`, a process id.
+def enter(memory: int, file: int, parent: int) -> None:
+    """Restricts this process for the rest of its life, and makes it end with the process id `parent`.
 
-    `missing` then says what this system does not limit.
+    `memory`: bytes of address space; `file`: bytes of each file that it writes. Sets `missing`.
     """
-    if hasattr(_libc(), "mallopt"):  # the C library of GNU
+    if hasattr(_libc(), "mallopt"):  # glibc
         _libc().mallopt(_M_ARENA_MAX, _ARENAS)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a service manager sends it to all: the parent says when to end
-    missing[:] = [*_die_with(parent), *_no_sockets()]
-    for name, most in (
-        ("RLIMIT_AS", bounds.memory),
-        ("RLIMIT_FSIZE", bounds.file),
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a service manager sends it to all; the parent ends its workers
+    missing[:] = [*_die_with(parent), *_forbid_sockets()]
+    for name, limit in (
+        ("RLIMIT_AS", memory),
+        ("RLIMIT_FSIZE", file),
         ("RLIMIT_NOFILE", _OPEN_FILES),
         ("RLIMIT_CORE", 0),
     ):
         try:
             which = getattr(resource, name)
             hard = resource.getrlimit(which)[1]
-            least = most if hard == resource.RLIM_INFINITY else min(most, hard)
-            resource.setrlimit(which, (least, least))
+            lower = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+            resource.setrlimit(which, (lower, lower))
         except (AttributeError, OSError, ValueError) as error:
             missing.append(f"{name} can't be set ({error})")
 
 
 def allow_cpu(seconds: int) -> None:
-    """So much processor time from now on, of all threads; where it is over SIGXCPU ends the process."""
+    """Allows so much processor time from now on, for all threads together; then SIGXCPU ends the process."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     until = int(used.ru_utime + used.ru_stime) + 1 + seconds
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
@@ -77,7 +65,7 @@ def allow_cpu(seconds: int) -> None:
 
 
 def _die_with(parent: int) -> list[str]:
-    """A worker whose parent was killed would work on, for nobody."""
+    """Makes the system kill this process when its parent is killed."""
     if platform.system() != "Linux":
         return [f"it outlives a parent that is killed: {platform.system()} has no way to end with it"]
     if _libc().prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) != 0:
@@ -87,8 +75,8 @@ def _die_with(parent: int) -> list[str]:
     return []
 
 
-def _no_sockets() -> list[str]:
-    """No thread of this process, and no process that it starts, gets a socket: `EACCES`. Pairs of them are left."""
+def _forbid_sockets() -> list[str]:
+    """Makes `socket` fail with `EACCES` in every thread and child process. Socket pairs are still allowed."""
     known = _SYSTEMS.get(platform.machine())
     if known is None or platform.system() != "Linux":
         return [f"it can reach the network: no filter is known for {platform.system()} on {platform.machine()}"]
@@ -103,7 +91,7 @@ def _no_sockets() -> list[str]:
             (_LOAD, 0, 0, 0),  # seccomp_data.nr
             (_JUMP_AT_LEAST, 3, 0, _X32),
             (_JUMP_EQUAL, 2, 0, socket),
-            (_JUMP_EQUAL, 1, 0, io_uring_setup),  # would open sockets without the call
+            (_JUMP_EQUAL, 1, 0, io_uring_setup),  # it can open sockets without the call
             (_RETURN, 0, 0, _ALLOW),
             (_RETURN, 0, 0, refuse),
         )
@@ -114,7 +102,7 @@ def _no_sockets() -> list[str]:
     if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 or libc.syscall(
         seccomp, _SET_MODE_FILTER, _FLAG_TSYNC, filter_
     ):
-        return [f"it can reach the network: seccomp is not to be had ({os.strerror(ctypes.get_errno())})"]
+        return [f"it can reach the network: seccomp is not available ({os.strerror(ctypes.get_errno())})"]
     return []
 
 

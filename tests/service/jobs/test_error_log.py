@@ -1,17 +1,17 @@
 import logging
 
-from ciir.service.jobs.error_log import Trouble
+from ciir.service.jobs.error_log import ErrorLog
 
 
-def test_told_once_and_once_when_it_is_over(caplog):
-    trouble = Trouble("the queue")
+def test_errors_are_logged_when_they_begin_and_when_they_are_over(caplog):
+    log = ErrorLog("the queue")
     with caplog.at_level(logging.INFO):
-        trouble.is_over()
-        for why in ("refused", "refused", "too slow"):
-            trouble.begins(why)
-        trouble.is_over()
-        trouble.is_over()
-        trouble.begins("refused")
+        log.log_success()
+        for reason in ("refused", "refused", "too slow"):
+            log.log_error(reason)
+        log.log_success()
+        log.log_success()
+        log.log_error("refused")
     assert caplog.messages == [
         "the queue: refused",
         "the queue: too slow",

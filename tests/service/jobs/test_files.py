@@ -18,20 +18,25 @@ def files(request, tmp_path):
     return Files(place, tmp_path / "scratch")
 
 
+@pytest.fixture
+def local_files(tmp_path):
+    return Files(str(tmp_path / "files"), tmp_path)
+
+
 def read(files, folder, name):
     with files.open(folder, name) as file:
         return file.read()
 
 
-def test_what_is_put_is_there(files):
+def test_a_file_is_written_read_and_removed(files):
     file = io.BytesIO(DATA)
     file.seek(100)
     files.put(INPUTS, "a", file)
     assert files.exists(INPUTS, "a")
     assert not files.exists(RESULTS, "a")
     assert read(files, INPUTS, "a") == DATA
-    assert 0 <= files.age(INPUTS, "a") < 60
-    assert (files.names(INPUTS), files.names(RESULTS)) == (["a"], [])
+    assert 0 <= files.get_age(INPUTS, "a") < 60
+    assert (files.list_names(INPUTS), files.list_names(RESULTS)) == (["a"], [])
     files.remove(INPUTS, "a")
     files.remove(INPUTS, "a")
     assert not files.exists(INPUTS, "a")
@@ -39,17 +44,17 @@ def test_what_is_put_is_there(files):
         files.open(INPUTS, "a")
 
 
-def test_a_run_keeps_its_result(files):
+def test_a_run_publishes_its_result(files):
     files.put(INPUTS, "a", io.BytesIO(DATA))
-    with files.run("a", "b") as run:
-        assert files.runs() == ["b"]
+    with files.open_run("a", "b") as run:
+        assert files.list_runs() == ["b"]
         assert run.source.read_bytes() == DATA
         run.target.write_bytes(b"result")
         run.target.with_name("beside").write_bytes(b"x")
         assert not files.exists(RESULTS, "b")
-        run.keep()
+        run.publish()
     assert read(files, RESULTS, "b") == b"result"
-    assert files.runs() == []
+    assert files.list_runs() == []
     assert files.exists(INPUTS, "a")
 
 
@@ -57,71 +62,67 @@ def test_a_run_that_fails_leaves_nothing(files):
     files.put(INPUTS, "a", io.BytesIO(DATA))
 
     def fail():
-        with files.run("a", "b") as run:
+        with files.open_run("a", "b") as run:
             run.target.write_bytes(b"half")
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail()
     assert not files.exists(RESULTS, "b")
-    assert files.runs() == []
+    assert files.list_runs() == []
 
 
 def test_a_run_without_its_input(files):
-    with pytest.raises(FileNotFoundError), files.run("a", "b"):
+    with pytest.raises(FileNotFoundError), files.open_run("a", "b"):
         pass
-    assert files.runs() == []
+    assert files.list_runs() == []
 
 
-def test_what_a_dead_run_has_left_is_removed(files):
+def test_the_files_of_a_dead_run_are_removed(files):
     files.put(INPUTS, "a", io.BytesIO(DATA))
-    left = files.run("a", "b")
-    left.__enter__().target.write_bytes(b"half")
-    files.discard("b")
-    assert files.runs() == []
+    run = files.open_run("a", "b")
+    run.__enter__().target.write_bytes(b"half")
+    files.remove_run("b")
+    assert files.list_runs() == []
     assert files.exists(INPUTS, "a")
 
 
-def test_nothing_but_whole_files_is_ever_seen(tmp_path, monkeypatch):
-    files = Files(str(tmp_path / "files"), tmp_path)
+def test_a_file_appears_once_it_is_complete(local_files, monkeypatch):
     seen = []
     copy = shutil.copyfileobj
 
-    def slowly(file, out, length):
+    def copy_in_parts(file, out, length):
         out.write(file.read(100))
-        seen.append(files.exists(INPUTS, "a"))
+        seen.append(local_files.exists(INPUTS, "a"))
         copy(file, out, length)
 
-    monkeypatch.setattr(shutil, "copyfileobj", slowly)
-    files.put(INPUTS, "a", io.BytesIO(DATA))
+    monkeypatch.setattr(shutil, "copyfileobj", copy_in_parts)
+    local_files.put(INPUTS, "a", io.BytesIO(DATA))
     assert seen == [False]
-    assert read(files, INPUTS, "a") == DATA
+    assert read(local_files, INPUTS, "a") == DATA
 
 
-def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch):
-    files = Files(str(tmp_path / "files"), tmp_path)
-
-    def full(file, out, length):
+def test_a_full_disk_is_reported_and_leaves_nothing(local_files, tmp_path, monkeypatch):
+    def fill_disk(file, out, length):
         out.write(file.read(100))
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(shutil, "copyfileobj", full)
-    with pytest.raises(QueueUnavailable, match=r"No space left on device.*make room"):
-        files.put(INPUTS, "a", io.BytesIO(DATA))
+    monkeypatch.setattr(shutil, "copyfileobj", fill_disk)
+    with pytest.raises(QueueUnavailable, match=r"No space left on device.*free disk space"):
+        local_files.put(INPUTS, "a", io.BytesIO(DATA))
     assert [path for path in (tmp_path / "files").rglob("*") if path.is_file()] == []
 
 
-def test_what_cannot_be_removed_is_told(tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_removed_is_reported(local_files, monkeypatch):
     def fail(self, missing_ok):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    files = Files(str(tmp_path / "files"), tmp_path)
     monkeypatch.setattr("pathlib.Path.unlink", fail)
     with pytest.raises(QueueUnavailable, match="Read-only file system"):
-        files.remove(INPUTS, "a")
+        local_files.remove(INPUTS, "a")
 
 
-def test_a_fault_of_an_object_stores_client_is_told(tmp_path, monkeypatch, caplog):
+def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, caplog):
     class ClientError(Exception):
         pass
 

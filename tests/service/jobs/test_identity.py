@@ -2,22 +2,21 @@ import io
 
 import pytest
 
-from ciir.service.jobs import identity as module
-from ciir.service.jobs.identity import identity
+from ciir.service.jobs import identity
 from ciir.service.jobs.job import Request
 
 LIMITS = {"max_pixels": 10}
 
 
-def of(name="upload.png", data=b"data", form=None, limits=LIMITS, **options):
-    return identity(Request(name, options, form), io.BytesIO(data), limits)
+def compute_id(name="upload.png", data=b"data", form=None, limits=LIMITS, **options):
+    return identity.compute_id(Request(name, options, form), io.BytesIO(data), limits)
 
 
-def test_the_same_is_the_same():
-    assert of() == of()
-    assert of(lenses="50x50", views="center") == of(lenses=" 50X50")
-    assert len(of()) == 32
-    assert set(of()) <= set("0123456789abcdef")
+def test_equal_requests_have_equal_ids():
+    assert compute_id() == compute_id()
+    assert compute_id(lenses="50x50", views="center") == compute_id(lenses=" 50X50")
+    assert len(compute_id()) == 32
+    assert set(compute_id()) <= set("0123456789abcdef")
 
 
 @pytest.mark.parametrize(
@@ -31,28 +30,28 @@ def test_the_same_is_the_same():
         {"limits": {"max_pixels": 11}},
     ],
 )
-def test_anything_else_is_another(other):
-    assert of(**other) != of()
+def test_any_difference_changes_the_id(other):
+    assert compute_id(**other) != compute_id()
 
 
-def test_another_installation_is_another(monkeypatch):
-    before = of()
-    monkeypatch.setattr(module, "installation", lambda: "another network")
-    assert of() != before
+def test_the_installation_is_part_of_the_id(monkeypatch):
+    before = compute_id()
+    monkeypatch.setattr(identity, "hash_installation", lambda: "another network")
+    assert compute_id() != before
 
 
-def test_all_of_a_long_file_counts_and_it_is_left_at_its_beginning():
-    data = bytearray(3 * module.CHUNK)
-    before = of(data=bytes(data))
+def test_all_of_a_long_file_is_hashed_and_it_is_rewound():
+    data = bytearray(3 * identity.CHUNK)
+    before = compute_id(data=bytes(data))
     data[-1] = 1
     file = io.BytesIO(bytes(data))
     file.seek(5)
-    assert identity(Request("upload.png", {}, None), file, LIMITS) != before
+    assert identity.compute_id(Request("upload.png", {}, None), file, LIMITS) != before
     assert file.tell() == 0
 
 
-def test_an_installation_has_one_name():
-    first = module.installation()
-    module.installation.cache_clear()
-    assert module.installation() == first
+def test_the_hash_of_the_installation_is_stable():
+    first = identity.hash_installation()
+    identity.hash_installation.cache_clear()
+    assert identity.hash_installation() == first
     assert len(first) == 64

@@ -1,4 +1,4 @@
-"""Real worker processes and real servers, killed."""
+"""Worker processes and servers that are killed lose no job."""
 
 import io
 import multiprocessing
@@ -18,12 +18,14 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.jobs.job import Request
+from ciir.service.jobs.job import FINAL, Request
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
 from tests.support.inputs import make_picture
+from tests.support.jobs import wait_for_end
+from tests.support.waiting import wait_until
 
 OPTIONS = {"lenses": "100x100", "pixels": "5x5", "views": "all", "backend": "raytrace", "model": "bicubic"}
 ASYNC = {"Prefer": "respond-async"}
@@ -31,56 +33,56 @@ POST = "/v1/reconstructions"
 STAGES = ("decode", "plan", "render", "upscale", "encode")
 
 
-def stl(triangles=40_000, note=b""):
-    """A cloud of triangles, and a note that makes it another file: it takes a while to read."""
+def make_stl(triangles=40_000, note=b""):
+    """Random triangles, slow enough to read for a kill meanwhile; each `note` gives another file."""
     random = np.random.default_rng(1)
     faces = np.zeros(triangles, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     faces["corners"] = random.uniform(-1, 1, (triangles, 1, 3)) + random.uniform(-0.05, 0.05, (triangles, 3, 3))
     return note.ljust(80) + np.uint32(triangles).tobytes() + faces.tobytes()
 
 
-def views(file):
+def read_views(file):
     with zipfile.ZipFile(file) as archive:
         return {name: archive.read(name) for name in archive.namelist() if name.endswith(".png")}
 
 
 class Killer:
-    """A pool whose one worker process is killed when it tells of a stage for the first time."""
+    """A pool whose worker process is killed when it first reports `stage`."""
 
     def __init__(self, pool):
         self._pool = pool
         self.stage, self.killed = "", []
 
-    def run(self, work, *, progress, cancelled):
-        def told(data):
+    def run(self, task, *, progress, cancelled):
+        def kill_in_stage(data):
             if data["stage"] == self.stage and self.stage not in self.killed:
                 self.killed.append(self.stage)
                 (worker,) = multiprocessing.active_children()
                 os.kill(worker.pid, signal.SIGKILL)
             progress(data)
 
-        return self._pool.run(work, progress=told, cancelled=cancelled)
+        return self._pool.run(task, progress=kill_in_stage, cancelled=cancelled)
 
 
-def test_a_worker_that_is_killed_in_each_stage_costs_no_job(service, helpers):
+def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):
     settings = Settings(folder=service.folder, workers=1)
     pool = Pool(settings)
     killer = Killer(pool)
-    jobs = service.jobs()
-    service.consumer(jobs, killer)
+    jobs = service.open_jobs()
+    service.start_consumer(jobs, killer)
     file = io.BytesIO()
     with FileWriter(file, "zip") as writer:
-        pipeline.reconstruct(Bundle.from_upload("upload.stl", stl()), Options.parse(OPTIONS), writer)
-    expected = views(file)
+        pipeline.reconstruct(Bundle.from_upload("upload.stl", make_stl()), Options.parse(OPTIONS), writer)
+    expected = read_views(file)
     try:
         for stage in STAGES:
             killer.stage = stage
-            data = stl(note=stage.encode())
+            data = make_stl(note=stage.encode())
             job = jobs.submit(Request("upload.stl", OPTIONS, "zip"), io.BytesIO(data), size=len(data))
-            job = helpers.wait(jobs, job.id)
-            assert (job.state, job.deaths, job.attempts) == ("done", 1, 2), job.problem
+            job = wait_for_end(jobs, job.id)
+            assert (job.state, job.worker_deaths, job.attempts) == ("done", 1, 2), job.problem
             with jobs.open_result(job.id) as file:
-                assert views(file) == expected
+                assert read_views(file) == expected
     finally:
         service.close()
         pool.close()
@@ -88,7 +90,7 @@ def test_a_worker_that_is_killed_in_each_stage_costs_no_job(service, helpers):
 
 
 FILL_A_DISK = """
-import io, sys, threading
+import io, sys, time
 from pathlib import Path
 from ciir.service.jobs.workers.consumer import Consumer
 from ciir.errors import QueueUnavailable
@@ -97,47 +99,47 @@ from ciir.service.jobs.jobs import Jobs
 from ciir.service.settings import Settings
 
 class Pool:
-    def run(self, work, *, progress, cancelled):
-        size = int(work.source.read_bytes()[:9])
-        work.target.write_bytes(bytes(size))
+    def run(self, task, *, progress, cancelled):
+        size = int(task.source.read_bytes()[:9])
+        task.target.write_bytes(bytes(size))
         return Result("png", size, {})
 
 def submit(size, extra=0):
     data = b"%09d" % size + bytes(extra)
     return jobs.submit(Request("upload.png", {}, None), io.BytesIO(data), size=len(data))
 
-def end(id_):
+def wait_for_end(id_):
     while jobs.get(id_).state not in FINAL:
-        stop.wait(0.01)
+        time.sleep(0.01)
     return jobs.get(id_)
 
-stop = threading.Event()
 jobs = Jobs(Settings(folder=sys.argv[1]))
 consumer = Consumer(jobs, Pool(), 1)
 consumer.start()
-first = end(submit(1000).id)
+first = wait_for_end(submit(1000).id)
 try:
     submit(1, extra=8 << 20)
 except QueueUnavailable as error:
     print("submit:", error)
 too_much = submit(8 << 20)
-print("result:", end(too_much.id).problem)
+print("result:", wait_for_end(too_much.id).problem)
 full = Path(sys.argv[1], "full").open("wb", buffering=0)
 try:
     while full.write(bytes(4096)):
         pass
 except OSError:
     pass
-told = ""
+message = ""
 for number in range(2000):
     try:
         submit(10_000 + number)
     except QueueUnavailable as error:
-        told = str(error)
+        message = str(error)
         break
-print("queue:", told)
+print("queue:", message)
 full.truncate(0)
-print("again:", end(submit(2000).id).state, end(first.id).state, len(jobs.open_result(first.id).read()))
+second = wait_for_end(submit(2000).id)
+print("again:", second.state, wait_for_end(first.id).state, len(jobs.open_result(first.id).read()))
 consumer.stop(10)
 """
 
@@ -146,24 +148,23 @@ def test_a_disk_that_is_full(tmp_path):
     mount = "mkdir -p $0 && mount -t tmpfs -o size=4m none $0"
     inside = ["unshare", "-rm", "sh", "-c"]
     if subprocess.run([*inside, mount, tmp_path / "disk"], capture_output=True, check=False).returncode:  # noqa: S603
-        pytest.skip("nothing can be mounted here, not even in a name space of one's own")
+        pytest.skip("nothing can be mounted here, not even in a new namespace")
     run = f'{mount} && exec "$1" -c "$2" $0'
     command = [*inside, run, tmp_path / "disk", sys.executable, FILL_A_DISK]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)  # noqa: S603 - our own
     assert done.returncode == 0, done.stderr
-    print(done.stdout, done.stderr)
-    told = dict(line.split(": ", 1) for line in done.stdout.splitlines())
-    assert "No space left on device" in told["submit"]
-    assert "make room" in told["submit"]
-    assert "503" in told["result"]
-    assert "No space left on device" in told["result"]
-    assert "try again" in told["queue"]
-    assert told["again"] == "done done 1000"
+    lines = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    assert "No space left on device" in lines["submit"]
+    assert "free disk space" in lines["submit"]
+    assert "503" in lines["result"]
+    assert "No space left on device" in lines["result"]
+    assert "try again" in lines["queue"]
+    assert lines["again"] == "done done 1000"
 
 
 @pytest.fixture
-def serve(helpers, tmp_path):
-    """Starts `ciir serve` with one worker on one folder; returns the process, and its URL once it is ready."""
+def start_server(tmp_path):
+    """Starts `ciir serve` with one worker; returns the process, and its URL once it is ready. Kills it at the end."""
     processes = []
 
     def start(**environment):
@@ -174,12 +175,12 @@ def serve(helpers, tmp_path):
             process = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | environment)  # noqa: S603
         processes.append(process)
 
-        def url():
+        def find_url():
             assert process.poll() is None, log.read_text()
             return re.search(r"http://[\d.]+:\d+", log.read_text())
 
-        base = helpers.until(url, 60)[0]
-        helpers.until(lambda: httpx2.get(f"{base}/readyz").status_code == 200, 60)
+        base = wait_until(find_url)[0]
+        wait_until(lambda: httpx2.get(f"{base}/readyz").status_code == 200)
         return process, base
 
     yield start
@@ -188,46 +189,46 @@ def serve(helpers, tmp_path):
         process.wait()
 
 
-def worker_of(process):
-    """The process id of the one worker process of a server."""
+def find_worker(process):
+    """The process id of a server's worker process."""
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             parent = int(stat.read_text().rpartition(")")[2].split()[1])
             command = (stat.parent / "cmdline").read_bytes()
-        except OSError:  # it has just ended
+        except OSError:  # the process has just ended
             continue
         if parent == process.pid and b"spawn_main" in command:
             return int(stat.parent.name)
     raise LookupError(process.pid)
 
 
-def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(serve, helpers):
+def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(start_server):
     eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(51)]
-    process, url = serve()
-    os.kill(worker_of(process), signal.SIGSTOP)  # the first job doesn't end, and all others wait
+    process, url = start_server()
+    os.kill(find_worker(process), signal.SIGSTOP)  # the first job does not end, so all others wait
     with httpx2.Client() as client:
         places = []
         for eia in eias:
             files = {"file": ("eia.png", encode_png(eia))}
-            answered = client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=ASYNC)
-            assert answered.status_code == 202
-            places.append(answered.headers["location"])
-        helpers.until(lambda: client.get(f"{url}{places[0]}").json()["state"] == "running")
+            response = client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=ASYNC)
+            assert response.status_code == 202
+            places.append(response.headers["location"])
+        wait_until(lambda: client.get(f"{url}{places[0]}").json()["state"] == "running")
         assert [client.get(f"{url}{place}").json()["state"] for place in places[1:]] == ["queued"] * 50
     process.kill()
     process.wait()
-    process, url = serve()
+    process, url = start_server()
     with httpx2.Client() as client:
         for index, (place, eia) in enumerate(zip(places, eias, strict=True)):
-            status = helpers.until(lambda place=place: ended(client.get(f"{url}{place}").json()), 60)
+            status = wait_until(lambda place=place: poll(client, f"{url}{place}"))
             assert (status["state"], status["attempts"]) == ("done", 2 if index == 0 else 1)
-            made = client.get(f"{url}{place}/result").content
-            assert np.array_equal(decode(made, name="x"), eia[1::3, 1::3])
+            result = client.get(f"{url}{place}/result").content
+            assert np.array_equal(decode(result, name="x"), eia[1::3, 1::3])
 
 
-def test_a_redis_that_is_restarted_loses_no_job(serve, redis_server, helpers):
-    process, url = serve(CIIR_QUEUE=redis_server.url)
-    worker = worker_of(process)
+def test_a_redis_that_is_restarted_loses_no_job(start_server, redis_server):
+    process, url = start_server(CIIR_QUEUE=redis_server.url)
+    worker = find_worker(process)
     os.kill(worker, signal.SIGSTOP)
     eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(4)]
     with httpx2.Client(timeout=60) as client:
@@ -236,23 +237,25 @@ def test_a_redis_that_is_restarted_loses_no_job(serve, redis_server, helpers):
             files = {"file": ("eia.png", encode_png(eia))}
             return client.post(f"{url}{POST}", files=files, data={"lenses": "4x5", "model": "none"}, headers=headers)
 
-        def ready():
+        def get_readyz_status():
             return client.get(f"{url}/readyz").status_code
 
         places = [post(eia, ASYNC).headers["location"] for eia in eias[:3]]
         redis_server.kill()
-        helpers.until(lambda: ready() == 503)
+        wait_until(lambda: get_readyz_status() == 503)
         refused = post(eias[3], {})
         assert (refused.status_code, refused.headers["content-type"]) == (503, "application/problem+json")
         os.kill(worker, signal.SIGCONT)
         redis_server.start()
-        helpers.until(lambda: ready() == 200)
+        wait_until(lambda: get_readyz_status() == 200)
         for place, eia in zip(places, eias, strict=False):
-            status = helpers.until(lambda place=place: ended(client.get(f"{url}{place}").json()), 60)
+            status = wait_until(lambda place=place: poll(client, f"{url}{place}"))
             assert (status["state"], status["attempts"]) == ("done", 1)
             assert np.array_equal(decode(client.get(f"{url}{place}/result").content, name="x"), eia[1::3, 1::3])
         assert post(eias[3], {}).status_code == 200
 
 
-def ended(status):
-    return status if status["state"] in ("done", "failed", "cancelled") else None
+def poll(client, url):
+    """The status of a job that has ended, else None."""
+    status = client.get(url).json()
+    return status if status["state"] in FINAL else None

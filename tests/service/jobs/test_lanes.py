@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.service.jobs.job import Request
-from ciir.service.jobs.lanes import SMALL_BYTES, lane, order
+from ciir.service.jobs.lanes import SMALL_BYTES, choose_lane, order_lanes
 
 
 @pytest.mark.parametrize(
@@ -20,17 +20,17 @@ from ciir.service.jobs.lanes import SMALL_BYTES, lane, order
         ({"lenses": "350x350", "scale": "8"}, 1000, "large"),
     ],
 )
-def test_by_bytes_and_output_pixels(options, size, expected):
-    assert lane(Request("upload.glb", options, None), size) == expected
+def test_the_lane_depends_on_bytes_and_output_pixels(options, size, expected):
+    assert choose_lane(Request("upload.glb", options, None), size) == expected
 
 
-def test_one_thread_is_kept_for_small_ones():
-    assert {order(0, 2, turn) for turn in range(10)} == {("small",)}
+def test_one_of_several_threads_only_takes_small_jobs():
+    assert {order_lanes(0, 2, count) for count in range(10)} == {("small",)}
 
 
 @pytest.mark.parametrize(("thread", "threads"), [(0, 1), (1, 2), (3, 4)])
-def test_small_ones_first_and_yet_the_large_ones_get_through(thread, threads):
-    firsts = [order(thread, threads, turn)[0] for turn in range(40)]
-    assert all(set(order(thread, threads, turn)) == {"small", "large"} for turn in range(40))
+def test_small_jobs_come_first_but_for_one_in_four(thread, threads):
+    firsts = [order_lanes(thread, threads, count)[0] for count in range(40)]
+    assert all(set(order_lanes(thread, threads, count)) == {"small", "large"} for count in range(40))
     assert firsts.count("large") == 10
     assert firsts[:3] == ["small"] * 3

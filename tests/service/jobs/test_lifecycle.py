@@ -1,111 +1,105 @@
 import pytest
 
 from ciir.service.jobs.job import Event, Problem, Result
-from ciir.service.jobs.lifecycle import KILLER, MOST_ATTEMPTS
+from ciir.service.jobs.lifecycle import ATTEMPT_LIMIT, WORKER_STOPPED
+from tests.support.jobs import list_files, publish_result, read_result, submit_data
 
 RESULT = Result("png", 6, {"timings_ms": {}})
 
 
-def kept(jobs, run, data=b"result"):
-    """The result file of a run, in its place."""
-    with jobs.files.run(run.input, run.output) as place:
-        place.target.write_bytes(data)
-        place.keep()
+def test_only_one_run_gets_a_lease(jobs):
+    job = submit_data(jobs)
+    run = jobs.lifecycle.start(job.id, "a-1")
+    assert (run.state, run.lease, run.attempts) == ("running", "a-1", 1)
+    assert jobs.lifecycle.start(job.id, "b-1") is None
+    assert jobs.lifecycle.start("0" * 32, "b-1") is None
+    assert jobs.count_running() == 1
 
 
-def test_only_one_can_claim_a_job(jobs, helpers):
-    job = helpers.submit(jobs)
-    run = jobs.lifecycle.begin(job.id, "a-1")
-    assert (run.state, run.claim, run.attempts) == ("running", "a-1", 1)
-    assert jobs.lifecycle.begin(job.id, "b-1") is None
-    assert jobs.lifecycle.begin("0" * 32, "b-1") is None
-    assert jobs.running() == 1
-
-
-def test_a_run_that_lost_its_claim_changes_nothing(jobs, helpers):
-    job = helpers.submit(jobs)
-    old = jobs.lifecycle.begin(job.id, "a-1")
-    jobs.lifecycle.consumer_died(old)
-    new = jobs.lifecycle.begin(job.id, "b-1")
-    kept(jobs, old, b"late")
-    assert not jobs.lifecycle.progress(old, {"stage": "map"})
+def test_a_run_that_lost_its_lease_changes_nothing(jobs):
+    job = submit_data(jobs)
+    old = jobs.lifecycle.start(job.id, "a-1")
+    jobs.lifecycle.retry_after_consumer_death(old)
+    new = jobs.lifecycle.start(job.id, "b-1")
+    publish_result(jobs, old, b"late")
+    assert not jobs.lifecycle.add_progress(old, {"stage": "map"})
     assert not jobs.lifecycle.finish(old, RESULT)
-    jobs.lifecycle.again(old)
-    jobs.lifecycle.worker_died(old)
-    jobs.lifecycle.consumer_died(old)
+    jobs.lifecycle.requeue(old)
+    jobs.lifecycle.retry_after_worker_death(old)
+    jobs.lifecycle.retry_after_consumer_death(old)
     assert jobs.get(job.id) == new
-    assert helpers.all_files(jobs.folder) == [f"files/inputs/{job.input}"]
-    kept(jobs, new)
+    assert list_files(jobs) == [f"inputs/{job.input}"]
+    publish_result(jobs, new)
     assert jobs.lifecycle.finish(new, RESULT)
-    assert jobs.open_result(job.id).read() == b"result"
+    assert read_result(jobs, job.id) == b"result"
 
 
-def test_a_cancelled_run_changes_nothing(jobs, helpers):
-    run = jobs.lifecycle.begin(helpers.submit(jobs).id, "a-1")
+def test_a_cancelled_run_changes_nothing(jobs):
+    run = jobs.lifecycle.start(submit_data(jobs).id, "a-1")
     cancelled = jobs.cancel(run.id)
-    kept_before = helpers.all_files(jobs.folder)
+    assert list_files(jobs) == []
     assert not jobs.lifecycle.finish(run, Problem(422, "Title", "detail"))
     assert jobs.get(run.id) == cancelled
-    assert kept_before == helpers.all_files(jobs.folder) == []
+    assert list_files(jobs) == []
 
 
-def test_an_end_that_was_told_twice_is_told_once(jobs, helpers):
-    run = jobs.lifecycle.begin(helpers.submit(jobs).id, "a-1")
-    kept(jobs, run)
+def test_finish_may_be_repeated(jobs):
+    run = jobs.lifecycle.start(submit_data(jobs).id, "a-1")
+    publish_result(jobs, run)
     assert jobs.lifecycle.finish(run, RESULT)
-    assert jobs.lifecycle.finish(run, RESULT)  # the first time the answer was lost on the way
+    assert jobs.lifecycle.finish(run, RESULT)  # as if the first answer was lost
     assert [event.kind for event in jobs.get(run.id).events] == ["queued", "running", "done"]
-    assert jobs.open_result(run.id).read() == b"result"
+    assert read_result(jobs, run.id) == b"result"
 
 
-def test_the_second_death_of_a_worker_fails_the_job(jobs, helpers):
-    job = helpers.submit(jobs)
+def test_the_second_death_of_a_worker_fails_the_job(jobs):
+    job = submit_data(jobs)
     jobs.queue.pop(("small",), 0.01)
-    jobs.lifecycle.worker_died(jobs.lifecycle.begin(job.id, "a-1"))
+    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-1"))
     assert jobs.get(job.id).state == "queued"
     assert jobs.queue.pop(("small",), 0.01) == job.id
-    jobs.lifecycle.worker_died(jobs.lifecycle.begin(job.id, "a-2"))
+    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"))
     ended = jobs.get(job.id)
-    assert (ended.state, ended.problem, ended.deaths, ended.attempts) == ("failed", KILLER, 2, 2)
-    assert KILLER.status == 422
-    assert helpers.all_files(jobs.folder) == []
-    assert helpers.submit(jobs) == ended
+    assert (ended.state, ended.problem, ended.worker_deaths, ended.attempts) == ("failed", WORKER_STOPPED, 2, 2)
+    assert WORKER_STOPPED.status == 422
+    assert list_files(jobs) == []
+    assert submit_data(jobs) == ended
 
 
-def test_a_job_that_takes_its_consumer_down_is_not_run_for_ever(jobs, helpers):
-    job = helpers.submit(jobs)
-    for number in range(MOST_ATTEMPTS):
+def test_a_job_whose_consumer_always_dies_is_not_run_for_ever(jobs):
+    job = submit_data(jobs)
+    for number in range(ATTEMPT_LIMIT):
         assert jobs.get(job.id).state == "queued"
         assert jobs.queue.pop(("small",), 0.01) == job.id
-        jobs.lifecycle.consumer_died(jobs.lifecycle.begin(job.id, f"a-{number}"))
+        jobs.lifecycle.retry_after_consumer_death(jobs.lifecycle.start(job.id, f"a-{number}"))
     assert jobs.get(job.id).problem.status == 503
-    assert helpers.submit(jobs).state == "queued"
+    assert submit_data(jobs).state == "queued"
 
 
-def test_what_was_stopped_in_good_order_is_run_as_often_as_it_takes(jobs, helpers):
-    job = helpers.submit(jobs)
-    for number in range(2 * MOST_ATTEMPTS):
+def test_a_job_may_be_requeued_any_number_of_times(jobs):
+    job = submit_data(jobs)
+    for number in range(2 * ATTEMPT_LIMIT):
         assert jobs.queue.pop(("small",), 0.01) == job.id
-        jobs.lifecycle.again(jobs.lifecycle.begin(job.id, f"a-{number}"))
+        jobs.lifecycle.requeue(jobs.lifecycle.start(job.id, f"a-{number}"))
     assert jobs.get(job.id).state == "queued"
 
 
-def test_a_run_that_died_leaves_nothing(jobs, helpers):
-    job = helpers.submit(jobs)
-    run = jobs.lifecycle.begin(job.id, "a-1")
-    left = jobs.files.run(run.input, run.output)
-    left.__enter__().target.write_bytes(b"half")
-    jobs.lifecycle.consumer_died(run)
-    assert helpers.all_files(jobs.folder) == [f"files/inputs/{job.input}"]
+def test_the_files_of_a_dead_run_are_removed(jobs):
+    job = submit_data(jobs)
+    run = jobs.lifecycle.start(job.id, "a-1")
+    files = jobs.files.open_run(run.input, run.output)
+    files.__enter__().target.write_bytes(b"half")
+    jobs.lifecycle.retry_after_consumer_death(run)
+    assert list_files(jobs) == [f"inputs/{job.input}"]
 
 
-def test_events_are_in_order_and_numbered_without_gaps(jobs, helpers):
-    job = helpers.submit(jobs)
-    run = jobs.lifecycle.begin(job.id, "a-1")
-    assert jobs.lifecycle.progress(run, {"stage": "decode"})
-    jobs.lifecycle.worker_died(run)
-    run = jobs.lifecycle.begin(job.id, "a-2")
-    assert jobs.lifecycle.progress(run, {"stage": "decode"})
+def test_events_are_in_order_and_none_is_lost(jobs):
+    job = submit_data(jobs)
+    run = jobs.lifecycle.start(job.id, "a-1")
+    assert jobs.lifecycle.add_progress(run, {"stage": "decode"})
+    jobs.lifecycle.retry_after_worker_death(run)
+    run = jobs.lifecycle.start(job.id, "a-2")
+    assert jobs.lifecycle.add_progress(run, {"stage": "decode"})
     assert jobs.lifecycle.finish(run, Problem(415, "Title", "detail"))
     assert jobs.get(job.id).events == (
         Event("queued"),
@@ -119,8 +113,8 @@ def test_events_are_in_order_and_numbered_without_gaps(jobs, helpers):
 
 
 @pytest.mark.parametrize("outcome", [RESULT, Problem(422, "Title", "detail")])
-def test_a_settled_job_needs_no_looking_after(jobs, helpers, outcome):
-    run = jobs.lifecycle.begin(helpers.submit(jobs).id, "a-1")
+def test_an_ended_job_is_settled(jobs, outcome):
+    run = jobs.lifecycle.start(submit_data(jobs).id, "a-1")
     assert jobs.lifecycle.finish(run, outcome)
     assert jobs.queue.active.items() == {}
-    assert list(jobs.queue.kept.items()) == [run.input]
+    assert list(jobs.queue.finished.items()) == [run.input]

@@ -6,24 +6,26 @@ import pytest
 from ciir.errors import InvalidOption, QueueUnavailable
 from ciir.service.jobs import queue as module
 from ciir.service.jobs.queue import FILE, Queue
+from tests.support.jobs import run_in_threads
+from tests.support.waiting import wait_until
 
 
-def test_first_in_first_out_and_the_first_lane_first(queue):
+def test_ids_leave_in_order_from_the_first_lane_that_has_one(queue):
     for lane, id_ in [("large", "a"), ("small", "b"), ("large", "c"), ("small", "d")]:
         queue.push(lane, id_)
-    assert queue.contents() == {"a", "b", "c", "d"}
-    assert (queue.waiting("small"), queue.waiting("large")) == (2, 2)
+    assert queue.list_waiting() == {"a", "b", "c", "d"}
+    assert (queue.count_waiting("small"), queue.count_waiting("large")) == (2, 2)
     assert [queue.pop(("small", "large"), 0.01) for _ in range(4)] == ["b", "d", "a", "c"]
     assert queue.pop(("small", "large"), 0.01) is None
 
 
-def test_a_lane_that_is_not_asked_for_waits(queue):
+def test_other_lanes_keep_their_ids(queue):
     queue.push("large", "a")
     assert queue.pop(("small",), 0.01) is None
     assert queue.pop(("large", "small"), 0.01) == "a"
 
 
-def test_whoever_waits_hears_of_it(queue):
+def test_push_ends_a_wait(queue):
     found = []
     thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
     thread.start()
@@ -32,7 +34,7 @@ def test_whoever_waits_hears_of_it(queue):
     assert found == ["a"]
 
 
-def test_whoever_waits_in_this_process_hears_of_it_without_looking(tmp_path, monkeypatch, helpers):
+def test_push_and_wake_end_a_wait_in_this_process_without_a_poll(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "POLL_SECONDS", (60.0, 60.0))
     queue = Queue(tmp_path)
     found = []
@@ -43,12 +45,12 @@ def test_whoever_waits_in_this_process_hears_of_it_without_looking(tmp_path, mon
     assert found == ["a"]
     thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
     thread.start()
-    helpers.until(lambda: queue.wake() or not thread.is_alive())
+    wait_until(lambda: queue.wake() or not thread.is_alive())
     assert found == ["a", None]
     queue.close()
 
 
-def test_another_process_hears_of_it(queue, queue_url, tmp_path):
+def test_push_through_another_connection_ends_a_wait(queue, queue_url, tmp_path):
     other = Queue(tmp_path, queue_url)
     found = []
     thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
@@ -68,11 +70,7 @@ def test_each_id_is_taken_once(queue):
         while (id_ := queue.pop(("small",), 0.01)) is not None:
             taken.append(id_)
 
-    threads = [threading.Thread(target=take) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(take, 4)
     assert sorted(taken, key=int) == [str(number) for number in range(60)]
 
 
@@ -89,38 +87,35 @@ def test_compare_and_swap(queue):
     assert not table.swap("a", b"2", b"3")
 
 
-def test_no_change_is_lost_where_many_change_the_same(queue, queue_url, tmp_path):
-    def count(own):
-        for _ in range(20):
+def test_no_swap_is_lost_among_simultaneous_ones(queue, queue_url, tmp_path):
+    other = Queue(tmp_path, queue_url)
+
+    def count():
+        for table in (queue.jobs, other.jobs) * 10:
             while True:
-                before = own.jobs.get("n")
-                if own.jobs.swap("n", before, json.dumps(json.loads(before or b"0") + 1).encode()):
+                before = table.get("n")
+                if table.swap("n", before, json.dumps(json.loads(before or b"0") + 1).encode()):
                     break
 
-    queues = [queue, Queue(tmp_path, queue_url)]
-    threads = [threading.Thread(target=count, args=(queues[number % 2],)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(count, 4)
     assert queue.jobs.get("n") == b"80"
-    queues[1].close()
+    other.close()
 
 
-def test_tables_are_apart(queue):
+def test_tables_are_separate(queue):
     queue.jobs.put("a", b"1")
-    queue.kept.put("a", b"2")
-    queue.kept.put("b", b"3")
+    queue.finished.put("a", b"2")
+    queue.finished.put("b", b"3")
     assert queue.jobs.items() == {"a": b"1"}
-    assert queue.kept.items() == {"a": b"2", "b": b"3"}
-    assert queue.kept.many(["a", "b", "c"]) == {"a": b"2", "b": b"3"}
-    assert queue.kept.many([]) == {}
-    queue.kept.remove("a")
-    queue.kept.remove("a")
-    assert queue.kept.items() == {"b": b"3"}
+    assert queue.finished.items() == {"a": b"2", "b": b"3"}
+    assert queue.finished.get_many(["a", "b", "c"]) == {"a": b"2", "b": b"3"}
+    assert queue.finished.get_many([]) == {}
+    queue.finished.remove("a")
+    queue.finished.remove("a")
+    assert queue.finished.items() == {"b": b"3"}
 
 
-def test_all_of_it_is_there_again(queue, queue_url, tmp_path):
+def test_ids_and_values_survive_a_restart(queue, queue_url, tmp_path):
     queue.push("large", "a")
     queue.jobs.put("a", b"1")
     queue.close()
@@ -130,14 +125,18 @@ def test_all_of_it_is_there_again(queue, queue_url, tmp_path):
     again.close()
 
 
-def test_redis_is_gone_and_comes_back(redis_server, tmp_path):
+def test_redis_stops_and_restarts(redis_server, tmp_path):
     queue = Queue(tmp_path, redis_server.url)
     queue.push("small", "a")
     queue.jobs.put("a", b"1")
     redis_server.kill()
-    for ask in (lambda: queue.waiting("small"), lambda: queue.pop(("small",), 0.01), lambda: queue.jobs.get("a")):
+    for call in (
+        lambda: queue.count_waiting("small"),
+        lambda: queue.pop(("small",), 0.01),
+        lambda: queue.jobs.get("a"),
+    ):
         with pytest.raises(QueueUnavailable, match=r"queue.*server.*try again") as raised:
-            ask()
+            call()
         assert "\n" not in str(raised.value)
     redis_server.start()
     assert queue.pop(("small",), 0.01) == "a"
@@ -146,18 +145,18 @@ def test_redis_is_gone_and_comes_back(redis_server, tmp_path):
 
 
 @pytest.mark.parametrize("url", ["redis://user:secret@host:port/0", "http://user:secret@host/0"])
-def test_an_address_that_is_none(url, tmp_path):
+def test_an_invalid_url(url, tmp_path):
     with pytest.raises(InvalidOption, match=r"CIIR_QUEUE.*redis://localhost:6379/0") as raised:
         Queue(tmp_path, url)
     assert "secret" not in str(raised.value)
 
 
-def test_a_full_disk_is_told(tmp_path):
+def test_a_full_disk_is_reported(tmp_path):
     queue = Queue(tmp_path)
     queue.jobs.put("a", b"1")
-    connection = queue._first.conn
+    connection = queue._sqlite.conn
     (pages,) = connection.execute("pragma page_count").fetchone()
-    connection.execute(f"pragma max_page_count={pages}")  # SQLite then answers as it does where the disk is full
+    connection.execute(f"pragma max_page_count={pages}")  # SQLite's error is then that of a full disk
     with pytest.raises(QueueUnavailable, match=r"disk is full.*try again"):
         queue.jobs.put("b", bytes(100_000))
     assert queue.jobs.items() == {"a": b"1"}
@@ -166,7 +165,7 @@ def test_a_full_disk_is_told(tmp_path):
     queue.close()
 
 
-def test_a_file_that_is_something_else(tmp_path):
+def test_a_file_that_is_no_database(tmp_path):
     (tmp_path / FILE).write_bytes(b"no database" * 1000)
     with pytest.raises(InvalidOption, match=f"{FILE}.*remove the file"):
         Queue(tmp_path)

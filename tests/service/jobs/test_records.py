@@ -1,70 +1,75 @@
 import asyncio
 import logging
-import threading
 
 from ciir.service.jobs.job import Event, Job, Request
 from ciir.service.jobs.records import Records
+from tests.support.jobs import run_in_threads
 
 NEW = Job("a", Request("upload.png", {}, None), events=(Event("queued"),))
 
 
-def test_made_changed_and_removed(queue):
+def create(job):
+    return NEW if job is None else None
+
+
+def add_event(job):
+    return job.add_event(Event("running"), state="running")
+
+
+def test_records_are_created_updated_and_removed(queue):
     records = Records(queue.jobs)
     assert records.get("a") is None
-    assert records.change("a", lambda job: NEW if job is None else None) == NEW
-    assert records.change("a", lambda job: NEW if job is None else None) is None
-    changed = records.change("a", lambda job: job.after(Event("running"), state="running"))
-    assert records.many(["a", "b"]) == {"a": changed}
+    assert records.update("a", create) == NEW
+    assert records.update("a", create) is None
+    updated = records.update("a", add_event)
+    assert records.get_many(["a", "b"]) == {"a": updated}
     assert records.remove("a", lambda job: job.state == "queued") is None
-    assert records.remove("a", lambda job: job.state == "running") == changed
+    assert records.remove("a", lambda job: job.state == "running") == updated
     assert records.get("a") is None
     assert records.remove("a", lambda job: True) is None
 
 
-def test_of_many_changes_at_once_none_is_lost(queue):
+def test_no_update_is_lost_among_simultaneous_ones(queue):
     records = Records(queue.jobs)
-    records.change("a", lambda _: NEW)
+    records.update("a", create)
 
-    def add():
+    def update():
         for _ in range(15):
-            records.change("a", lambda job: job.after(Event("progress")))
+            records.update("a", add_event)
 
-    threads = [threading.Thread(target=add) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(update, 4)
     assert len(records.get("a").events) == 61
 
 
-def test_listeners_hear_of_changes_in_other_threads(queue):
+def test_subscribers_are_notified_of_updates_in_other_threads(queue):
     records = Records(queue.jobs)
-    records.change("a", lambda _: NEW)
+    records.update("a", create)
 
-    async def listen():
-        with records.listening("a") as one, records.listening("a") as other:
-            assert await one.heard(0.01) is None
-            change = asyncio.to_thread(records.change, "a", lambda job: job.after(Event("running")))
-            changed = await change
-            assert await one.heard(30) == changed
-            assert await other.heard(30) == changed
-            assert await one.heard(0.01) is None
+    async def subscribe():
+        with records.subscribe("a") as one, records.subscribe("a") as other:
+            assert not one.is_set()
+            await asyncio.to_thread(records.update, "a", add_event)
+            await one.wait()
+            await other.wait()
         assert not records._listeners
 
-    asyncio.run(listen())
+    asyncio.run(asyncio.wait_for(subscribe(), 30))
 
 
-def test_a_listener_whose_loop_has_ended_harms_nobody(queue):
+def test_a_subscriber_whose_loop_is_closed_is_ignored(queue):
     records = Records(queue.jobs)
 
-    async def listen():
-        return records.listening("a").__enter__()
+    async def subscribe():
+        subscription = records.subscribe("a")
+        subscription.__enter__()
+        return subscription
 
-    asyncio.run(listen())
-    assert records.change("a", lambda _: NEW) == NEW
+    subscription = asyncio.run(subscribe())
+    assert records.update("a", create) == NEW
+    subscription.__exit__(None, None, None)
 
 
-def test_a_record_of_another_version_is_told_and_counts_as_not_there(queue, caplog):
+def test_a_record_of_another_version_is_logged_and_ignored(queue, caplog):
     records = Records(queue.jobs)
     queue.jobs.put("a", b'{"id": "a"}')
     with caplog.at_level(logging.WARNING):
@@ -73,4 +78,4 @@ def test_a_record_of_another_version_is_told_and_counts_as_not_there(queue, capl
         assert queue.jobs.get("a") is None
     assert "job a" in caplog.text
     queue.jobs.put("a", b"{}")
-    assert records.change("a", lambda job: NEW if job is None else None) == NEW
+    assert records.update("a", create) == NEW

@@ -1,4 +1,4 @@
-"""Real worker processes, started by spawn as the server's are; what the work is stays real, too."""
+"""Worker processes that run real tasks."""
 
 import io
 import json
@@ -19,7 +19,7 @@ from ciir.errors import Cancelled, WorkerDied
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.jobs.job import Problem, Request, Result
+from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Request, Result
 from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
@@ -29,16 +29,17 @@ from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
 from tests.support.servers import run_python
+from tests.support.waiting import wait_until
 
 FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
 LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
-"""Takes some ten seconds, so that something can be done meanwhile."""
+"""Takes about ten seconds, so that a test can act meanwhile."""
 
 
 @pytest.fixture
-def opened(monkeypatch):
-    """Pools of one worker, which isn't warm: its first work loads what it needs. Closed in the end."""
-    monkeypatch.setattr(module, "warm_up", list)  # a function that is there in the other process, too
+def open_pool(monkeypatch):
+    """Opens pools of one worker without warm-up, closed at the end."""
+    monkeypatch.setattr(module, "warm_up", list)  # a function that the other process has too
     pools = []
 
     def make(**settings):
@@ -52,83 +53,68 @@ def opened(monkeypatch):
 
 
 @pytest.fixture
-def work(tmp_path):
+def make_task(tmp_path):
     (tmp_path / "input").write_bytes(CUBE)
 
     def make(options, form=None, name="upload.off"):
-        made = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
-        made.mkdir()
-        return Task("an id", Request(name, options, form), tmp_path / "input", made / "result")
+        folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
+        folder.mkdir()
+        return Task("an id", Request(name, options, form), tmp_path / "input", folder / "result")
 
     return make
 
 
-def run(pool, work, progress=lambda _: None, cancelled=None):
-    return pool.run(work, progress=progress, cancelled=cancelled or threading.Event())
+def run(pool, task, progress=lambda _: None, cancelled=None):
+    return pool.run(task, progress=progress, cancelled=cancelled or threading.Event())
 
 
-def until(condition):
-    end = time.monotonic() + 60
-    while not (found := condition()):
-        assert time.monotonic() < end, "it never came to be"
-        time.sleep(0.01)
-    return found
-
-
-def the_worker():
+def get_worker_pid():
     children = [child for child in multiprocessing.active_children() if "pebble" in child.name]
     assert len(children) == 1
     return children[0].pid
 
 
-class Doing:
-    """Work that runs in a thread; `stages` holds what was told."""
+class Running:
+    """A task that a thread runs; the constructor returns once it encodes."""
 
-    def __init__(self, pool, work):
-        self.cancelled, self.told, self.came = threading.Event(), [], None
-        self.thread = threading.Thread(target=self._run, args=(pool, work))
+    def __init__(self, pool, task):
+        self.cancelled, self.progress, self.outcome = threading.Event(), [], None
+        self.thread = threading.Thread(target=self._run, args=(pool, task))
         self.thread.start()
-        until(lambda: "encode" in self.stages())
+        wait_until(lambda: "encode" in [data["stage"] for data in self.progress])
 
-    def stages(self):
-        return [data["stage"] for data in self.told]
-
-    def _run(self, pool, work):
+    def _run(self, pool, task):
         try:
-            self.came = run(pool, work, self.told.append, self.cancelled)
+            self.outcome = run(pool, task, self.progress.append, self.cancelled)
         except (Cancelled, WorkerDied) as reason:
-            self.came = reason
+            self.outcome = reason
 
-    def end(self):
+    def wait(self):
         self.thread.join(60)
         assert not self.thread.is_alive()
-        return self.came
+        return self.outcome
 
 
-def test_it_makes_what_the_pipeline_makes_and_tells_how_far_it_is(opened, work):
+def test_a_task_gives_the_pipelines_result_and_progress(open_pool, make_task):
     options = FAST | {"views": "all"}
-    told = []
-    given = work(options, "zip")
-    outcome = run(opened(), given, told.append)
+    progress = []
+    task = make_task(options, "zip")
+    outcome = run(open_pool(), task, progress.append)
     file = io.BytesIO()
     with FileWriter(file, "zip") as writer:
         report = pipeline.reconstruct(Bundle.from_upload("upload.off", CUBE), Options.parse(options), writer)
-    assert pictures_in(file) == pictures_in(given.target)
+    assert read_pictures(file) == read_pictures(task.target)
     assert isinstance(outcome, Result)
-    assert (outcome.format, outcome.size) == ("zip", given.target.stat().st_size)
+    assert (outcome.format, outcome.size) == ("zip", task.target.stat().st_size)
     del report["views"]
-    assert outcome.report | {"timings_ms": None} == as_json(report) | {"timings_ms": None}
+    assert outcome.report | {"timings_ms": None} == json.loads(json.dumps(report)) | {"timings_ms": None}
     assert set(outcome.report["timings_ms"]) == set(report["timings_ms"])
-    assert told[0] == {"stage": "decode", "views_done": 0, "views": 0}
-    assert [data["stage"] for data in told] == ["decode", "plan", "render", "encode", "encode"]
-    assert told[-1] == {"stage": "encode", "views_done": 9, "views": 9}
+    assert progress[0] == {"stage": "decode", "views_done": 0, "views": 0}
+    assert [data["stage"] for data in progress] == ["decode", "plan", "render", "encode", "encode"]
+    assert progress[-1] == {"stage": "encode", "views_done": 9, "views": 9}
 
 
-def as_json(report):
-    return json.loads(json.dumps(report))
-
-
-def pictures_in(file):
+def read_pictures(file):
     with zipfile.ZipFile(file) as archive:
         return {name: archive.read(name) for name in archive.namelist() if name.endswith(".png")}
 
@@ -141,176 +127,167 @@ def pictures_in(file):
         (FAST | {"lenses": "9000x9000"}, 413, "over the limit of 64,000,000"),
     ],
 )
-def test_what_is_wrong_with_a_request_is_a_problem(opened, work, options, status, words):
-    problem = run(opened(), work(options))
+def test_an_error_in_a_request_is_a_problem(open_pool, make_task, options, status, words):
+    problem = run(open_pool(), make_task(options))
     assert isinstance(problem, Problem)
     assert problem.status == status
     assert words in problem.detail
 
 
-def test_what_takes_too_long_is_stopped(opened, work):
-    pool = opened(job_seconds=0.5)
-    problem = run(pool, work(LONG))
+def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task):
+    pool = open_pool(job_seconds=0.5)
+    problem = run(pool, make_task(LONG))
     assert (problem.status, problem.title) == (422, "Takes too long")
     assert "0.5 s" in problem.detail
     pool._seconds = 60
-    assert isinstance(run(pool, work(FAST)), Result)  # by another process
+    assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
 
 
-def test_processor_time_is_limited(opened, work):
-    problem = run(opened(worker_cpu_seconds=1), work(LONG))
+def test_processor_time_is_limited(open_pool, make_task):
+    problem = run(open_pool(worker_cpu_seconds=1), make_task(LONG))
     assert (problem.status, problem.title) == (422, "Takes too long")
     assert "1 s of processor time" in problem.detail
 
 
-def test_what_is_not_wanted_any_more_is_stopped(opened, work):
-    pool = opened()
-    doing = Doing(pool, work(LONG))
-    before = the_worker()
-    doing.cancelled.set()
-    assert isinstance(doing.end(), Cancelled)
+def test_a_cancelled_task_is_stopped(open_pool, make_task):
+    pool = open_pool()
+    running = Running(pool, make_task(LONG))
+    before = get_worker_pid()
+    running.cancelled.set()
+    assert isinstance(running.wait(), Cancelled)
     assert not Path(f"/proc/{before}").exists()
-    assert isinstance(run(pool, work(FAST)), Result)
+    assert isinstance(run(pool, make_task(FAST)), Result)
     cancelled = threading.Event()
     cancelled.set()
     with pytest.raises(Cancelled):
-        run(pool, work(FAST), cancelled=cancelled)
+        run(pool, make_task(FAST), cancelled=cancelled)
 
 
-def test_a_worker_that_is_killed_at_work(opened, work):
-    pool = opened()
-    doing = Doing(pool, work(LONG))
-    os.kill(the_worker(), signal.SIGKILL)
-    died = doing.end()
+def test_a_worker_that_is_killed_during_a_task(open_pool, make_task):
+    pool = open_pool()
+    running = Running(pool, make_task(LONG))
+    os.kill(get_worker_pid(), signal.SIGKILL)
+    died = running.wait()
     assert isinstance(died, WorkerDied)
     assert str(died) == "was ended by signal 9 (Killed)"
-    assert isinstance(run(pool, work(FAST)), Result)
+    assert isinstance(run(pool, make_task(FAST)), Result)
 
 
-def test_a_worker_that_is_killed_while_it_waits_costs_no_work(opened, work):
-    pool = opened()
-    assert isinstance(run(pool, work(FAST)), Result)
-    before = the_worker()
+def test_a_worker_that_is_killed_while_idle_fails_no_task(open_pool, make_task):
+    pool = open_pool()
+    assert isinstance(run(pool, make_task(FAST)), Result)
+    before = get_worker_pid()
     os.kill(before, signal.SIGKILL)
-    assert isinstance(run(pool, work(FAST)), Result)
-    until(lambda: pool.is_ready() and the_worker() != before)
+    assert isinstance(run(pool, make_task(FAST)), Result)
+    wait_until(lambda: pool.is_ready() and get_worker_pid() != before)
 
 
-def test_one_workers_death_is_nothing_to_another(opened, work):
-    pool = opened(workers=2)
-    one, other = Doing(pool, work(LONG)), Doing(pool, work(LONG))
+def test_the_death_of_a_worker_does_not_affect_another(open_pool, make_task):
+    pool = open_pool(workers=2)
+    one, other = Running(pool, make_task(LONG)), Running(pool, make_task(LONG))
     one.cancelled.set()
-    assert isinstance(one.end(), Cancelled)
-    told = len(other.told)
-    until(lambda: len(other.told) > told)
+    assert isinstance(one.wait(), Cancelled)
+    count = len(other.progress)
+    wait_until(lambda: len(other.progress) > count)
     other.cancelled.set()
-    assert isinstance(other.end(), Cancelled)
+    assert isinstance(other.wait(), Cancelled)
 
 
-def test_a_worker_is_replaced_after_so_many_pieces_of_work(opened, work):
-    pool = opened(worker_jobs=2)
+def test_a_worker_is_replaced_after_some_tasks(open_pool, make_task):
+    pool = open_pool(worker_jobs=2)
     pids = []
     for _ in range(4):
-        assert isinstance(run(pool, work(FAST), lambda _: pids.append(the_worker())), Result)
+        assert isinstance(run(pool, make_task(FAST), lambda _: pids.append(get_worker_pid())), Result)
     distinct = list(dict.fromkeys(pids))
     assert len(distinct) == 2
 
 
-def test_memory_is_limited(opened, work, tmp_path):
+def test_memory_is_limited(open_pool, make_task, tmp_path):
     (tmp_path / "input").write_bytes(encode_png(np.zeros((6000, 6000, 4), np.uint8)))  # some 100 KB
-    pool = opened()
-    pool._allowed = replace(pool._allowed, memory=2**29)  # less than a setting may be: quicker to fill
-    problem = run(pool, work({"lenses": "3000x3000", "model": "none"}, name="upload.png"))
+    pool = open_pool()
+    pool._limits = replace(pool._limits, memory=2**29)  # less than the setting allows: full sooner
+    problem = run(pool, make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png"))
     assert isinstance(problem, Problem)
     assert (problem.status, problem.title) == (413, "Over a limit")
     assert "memory" in problem.detail
-    assert not pool.is_ready()  # that process is not trusted any more
-    until(pool.is_ready)
+    assert not pool.is_ready()  # the process is replaced
+    wait_until(pool.is_ready)
 
 
-def test_the_results_size_is_limited(opened, work):
+def test_the_results_size_is_limited(open_pool, make_task):
     options = FAST | {"lenses": "200x200", "pixels": "9x9", "views": "all"}
-    problem = run(opened(worker_file_bytes=2**20), work(options, "npz"))
+    problem = run(open_pool(worker_file_bytes=2**20), make_task(options, "npz"))
     assert (problem.status, problem.title) == (413, "Over a limit")
     assert "the result is over 1,048,576 bytes" in problem.detail
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_told(opened, work):
-    given = work(FAST)
-    given.target.symlink_to("/dev/full")
-    problem = run(opened(), given)
+def test_a_full_disk_is_a_problem(open_pool, make_task):
+    task = make_task(FAST)
+    task.target.symlink_to("/dev/full")
+    problem = run(open_pool(), task)
     assert problem.status == 503
     assert "disk is full" in problem.detail
 
 
-def test_a_fault_of_ours_is_told_and_logged(opened, work, caplog):
-    pool, given = opened(), work(FAST)
-    given.source.unlink()
-    problem = run(pool, given)
-    assert (problem.status, problem.detail.count("\n")) == (500, 0)
+def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, caplog):
+    pool, task = open_pool(), make_task(FAST)
+    task.source.unlink()
+    problem = run(pool, task)
+    assert problem == INTERNAL_ERROR
     assert "FileNotFoundError" in caplog.text
     assert pool.is_ready()
 
 
-def test_models_that_cannot_be_loaded_are_told_and_tried_again(opened, monkeypatch, caplog):
+def test_a_warm_up_that_fails_is_logged_and_tried_again(open_pool, monkeypatch, caplog):
     monkeypatch.setattr(module, "warm_up", operator.index)  # raises TypeError without an argument
-    pool = opened()
+    pool = open_pool()
     assert not pool.is_ready()
-    until(lambda: pool.trouble)
-    assert "TypeError" in pool.trouble
-    until(lambda: "TypeError" in caplog.text)  # which is written after that
+    wait_until(lambda: "TypeError" in caplog.text)
     monkeypatch.setattr(module, "warm_up", list)
-    until(pool.is_ready)
-    assert pool.trouble == ""
+    wait_until(pool.is_ready)
 
 
-def test_what_a_worker_is_not_kept_from_is_logged(opened, monkeypatch, caplog):
+def test_missing_restrictions_are_logged(open_pool, monkeypatch, caplog):
     monkeypatch.setattr(module, "warm_up", dict.fromkeys)
-    monkeypatch.setattr(module._Worker, "call", with_argument(module._Worker.call, ["the network"]))
-    until(opened().is_ready)
-    assert "not kept in: the network" in caplog.text
+    call = module._Worker.call
+    monkeypatch.setattr(module._Worker, "call", lambda self, function: call(self, function, ["the network"]))
+    wait_until(open_pool().is_ready)
+    assert "not fully restricted: the network" in caplog.text
 
 
-def with_argument(call, given):
-    return lambda self, function, *args: call(self, function, *(args or (given,)))
-
-
-def test_closing_ends_what_runs(opened, work):
-    pool = opened()
-    doing = Doing(pool, work(LONG))
+def test_close_cancels_tasks(open_pool, make_task):
+    pool = open_pool()
+    running = Running(pool, make_task(LONG))
     pool.close()
-    assert isinstance(doing.end(), Cancelled)
+    assert isinstance(running.wait(), Cancelled)
     assert not pool.is_ready()
     with pytest.raises(Cancelled):
-        run(pool, work(FAST))
+        run(pool, make_task(FAST))
 
 
-def test_the_clock_on_the_wall_may_be_set(opened, work, monkeypatch):
+def test_the_system_clock_may_be_set(open_pool, make_task, monkeypatch):
     now = time.time
     monkeypatch.setattr(time, "time", lambda: now() + 1e6)
-    pool = opened()
-    assert isinstance(run(pool, work(FAST)), Result)
+    pool = open_pool()
+    assert isinstance(run(pool, make_task(FAST)), Result)
     monkeypatch.setattr(time, "time", lambda: now() - 1e6)
-    assert isinstance(run(pool, work(FAST)), Result)
+    assert isinstance(run(pool, make_task(FAST)), Result)
 
 
-def test_it_is_warm_before_it_is_ready():
+def test_a_ready_worker_has_loaded_the_models():
     pool = Pool(Settings(workers=1))
     try:
         assert not pool.is_ready()
-        until(pool.is_ready)
-        (worker,) = pool._warm
+        wait_until(pool.is_ready)
+        (worker,) = pool._ready
         loaded = worker.call(eval, "sorted({'onnxruntime', 'embreex'} & set(__import__('sys').modules))").result(60)
     finally:
         pool.close()
     assert loaded == ["embreex", "onnxruntime"]
 
 
-def test_who_asks_for_work_loads_nothing_of_what_does_it():
-    heavy = (
-        "{'onnxruntime', 'embreex', 'pyrender', 'OpenGL', 'PIL', 'imagecodecs', 'trimesh', 'renderer.readers.meshes'}"
-    )
-    code = f"import sys, service.jobs.workers.pool; print(sorted({heavy} & set(sys.modules)))"
-    done = run_python("-c", code, cwd=ROOT)
-    assert done.stdout.strip() == "[]"
+def test_the_parent_process_does_not_import_what_tasks_need():
+    heavy = {"onnxruntime", "embreex", "pyrender", "OpenGL", "PIL", "imagecodecs", "trimesh", "ciir.models.session"}
+    code = f"import sys, ciir.service.jobs.workers.pool; print(sorted({heavy} & set(sys.modules)))"
+    assert run_python("-c", code, cwd=ROOT).stdout.strip() == "[]"

@@ -1,4 +1,3 @@
-import io
 import logging
 import os
 import subprocess
@@ -8,25 +7,31 @@ import time
 import pytest
 
 from ciir.errors import QueueUnavailable
-from ciir.service.jobs.job import Problem, Request, Result
-from ciir.service.jobs.jobs import UNKNOWN_SECONDS
-from ciir.service.jobs.workers.consumer_lock import ConsumerLock
-from ciir.service.jobs.workers.recovery import DEAD_SECONDS, STALE_SECONDS, STRAY_SECONDS, Watch, claim_of, owner_of
+from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.jobs import ORPHAN_SECONDS
+from ciir.service.jobs.workers.consumer_lock import FOLDER, ConsumerLock
+from ciir.service.jobs.workers.recovery import (
+    DEAD_SECONDS,
+    LOST_SECONDS,
+    STALE_SECONDS,
+    Recovery,
+    create_lease,
+    parse_consumer,
+)
+from tests.support.jobs import list_files, publish_result, submit_data
 
-DIE_HOLDING_A_JOB = """
+DIE_WITH_A_JOB = """
 import os, sys
-from pathlib import Path
 from ciir.service.jobs.jobs import Jobs
-from ciir.service.jobs.jobs import UNKNOWN_SECONDS
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
-from ciir.service.jobs.workers.recovery import Watch, claim_of
+from ciir.service.jobs.workers.recovery import Recovery, create_lease
 from ciir.service.settings import Settings
 jobs = Jobs(Settings(folder=sys.argv[1]))
-owner = ConsumerLock(jobs.folder)
-Watch(jobs, owner).beat()
-run = jobs.lifecycle.begin(jobs.queue.pop(("small",), 10), claim_of(owner.name, 1))
-with jobs.files.run(run.input, run.output) as place:
-    place.target.write_bytes(b"half")
+lock = ConsumerLock(jobs.folder)
+Recovery(jobs, lock).send_heartbeat()
+run = jobs.lifecycle.start(jobs.queue.pop(("small",), 10), create_lease(lock.name, 1))
+with jobs.files.open_run(run.input, run.output) as files:
+    files.target.write_bytes(b"half")
     os.kill(os.getpid(), 9)
 """
 
@@ -44,236 +49,225 @@ def clock():
 
 
 @pytest.fixture
-def owner(jobs):
-    owner = ConsumerLock(jobs.folder)
-    yield owner
-    owner.close()
+def lock(jobs):
+    lock = ConsumerLock(jobs.folder)
+    yield lock
+    lock.close()
 
 
 @pytest.fixture
-def watch(jobs, owner, clock):
-    watch = Watch(jobs, owner, clock)
-    watch.beat()
-    return watch
+def recovery(jobs, lock, clock):
+    recovery = Recovery(jobs, lock, clock)
+    recovery.send_heartbeat()
+    return recovery
 
 
-def hand_in(jobs):
-    return jobs.submit(Request("upload.png", {}, None), io.BytesIO(b"data"), size=4)
+def start_run(jobs, consumer="elsewhere"):
+    """Starts the job in the queue, by default for a consumer on another machine."""
+    return jobs.lifecycle.start(jobs.queue.pop(("small", "large"), 0.01), create_lease(consumer, 1))
 
 
-def begin(jobs, owner="elsewhere", number=1):
-    """A run of another machine's consumer, which no lock here tells of."""
-    return jobs.lifecycle.begin(jobs.queue.pop(("small", "large"), 0.01), claim_of(owner, number))
+def die_with_a_job(jobs):
+    """Starts the job in the queue in a process that is then killed."""
+    command = [sys.executable, "-c", DIE_WITH_A_JOB, str(jobs.folder)]
+    assert subprocess.run(command, check=False).returncode == -9  # noqa: S603 - our own
 
 
-def test_claims_tell_whose_they_are():
-    assert owner_of(claim_of("0f", 12)) == "0f"
+def test_a_lease_holds_its_consumer():
+    assert parse_consumer(create_lease("0f", 12)) == "0f"
 
 
-def test_a_consumer_whose_count_stands_still_is_dead(jobs, helpers, watch, clock):
-    job = hand_in(jobs)
-    jobs.queue.beats.put("elsewhere", b"7")
-    run = begin(jobs)
-    left = jobs.files.run(run.input, run.output)
-    left.__enter__().target.write_bytes(b"half")
-    watch.look([])
+@pytest.mark.parametrize("heartbeat", [b"7", None])
+def test_a_consumer_without_a_new_heartbeat_is_dead(jobs, recovery, clock, heartbeat):
+    job = submit_data(jobs)
+    if heartbeat is not None:
+        jobs.queue.heartbeats.put("elsewhere", heartbeat)
+    run = start_run(jobs)
+    files = jobs.files.open_run(run.input, run.output)
+    files.__enter__().target.write_bytes(b"half")
+    recovery.repair([])
     clock.now += DEAD_SECONDS - 0.1
-    watch.look([])
+    recovery.repair([])
     assert jobs.get(job.id).state == "running"
     clock.now += 0.2
-    watch.look([])
+    recovery.repair([])
     assert jobs.get(job.id).state == "queued"
     assert jobs.queue.pop(("small",), 0.01) == job.id
-    assert jobs.files.runs() == []
-    assert "elsewhere" not in jobs.queue.beats.items()
+    assert jobs.files.list_runs() == []
+    assert "elsewhere" not in jobs.queue.heartbeats.items()
 
 
-def test_nobody_is_dead_because_the_queue_was_away(jobs, watch, clock, monkeypatch):
+def test_no_consumer_is_dead_because_the_queue_was_unavailable(jobs, recovery, clock, monkeypatch):
     def fail(key, value):
         raise QueueUnavailable("no answer")
 
-    job = hand_in(jobs)
-    jobs.queue.beats.put("elsewhere", b"7")
-    begin(jobs)
-    watch.look([])
+    job = submit_data(jobs)
+    jobs.queue.heartbeats.put("elsewhere", b"7")
+    start_run(jobs)
+    recovery.repair([])
     clock.now += DEAD_SECONDS - 0.1
-    with monkeypatch.context() as away:
-        away.setattr(jobs.queue.beats, "put", fail)
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs.queue.heartbeats, "put", fail)
         with pytest.raises(QueueUnavailable):
-            watch.beat()
+            recovery.send_heartbeat()
     clock.now += DEAD_SECONDS
-    watch.look([])
+    recovery.repair([])
     assert jobs.get(job.id).state == "running"
     clock.now += DEAD_SECONDS
-    watch.look([])
+    recovery.repair([])
     assert jobs.get(job.id).state == "queued"
 
 
-def test_a_consumer_that_counts_lives(jobs, helpers, watch, clock):
-    job = hand_in(jobs)
-    begin(jobs)
+def test_a_consumer_with_new_heartbeats_is_alive(jobs, recovery, clock):
+    job = submit_data(jobs)
+    start_run(jobs)
     for count in range(5):
-        jobs.queue.beats.put("elsewhere", str(count).encode())
-        watch.look([])
+        jobs.queue.heartbeats.put("elsewhere", str(count).encode())
+        recovery.repair([])
         clock.now += DEAD_SECONDS - 0.1
     assert jobs.get(job.id).state == "running"
 
 
-@pytest.mark.parametrize("wall", [-1e9, 0.0, 1e9])
-def test_the_clock_on_the_wall_decides_nothing(jobs, watch, clock, monkeypatch, wall):
-    job = hand_in(jobs)
-    jobs.queue.beats.put("elsewhere", b"7")
-    begin(jobs)
-    watch.look([])
-    monkeypatch.setattr("time.time", lambda: wall)
-    watch.look([])
+@pytest.mark.parametrize("now", [-1e9, 0.0, 1e9])
+def test_the_system_clock_is_not_used(jobs, recovery, clock, monkeypatch, now):
+    job = submit_data(jobs)
+    jobs.queue.heartbeats.put("elsewhere", b"7")
+    start_run(jobs)
+    recovery.repair([])
+    monkeypatch.setattr("time.time", lambda: now)
+    recovery.repair([])
     assert jobs.get(job.id).state == "running"
     clock.now += DEAD_SECONDS
-    watch.look([])
+    recovery.repair([])
     assert jobs.get(job.id).state == "queued"
 
 
-def test_a_consumer_that_never_counted_is_dead_after_the_same_time(jobs, helpers, watch, clock):
-    job = hand_in(jobs)
-    begin(jobs)
-    watch.look([])
-    clock.now += DEAD_SECONDS - 0.1
-    watch.look([])
+def test_a_killed_consumer_on_this_machine_is_dead_at_once(jobs, recovery):
+    job = submit_data(jobs)
+    die_with_a_job(jobs)
     assert jobs.get(job.id).state == "running"
-    clock.now += 0.1
-    watch.look([])
-    assert jobs.get(job.id).state == "queued"
-
-
-def test_a_process_of_this_machine_that_was_killed_is_dead_at_once(jobs, helpers, watch):
-    job = hand_in(jobs)
-    command = [sys.executable, "-c", DIE_HOLDING_A_JOB, str(jobs.folder)]
-    assert subprocess.run(command, check=False).returncode == -9  # noqa: S603 - our own
-    assert jobs.get(job.id).state == "running"
-    assert len(helpers.all_files(jobs.folder)) == 2
-    watch.look([])
-    watch.tidy()
+    assert len(list_files(jobs)) == 2
+    recovery.repair([])
+    recovery.remove_leftovers()
     assert jobs.get(job.id).state == "queued"
     assert jobs.queue.pop(("small",), 0.01) == job.id
-    assert helpers.all_files(jobs.folder) == [f"files/inputs/{job.input}"]
-    assert jobs.files.runs() == []
-    assert len(list((jobs.folder / "owners").iterdir())) == 1
+    assert list_files(jobs) == [f"inputs/{job.input}"]
+    assert jobs.files.list_runs() == []
+    assert len(list((jobs.folder / FOLDER).iterdir())) == 1
 
 
-def test_what_a_dead_process_of_this_machine_left_of_a_run_that_is_no_more_goes_too(jobs, helpers, watch):
-    job = hand_in(jobs)
-    subprocess.run([sys.executable, "-c", DIE_HOLDING_A_JOB, str(jobs.folder)], check=False)  # noqa: S603 - our own
+def test_the_files_of_a_cancelled_run_of_a_killed_consumer_are_removed(jobs, recovery):
+    job = submit_data(jobs)
+    die_with_a_job(jobs)
     jobs.cancel(job.id)
-    assert len(jobs.files.runs()) == 1
-    watch.look([])
-    watch.tidy()
-    assert jobs.files.runs() == []
+    assert len(jobs.files.list_runs()) == 1
+    recovery.repair([])
+    recovery.remove_leftovers()
+    assert jobs.files.list_runs() == []
 
 
-def test_a_job_that_fell_out_of_the_queue_is_put_back_once(jobs, helpers, watch, clock, caplog):
-    job = hand_in(jobs)
-    assert jobs.queue.pop(("small",), 0.01) == job.id  # and whoever took it died before the claim
-    watch.look([])
-    clock.now += STRAY_SECONDS - 0.1
-    watch.look([])
-    assert jobs.queue.contents() == set()
+def test_a_job_that_is_not_in_the_queue_is_put_back_once(jobs, recovery, clock, caplog):
+    job = submit_data(jobs)
+    assert jobs.queue.pop(("small",), 0.01) == job.id  # as if the consumer died before it got the lease
+    recovery.repair([])
+    clock.now += LOST_SECONDS - 0.1
+    recovery.repair([])
+    assert jobs.queue.list_waiting() == set()
     clock.now += 0.1
     with caplog.at_level(logging.WARNING):
-        watch.look([])
+        recovery.repair([])
     assert job.id in caplog.text
-    clock.now += 10 * STRAY_SECONDS
-    watch.look([])
-    watch.look([])
-    assert jobs.waiting() == 1
+    clock.now += 10 * LOST_SECONDS
+    recovery.repair([])
+    recovery.repair([])
+    assert jobs.count_waiting() == 1
 
 
-def test_a_job_that_waits_in_the_queue_is_left_there(jobs, helpers, watch, clock):
-    hand_in(jobs)
+def test_a_job_in_the_queue_stays_there(jobs, recovery, clock):
+    submit_data(jobs)
     for _ in range(3):
-        watch.look([])
-        clock.now += 1000 * STRAY_SECONDS
-    assert jobs.waiting() == 1
+        recovery.repair([])
+        clock.now += 1000 * LOST_SECONDS
+    assert jobs.count_waiting() == 1
 
 
-def test_a_run_of_this_consumer_that_no_thread_does(jobs, helpers, watch, owner, clock):
-    job = hand_in(jobs)
-    run = begin(jobs, owner.name)
+def test_a_run_of_this_consumer_that_no_thread_holds(jobs, recovery, lock, clock):
+    job = submit_data(jobs)
+    run = start_run(jobs, lock.name)
     for _ in range(3):
-        watch.look([run.claim])
+        recovery.repair([run.lease])
         clock.now += 10 * DEAD_SECONDS
     assert jobs.get(job.id).state == "running"
-    watch.look([])
-    clock.now += STRAY_SECONDS
-    watch.look([])
+    recovery.repair([])
+    clock.now += LOST_SECONDS
+    recovery.repair([])
     assert jobs.get(job.id).state == "queued"
 
 
 @pytest.mark.parametrize("which", ["input without a job", "input of an earlier job"])
-def test_an_input_that_belongs_to_nothing_goes_in_the_end(jobs, helpers, watch, clock, which):
-    job = hand_in(jobs)
-    stray = "0" * 32 + ".1" if which == "input without a job" else job.id + ".1"
-    jobs.queue.active.put(stray, b"{}")
-    (jobs.folder / "files" / "inputs" / stray).write_bytes(b"x")
-    (jobs.folder / "files" / "runs" / f"{stray}.partial").write_bytes(b"x")
-    watch.look([])
+def test_an_input_without_a_job_is_removed(jobs, recovery, clock, which):
+    job = submit_data(jobs)
+    name = "0" * 32 + ".1" if which == "input without a job" else job.id + ".1"
+    jobs.queue.active.put(name, b"{}")
+    (jobs.folder / "files" / "inputs" / name).write_bytes(b"x")
+    (jobs.folder / "files" / "runs" / f"{name}.partial").write_bytes(b"x")
+    recovery.repair([])
     clock.now += STALE_SECONDS - 1
-    watch.look([])
-    assert len(helpers.all_files(jobs.folder)) == 3
+    recovery.repair([])
+    assert len(list_files(jobs)) == 3
     clock.now += 1
-    watch.look([])
-    assert helpers.all_files(jobs.folder) == [f"files/inputs/{job.input}"]
+    recovery.repair([])
+    assert list_files(jobs) == [f"inputs/{job.input}"]
     assert list(jobs.queue.active.items()) == [job.input]
 
 
 @pytest.mark.parametrize("is_old", [True, False])
-def test_old_files_that_no_job_knows_of_go_at_the_start(jobs, helpers, watch, is_old):
-    done, waiting = hand_in(jobs), helpers.submit(jobs, b"waiting")
-    run = jobs.lifecycle.begin(done.id, "elsewhere-1")
-    with jobs.files.run(run.input, run.output) as place:
-        place.target.write_bytes(b"result")
-        place.keep()
+def test_old_files_without_a_job_are_removed(jobs, recovery, is_old):
+    done, waiting = submit_data(jobs), submit_data(jobs, b"waiting")
+    run = jobs.lifecycle.start(done.id, "elsewhere-1")
+    publish_result(jobs, run)
     assert jobs.lifecycle.finish(run, Result("png", 6, {}))
-    known = helpers.all_files(jobs.folder)
-    for name in (
-        f"results/{done.id}.elsewhere-2",
-        "results/ffff.elsewhere-3",
-        f"inputs/{waiting.id}.1",
-        "inputs/ffff.1",
+    known = [f"inputs/{waiting.input}", f"results/{run.output}"]
+    assert list_files(jobs) == known
+    for folder, name in (
+        ("results", f"{done.id}.elsewhere-2"),
+        ("results", "ffff.elsewhere-3"),
+        ("inputs", f"{waiting.id}.1"),
+        ("inputs", "ffff.1"),
     ):
-        (jobs.folder / "files" / name).write_bytes(b"x")
+        (jobs.folder / "files" / folder / name).write_bytes(b"x")
     if is_old:
-        for name in helpers.all_files(jobs.folder):
-            os.utime(jobs.folder / name, (0, time.time() - UNKNOWN_SECONDS - 60))
-    watch.look([])
-    watch.tidy()
-    assert len(helpers.all_files(jobs.folder)) == (2 if is_old else 6)
-    assert set(known) <= set(helpers.all_files(jobs.folder))
-    assert known == sorted([f"files/results/{run.output}", f"files/inputs/{waiting.input}"])
+        for name in list_files(jobs):
+            os.utime(jobs.folder / "files" / name, (0, time.time() - ORPHAN_SECONDS - 60))
+    recovery.repair([])
+    recovery.remove_leftovers()
+    assert len(list_files(jobs)) == (2 if is_old else 6)
+    assert set(known) <= set(list_files(jobs))
 
 
-def test_an_end_that_was_left_half_told_is_told(jobs, helpers, watch, monkeypatch):
-    run = jobs.lifecycle.begin(hand_in(jobs).id, "elsewhere-1")
+def test_an_ended_job_that_was_not_settled_is_settled(jobs, recovery, monkeypatch):
+    run = jobs.lifecycle.start(submit_data(jobs).id, "elsewhere-1")
     with monkeypatch.context() as patch:
-        patch.setattr(jobs.lifecycle, "settle", lambda job: None)  # the process died here
+        patch.setattr(jobs.lifecycle, "settle", lambda job: None)  # as if the process died here
         assert jobs.lifecycle.finish(run, Problem(422, "Title", "detail"))
-    assert len(helpers.all_files(jobs.folder)) == 1
-    watch.look([])
-    assert helpers.all_files(jobs.folder) == []
+    assert len(list_files(jobs)) == 1
+    recovery.repair([])
+    assert list_files(jobs) == []
     assert jobs.queue.active.items() == {}
-    assert list(jobs.queue.kept.items()) == [run.input]
+    assert list(jobs.queue.finished.items()) == [run.input]
 
 
-def test_two_watchers_run_a_job_again_once(service, jobs, helpers, watch, clock):
-    job = hand_in(jobs)
-    jobs.queue.beats.put("elsewhere", b"7")
-    begin(jobs)
-    other_owner = ConsumerLock(jobs.folder)
-    other = Watch(service.jobs(), other_owner, clock)
-    other.beat()
+def test_two_consumers_requeue_a_job_once(service, jobs, recovery, clock):
+    job = submit_data(jobs)
+    jobs.queue.heartbeats.put("elsewhere", b"7")
+    start_run(jobs)
+    other_lock = ConsumerLock(jobs.folder)
+    other = Recovery(service.open_jobs(), other_lock, clock)
+    other.send_heartbeat()
     for seconds in (0, DEAD_SECONDS):
         clock.now += seconds
-        watch.look([])
-        other.look([])
-    assert jobs.waiting() == 1
+        recovery.repair([])
+        other.repair([])
+    assert jobs.count_waiting() == 1
     assert [event.kind for event in jobs.get(job.id).events] == ["queued", "running", "queued"]
-    other_owner.close()
+    other_lock.close()

@@ -343,7 +343,7 @@ def test_without_a_queue(own, eia, monkeypatch):
     def fail(*_, **__):
         raise QueueUnavailable("the queue can't be reached; start it")
 
-    for name in ("submit", "get", "waiting"):
+    for name in ("submit", "get", "count_waiting"):
         monkeypatch.setattr(own.engine.jobs, name, fail)
     for response in (post_file(own, data=eia, lenses="6x9"), own.get(f"{POST}/{'0' * 32}"), own.get("/readyz")):
         check_problem(response, 503, "start it")

@@ -11,10 +11,10 @@ from ciir.service.web.routes import results
 ID = "0123456789abcdef" * 2
 QUEUED = Job(ID, Request("upload.glb", {"lenses": "5x5"}, None), created=1.5, events=(Event("queued"),))
 PROGRESS = {"stage": "render", "views_done": 1, "views": 5}
-RUNNING = QUEUED.after(Event("running"), state="running", attempts=1).after(Event("progress", PROGRESS))
-DONE = RUNNING.after(Event("done"), state="done", result=Result("zip", 9, {"timings_ms": {"total": 1.0}}))
-FAILED = RUNNING.after(Event("failed"), state="failed", problem=Problem(415, "Type not supported", "no mesh"))
-CANCELLED = RUNNING.after(Event("cancelled"), state="cancelled")
+RUNNING = QUEUED.add_event(Event("running"), state="running", attempts=1).add_event(Event("progress", PROGRESS))
+DONE = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, {"timings_ms": {"total": 1.0}}))
+FAILED = RUNNING.add_event(Event("failed"), state="failed", problem=Problem(415, "Type not supported", "no mesh"))
+CANCELLED = RUNNING.add_event(Event("cancelled"), state="cancelled")
 
 
 @pytest.mark.parametrize(
@@ -45,11 +45,11 @@ def test_a_status_agrees_with_openapi(job):
 
 
 def test_progress_is_that_of_the_current_run():
-    done = RUNNING.after(Event("done"), state="done", result=Result("zip", 9, {"views": [{}] * 5}))
+    done = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, {"views": [{}] * 5}))
     assert results.describe_job(done)["progress"] == {"stage": "encode", "views_done": 5, "views": 5}
-    again = RUNNING.after(Event("queued"), state="queued")
+    again = RUNNING.add_event(Event("queued"), state="queued")
     assert results.describe_job(again)["progress"] is None
-    assert results.describe_job(again.after(Event("running"), state="running"))["progress"] is None
+    assert results.describe_job(again.add_event(Event("running"), state="running"))["progress"] is None
 
 
 def test_the_status_of_a_job_that_has_ended():

@@ -1,0 +1,127 @@
+"""Jobs, consumers and a Redis server for tests, and a pool without worker processes."""
+
+import io
+import shutil
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+
+from ciir.service.jobs.job import FINAL, Request, Result
+from ciir.service.jobs.jobs import Jobs
+from ciir.service.jobs.workers.consumer import Consumer
+from ciir.service.settings import Settings
+from tests.support.waiting import wait_until
+
+
+def submit_data(jobs, data=b"data", **options):
+    """Submits a job whose input is `data`."""
+    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data), size=len(data))
+
+
+def wait_for_end(jobs, id_, states=FINAL):
+    """The job, once it is in one of `states`."""
+    return wait_until(lambda: (job := jobs.get(id_)) and job.state in states and job)
+
+
+def read_result(jobs, id_):
+    """The bytes of a job's result."""
+    with jobs.open_result(id_) as file:
+        return file.read()
+
+
+def publish_result(jobs, run, data=b"result"):
+    """Puts the result file of a run in its place."""
+    with jobs.files.open_run(run.input, run.output) as files:
+        files.target.write_bytes(data)
+        files.publish()
+
+
+def run_in_threads(function, count):
+    """Calls `function` in `count` threads at once."""
+    threads = [threading.Thread(target=function) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def list_files(jobs):
+    """All files of the jobs, relative to their folder."""
+    folder = jobs.folder / "files"
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def write_double(task, progress, cancelled):
+    """A task's work: writes the input's bytes twice."""
+    task.target.write_bytes(task.source.read_bytes() * 2)
+    return Result("png", task.target.stat().st_size, {"timings_ms": {"total": 1.0}})
+
+
+class StandInPool:
+    """Runs tasks in the calling thread, by `work(task, progress, cancelled)`, which a test may replace."""
+
+    def __init__(self, work=write_double):
+        self.work = work
+        self.started = []
+        """Ids of the jobs whose tasks were started."""
+
+    def run(self, task, *, progress, cancelled):
+        self.started.append(task.id)
+        return self.work(task, progress, cancelled)
+
+
+class JobService:
+    """Jobs and consumers that share a folder, closed at the end."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self._jobs, self._consumers = [], []
+
+    def open_jobs(self, **settings):
+        jobs = Jobs(Settings(folder=self.folder, **settings))
+        self._jobs.append(jobs)
+        return jobs
+
+    def start_consumer(self, jobs, pool, threads=1):
+        consumer = Consumer(jobs, pool, threads)
+        consumer.start()
+        self._consumers.append(consumer)
+        return consumer
+
+    def stop_consumer(self, consumer, seconds=60.0):
+        self._consumers.remove(consumer)
+        consumer.stop(seconds)
+
+    def close(self):
+        while self._consumers:
+            self._consumers.pop().stop(0)
+        while self._jobs:
+            self._jobs.pop().close()
+
+
+class RedisServer:
+    """A Redis server behind a socket in a folder of its own, which keeps its data when it is killed."""
+
+    def __init__(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="ciir-"))  # short: a socket's path has at most 107 bytes
+        self.url = f"unix://{self.folder}/socket"
+        self.process = None
+
+    def start(self):
+        command = ["redis-server", "--port", "0", "--unixsocket", f"{self.folder}/socket", "--dir", str(self.folder)]
+        command += ["--appendonly", "yes", "--appendfsync", "always", "--save", ""]
+        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 - our own
+        wait_until(self._answers)
+
+    def _answers(self):
+        ping = ["redis-cli", "-s", f"{self.folder}/socket", "ping"]
+        return b"PONG" in subprocess.run(ping, capture_output=True, check=False).stdout  # noqa: S603
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def close(self):
+        self.kill()
+        shutil.rmtree(self.folder)
