@@ -58,3 +58,22 @@ def test_serve_reports_a_setting_out_of_range(monkeypatch, capsys):
     monkeypatch.setenv("CIIR_WORKERS", "65")
     assert main(["serve", "--show-settings"]) == 2
     assert "CIIR_WORKERS: '65'" in capsys.readouterr().err
+
+
+OTHER_VARIABLES = {
+    "CIIR_CACHE": "service/pipeline/cache_folder.py",
+    "CIIR_IMAGE": "docker-compose.yml",
+    "CIIR_PORT": "docker-compose.yml",
+    "CIIR_TEST_CONTAINERS": "tests/containers/conftest.py",
+}
+"""Variables that are no settings of the service, and the file that reads them."""
+
+
+def test_help_texts_and_docs_name_only_variables_that_exist():
+    known = {f"CIIR_{name.upper()}" for name in Settings.model_fields} | set(OTHER_VARIABLES)
+    places = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("service/**/*.py"), ROOT / "Dockerfile"]
+    for path in [*places, ROOT / "docker-compose.yml"]:
+        named = set(re.findall(r"\bCIIR_[A-Z_]*[A-Z]\b", path.read_text(encoding="utf-8")))
+        assert named <= known, path
+    for name, reader in OTHER_VARIABLES.items():
+        assert name in (ROOT / reader).read_text(encoding="utf-8")

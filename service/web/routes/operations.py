@@ -10,7 +10,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 
 from ciir.service import listing
 from ciir.service.pipeline.options import AUTO_TAKES
-from ciir.service.web import openapi
+from ciir.service.web.routes import openapi
 
 if TYPE_CHECKING:
     from ciir.service.web.routes.state import ServiceState

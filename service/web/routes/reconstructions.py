@@ -19,9 +19,9 @@ from starlette.exceptions import HTTPException
 from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs import job as job_module
 from ciir.service.jobs.job import FINAL, Job
-from ciir.service.web import multipart, openapi
+from ciir.service.web import multipart
 from ciir.service.web.prefer import Preference
-from ciir.service.web.routes import results, upload
+from ciir.service.web.routes import openapi, results, upload
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
