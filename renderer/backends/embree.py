@@ -68,38 +68,47 @@ class PreparedScene:
         u, v = hit["u"], hit["v"]
         return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
 
-    def cast(self, origins: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Colour that each of parallel rays meets, `(n, 4)` RGBA in [0, 1]; zero where it meets nothing, else alpha 1.
+    def cast(
+        self, origins: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """What each of parallel rays meets first: its colour and how far away it is.
 
         `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. Surfaces closer than `STEP` behind one
         that was cut away are passed with it.
+
+        Returns RGBA `(n, 4)` in [0, 1], zero for a ray that meets nothing, else with alpha 1; and the distances `(n,)`
+        in lengths of `direction`, +inf for a ray that meets nothing.
         """
-        # From far away float32 would not aim so well: rays start where they enter the sphere about the scene.
+        # float32 would aim less exactly from far away: rays start where they enter the sphere around the scene.
         squared = float(direction @ direction)
         entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
-        starts = self._placed(origins + np.maximum(entry, 0.0)[:, None] * direction)
+        entry = np.maximum(entry, 0.0)
+        starts = self._placed(origins + entry[:, None] * direction)
         along = np.broadcast_to(direction.astype(np.float32), starts.shape)
-        onset, passed = starts, np.zeros((len(origins), 1), np.float32)
+        onset, passed = starts, np.zeros(len(origins), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
+        reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
         alive = np.arange(len(origins))
         for _ in range(MAX_LAYERS):
             triangle, weights, distance = self._first_hits(onset, along)
-            hit = triangle >= 0
+            hit = np.flatnonzero(triangle >= 0)
             color, there = self._shade(triangle[hit], weights[hit])
-            rgba[alive[hit][there], :3] = color[there]
-            rgba[alive[hit][there], 3] = 1.0
+            met = hit[there]
+            done = alive[met]
+            rgba[done] = color[there]
+            reached[done] = passed[met] + distance[met]
             if there.all():
-                return rgba
-            onward = np.flatnonzero(hit)[~there]
-            passed = passed[onward] + distance[onward, None] + np.float32(STEP)
+                break
+            onward = hit[~there]
+            passed = passed[onward] + distance[onward] + np.float32(STEP)
             alive, starts, along = alive[onward], starts[onward], along[onward]
-            onset = starts + along * passed
-        return rgba
+            onset = starts + along * passed[:, None]
+        return rgba, entry + reached / self._scale
 
     def _shade(
         self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """RGB `(n, 3)` of hits, and whether the surface is there at all `(n,)`."""
+        """RGBA `(n, 4)` of hits with alpha 1, and whether the surface is there at all `(n,)`."""
         corners = self.faces[triangle]  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
         part = self.part[triangle]
@@ -111,7 +120,9 @@ class PreparedScene:
             uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
             texel = sample_texture(texture, uv)
             product[of_part] *= texel
-        return np.clip(product[:, :3], 0.0, 1.0), product[:, 3] >= self.cutoff[part]
+        there = product[:, 3] >= self.cutoff[part]
+        product[:, 3] = 1.0
+        return np.clip(product, 0.0, 1.0), there
 
 
 class RaytraceBackend:
@@ -130,19 +141,22 @@ class RaytraceBackend:
     ) -> Iterator[NDArray[np.uint8]]:
         """See `renderer.backends.Backend.render_views`."""
         check_samples(samples)
-        prepared = PreparedScene(scene)
-        fine = array.refine(samples)
-        x, y = fine.lens_x(), fine.lens_y()
-        for v, u in views:
-            direction = np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
+        prepared, fine = PreparedScene(scene), array.refine(samples)
+        for view in views:
             rgba = np.empty((fine.rows * fine.cols, 4), np.uint8)
-            for start in range(0, len(rgba), RAYS_AT_ONCE):
-                row, col = np.divmod(np.arange(start, min(start + RAYS_AT_ONCE, len(rgba))), fine.cols)
-                origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
-                colors = prepared.cast(origins, direction)
-                rgba[start : start + RAYS_AT_ONCE] = colors * 255.0 + 0.5
+            for rays, colors, _ in _cast_view(prepared, fine, view):
+                rgba[rays] = colors * 255.0 + 0.5
             rgba[rgba[:, 3] == 0, :3] = background
             yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)
+
+    def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
+        """See `renderer.backends.Backend.render_depth`."""
+        prepared = PreparedScene(scene)
+        for view in views:
+            depth = np.empty(array.rows * array.cols, np.float32)
+            for rays, _, distances in _cast_view(prepared, array, view):
+                depth[rays] = distances
+            yield depth.reshape(array.rows, array.cols)
 
     def render_eia(
         self,
@@ -155,3 +169,15 @@ class RaytraceBackend:
         """See `renderer.backends.Backend.render_eia`: by lens or by view, the rays are the same."""
         every = parse_views("all", array.pixels_v, array.pixels_u)
         return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)
+
+
+def _cast_view(
+    prepared: PreparedScene, array: LensArray, view: View
+) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float64]]]:
+    """Which of the view's rays, row by row, and what `PreparedScene.cast` returns for them."""
+    x, y = array.lens_x(), array.lens_y()
+    direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
+    for start in range(0, array.rows * array.cols, RAYS_AT_ONCE):
+        rays = slice(start, min(start + RAYS_AT_ONCE, array.rows * array.cols))
+        row, col = np.divmod(np.arange(rays.start, rays.stop), array.cols)
+        yield rays, *prepared.cast(np.stack([x[col], y[row], np.zeros(len(row))], axis=1), direction)

@@ -36,6 +36,14 @@ class Backend(Protocol):
         """
         ...
 
+    def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
+        """The depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene units.
+
+        Of the point that the ray through each lens's centre meets; +inf where it meets nothing. There is one ray for
+        each lens: a mean over several depths would lie on no surface. For more of them refine the array.
+        """
+        ...
+
     def render_eia(
         self,
         scene: Scene,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -20,13 +20,15 @@ from ciir.renderer.sampling import average_cells, average_pictures, check_sample
 from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
+
+Value = TypeVar("Value", np.uint8, np.float32)
 
 PICTURES_AT_ONCE, SAMPLES_AT_ONCE = 64, 1 << 22
 """Most pictures, and samples in them, that are drawn and held before another caller gets its turn."""
@@ -42,10 +44,10 @@ class RasterBackend:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
         self._context = self._thread.submit(Context).result()
 
-    def _pictures(
-        self, scene: Scene, drawings: Sequence[Drawing], background: tuple[int, int, int]
-    ) -> Iterator[NDArray[np.uint8]]:
-        """Each of `drawings`, which are of one size, `(height, width, 4)`. Callers take turns after some."""
+    def _draw_all(
+        self, scene: Scene, drawings: Sequence[Drawing], draw: Callable[[Drawing], NDArray[Value]]
+    ) -> Iterator[NDArray[Value]]:
+        """Each of `drawings`, which are all of one size, by a method of the context. Callers alternate after some."""
         if not drawings:
             return
         height, width = drawings[0].height, drawings[0].width
@@ -56,13 +58,18 @@ class RasterBackend:
             )
         together = max(1, min(PICTURES_AT_ONCE, SAMPLES_AT_ONCE // (height * width)))
 
-        def task(some: Sequence[Drawing]) -> list[NDArray[np.uint8]]:
+        def task(some: Sequence[Drawing]) -> list[NDArray[Value]]:
             self._context.load(scene)
-            return [self._context.draw(drawing) for drawing in some]
+            return [draw(drawing) for drawing in some]
 
         for start in range(0, len(drawings), together):
-            for picture in self._thread.submit(task, drawings[start : start + together]).result():
-                yield over(picture, background)
+            yield from self._thread.submit(task, drawings[start : start + together]).result()
+
+    def _draw_colors(
+        self, scene: Scene, drawings: Sequence[Drawing], background: tuple[int, int, int]
+    ) -> Iterator[NDArray[np.uint8]]:
+        for picture in self._draw_all(scene, drawings, self._context.draw):
+            yield fill_background(picture, background)
 
     def render_views(
         self,
@@ -77,8 +84,13 @@ class RasterBackend:
         check_samples(samples)
         fine = array.refine(samples)
         drawings = [Drawing(partial(make_oblique_matrix, array, view), fine.rows, fine.cols) for view in views]
-        for picture in self._pictures(scene, drawings, background):
+        for picture in self._draw_colors(scene, drawings, background):
             yield average_cells(picture, samples)
+
+    def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
+        """See `renderer.backends.Backend.render_depth`."""
+        drawings = [Drawing(partial(make_oblique_matrix, array, view), array.rows, array.cols) for view in views]
+        return self._draw_all(scene, drawings, self._context.draw_depth)
 
     def render_eia(
         self,
@@ -117,7 +129,7 @@ class RasterBackend:
             for y in fine.lens_y()[row * samples : (row + 1) * samples]
             for x in fine.lens_x()[col * samples : (col + 1) * samples]
         ]
-        pictures = self._pictures(scene, drawings, background)
+        pictures = self._draw_colors(scene, drawings, background)
         eia = np.empty((array.rows * height, array.cols * width, 4), np.uint8)
         for row, col in lenses:
             image = average_pictures(np.stack(list(islice(pictures, samples**2))), axes=(0,))
@@ -125,7 +137,7 @@ class RasterBackend:
         return eia
 
 
-def over(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
+def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
     """`picture` `(h, w, 4)` with `background` where its alpha is 0. Samples are there or not: nothing is in between."""
     if background != (0, 0, 0):
         picture = picture.copy()

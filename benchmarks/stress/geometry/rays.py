@@ -77,6 +77,7 @@ def by_embree(scene: Scene) -> Sight:
     prepared = PreparedScene(scene)
 
     def sight(origins: Values, direction: Values) -> Values:
-        return prepared.cast(origins, direction).astype(np.float64) * 255.0
+        rgba, _ = prepared.cast(origins, direction)
+        return rgba.astype(np.float64) * 255.0
 
     return sight
