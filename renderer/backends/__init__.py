@@ -1,4 +1,4 @@
-"""What renders a mesh: OpenGL (`raster`) or Embree (`raytrace`), under one interface."""
+"""Rendering of meshes by OpenGL (`raster`) or Embree (`raytrace`), under one interface."""
 
 from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.selection import is_backend_open, open_backend, predict_backend

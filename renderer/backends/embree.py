@@ -1,4 +1,4 @@
-"""Views by casting each ray with Embree: the exact reference, and what runs where there is no OpenGL."""
+"""Views by casting every ray with Embree: the exact reference, which also runs where OpenGL doesn't."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from ciir.renderer.backends.interface import BLACK, Backend
 from ciir.renderer.backends.textures import sample_texture
-from ciir.renderer.light_field import interleave_views
 from ciir.renderer.sampling import average_cells, check_samples
-from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,24 +21,24 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
-RAYS_AT_ONCE = 1 << 16
+RAYS_PER_BATCH = 1 << 16
 MAX_LAYERS = 32
 """Most cut-out surfaces that one ray may pass."""
 EXTENT = 100.0
-"""Half the scene's longest side as Embree has it: its float32 tests lose digits on tiny triangles."""
+"""Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
-"""How far past a surface that was cut away a ray goes on: some 50 spacings of float32 at `EXTENT`."""
+"""How far behind a cut-out point a ray continues: about 50 spacings of float32 at `EXTENT`."""
 
 
 class PreparedScene:
-    """All parts of a scene in one Embree scene, with what colours a hit."""
+    """All parts of a scene in one Embree scene, with the colours of their surfaces."""
 
     def __init__(self, scene: Scene) -> None:
         parts = scene.parts
         first = np.cumsum([0] + [len(part.vertices) for part in parts])
         self.textures = [part.texture for part in parts]
         vertices = np.concatenate([part.vertices for part in parts])  # (n, 3)
-        # Embree gets the scene about its middle: how large it is, or how far away, then costs float32 no digits.
+        # Embree's scene is centred and scaled, so that neither size nor distance costs float32 digits.
         low, high = scene.bounds()
         self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
         self._radius = float(np.linalg.norm(high - low)) / 2
@@ -51,16 +50,16 @@ class PreparedScene:
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
         self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
         self._embree = EmbreeScene()
-        self._mesh = TriangleMesh(self._embree, self._placed(vertices), self.faces)
+        self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
-        self._first_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+        self._find_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
 
-    def _placed(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Points of the scene `(n, 3)` where Embree has them."""
+    def _to_embree(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Points of the scene `(n, 3)` in Embree's coordinates."""
         placed: NDArray[np.float32] = ((points - self._middle) * self._scale).astype(np.float32)
         return placed
 
-    def _first_hits(
+    def _find_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
         """Triangle of each ray's first hit or -1 `(n,)`, its barycentric weights `(n, 3)`, and its distance `(n,)`."""
@@ -71,44 +70,43 @@ class PreparedScene:
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """What each of parallel rays meets first: its colour and how far away it is.
+        """The colour and the distance of the first surface that each of parallel rays meets.
 
-        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. Surfaces closer than `STEP` behind one
-        that was cut away are passed with it.
+        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. A surface closer than `STEP` behind a
+        cut-out point is passed with it.
 
-        Returns RGBA `(n, 4)` in [0, 1], zero for a ray that meets nothing, else with alpha 1; and the distances `(n,)`
-        in lengths of `direction`, +inf for a ray that meets nothing.
+        Returns RGBA `(n, 4)` in [0, 1], with alpha 1, or all zero where a ray meets nothing; and distances `(n,)` as
+        multiples of `direction`, +inf where a ray meets nothing.
         """
-        # float32 would aim less exactly from far away: rays start where they enter the sphere around the scene.
+        # Rays start where they enter the sphere around the scene: from farther away float32 aims less exactly.
         squared = float(direction @ direction)
         entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
         entry = np.maximum(entry, 0.0)
-        starts = self._placed(origins + entry[:, None] * direction)
-        along = np.broadcast_to(direction.astype(np.float32), starts.shape)
-        onset, passed = starts, np.zeros(len(origins), np.float32)
+        entries = self._to_embree(origins + entry[:, None] * direction)
+        along = np.broadcast_to(direction.astype(np.float32), entries.shape)
+        starts, passed = entries, np.zeros(len(origins), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
         reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
-        alive = np.arange(len(origins))
+        active = np.arange(len(origins))
         for _ in range(MAX_LAYERS):
-            triangle, weights, distance = self._first_hits(onset, along)
+            triangle, weights, distance = self._find_hits(starts, along)
             hit = np.flatnonzero(triangle >= 0)
-            color, there = self._shade(triangle[hit], weights[hit])
-            met = hit[there]
-            done = alive[met]
-            rgba[done] = color[there]
-            reached[done] = passed[met] + distance[met]
-            if there.all():
+            color, is_solid = self._shade(triangle[hit], weights[hit])
+            solid = hit[is_solid]
+            rgba[active[solid]] = color[is_solid]
+            reached[active[solid]] = passed[solid] + distance[solid]
+            if is_solid.all():
                 break
-            onward = hit[~there]
+            onward = hit[~is_solid]
             passed = passed[onward] + distance[onward] + np.float32(STEP)
-            alive, starts, along = alive[onward], starts[onward], along[onward]
-            onset = starts + along * passed[:, None]
+            active, entries, along = active[onward], entries[onward], along[onward]
+            starts = entries + along * passed[:, None]
         return rgba, entry + reached / self._scale
 
     def _shade(
         self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """RGBA `(n, 4)` of hits with alpha 1, and whether the surface is there at all `(n,)`."""
+        """RGBA of hits `(n, 4)`, with alpha 1, and whether the surface is not cut out there `(n,)`."""
         corners = self.faces[triangle]  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
         part = self.part[triangle]
@@ -118,15 +116,14 @@ class PreparedScene:
                 continue
             of_part = part == index
             uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
-            texel = sample_texture(texture, uv)
-            product[of_part] *= texel
-        there = product[:, 3] >= self.cutoff[part]
+            product[of_part] *= sample_texture(texture, uv)
+        is_solid = product[:, 3] >= self.cutoff[part]
         product[:, 3] = 1.0
-        return np.clip(product, 0.0, 1.0), there
+        return np.clip(product, 0.0, 1.0), is_solid
 
 
-class RaytraceBackend:
-    """One ray for each sample, from the lens array's plane. See `renderer.backends.Backend`."""
+class RaytraceBackend(Backend):
+    """Casts one ray for each sample, from the lens array's plane."""
 
     name = "raytrace"
 
@@ -137,7 +134,7 @@ class RaytraceBackend:
         views: Sequence[View],
         *,
         samples: int = 1,
-        background: tuple[int, int, int] = (0, 0, 0),
+        background: tuple[int, int, int] = BLACK,
     ) -> Iterator[NDArray[np.uint8]]:
         """See `renderer.backends.Backend.render_views`."""
         check_samples(samples)
@@ -155,29 +152,19 @@ class RaytraceBackend:
         for view in views:
             depth = np.empty(array.rows * array.cols, np.float32)
             for rays, _, distances in _cast_view(prepared, array, view):
-                depth[rays] = distances
+                depth[rays] = distances  # the direction's z is -1
             yield depth.reshape(array.rows, array.cols)
-
-    def render_eia(
-        self,
-        scene: Scene,
-        array: LensArray,
-        *,
-        samples: int = 1,
-        background: tuple[int, int, int] = (0, 0, 0),
-    ) -> NDArray[np.uint8]:
-        """See `renderer.backends.Backend.render_eia`: by lens or by view, the rays are the same."""
-        every = parse_views("all", array.pixels_v, array.pixels_u)
-        return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)
 
 
 def _cast_view(
     prepared: PreparedScene, array: LensArray, view: View
 ) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float64]]]:
-    """Which of the view's rays, row by row, and what `PreparedScene.cast` returns for them."""
+    """The view's rays in batches, row by row: which of them, and their colours and distances."""
     x, y = array.lens_x(), array.lens_y()
     direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
-    for start in range(0, array.rows * array.cols, RAYS_AT_ONCE):
-        rays = slice(start, min(start + RAYS_AT_ONCE, array.rows * array.cols))
+    count = array.rows * array.cols
+    for start in range(0, count, RAYS_PER_BATCH):
+        rays = slice(start, min(start + RAYS_PER_BATCH, count))
         row, col = np.divmod(np.arange(rays.start, rays.stop), array.cols)
-        yield rays, *prepared.cast(np.stack([x[col], y[row], np.zeros(len(row))], axis=1), direction)
+        origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
+        yield rays, *prepared.cast(origins, direction)

@@ -1,8 +1,12 @@
-"""The interface that every rendering backend has."""
+"""The interface of the rendering backends."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Protocol
+
+from ciir.renderer.light_field import interleave_views
+from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -14,12 +18,18 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
+BLACK = (0, 0, 0)
+
 
 class Backend(Protocol):
-    """Renders a scene that already stands in front of the lens array. May be called from several threads at once."""
+    """Renders views of a scene given in the lens array's coordinates, in two channels: colour and depth.
+
+    Safe to call from several threads at once.
+    """
 
     name: str
 
+    @abstractmethod
     def render_views(
         self,
         scene: Scene,
@@ -27,30 +37,30 @@ class Backend(Protocol):
         views: Sequence[View],
         *,
         samples: int = 1,
-        background: tuple[int, int, int] = (0, 0, 0),
+        background: tuple[int, int, int] = BLACK,
     ) -> Iterator[NDArray[np.uint8]]:
-        """Each of `views` in turn, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene covers.
+        """The colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene covers.
 
         `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB,
-        0 to 255. Raises `InvalidOption` where `samples` or the picture is out of range.
+        0 to 255. Raises `InvalidOption` where `samples` or the size of a view is out of range.
         """
-        ...
 
+    @abstractmethod
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
         """The depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene units.
 
-        Of the point that the ray through each lens's centre meets; +inf where it meets nothing. There is one ray for
-        each lens: a mean over several depths would lie on no surface. For more of them refine the array.
+        One ray through each lens's centre is followed to the surface that it meets; +inf where it meets none. Depths
+        are not averaged over a lens: the mean of two surfaces lies on neither. For more samples refine the array.
+
+        Raises `InvalidOption` where the size of a view is out of range.
         """
-        ...
 
     def render_eia(
-        self,
-        scene: Scene,
-        array: LensArray,
-        *,
-        samples: int = 1,
-        background: tuple[int, int, int] = (0, 0, 0),
+        self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA, with the same samples as `views`."""
-        ...
+        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA, of the same samples as `render_views`.
+
+        Raises what `render_views` raises.
+        """
+        every = parse_views("all", array.pixels_v, array.pixels_u)
+        return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)

@@ -1,9 +1,8 @@
-"""One picture of a scene by OpenGL: pyrender on EGL, with a projection matrix of our own.
+"""Pictures of a scene by OpenGL: pyrender on EGL, with projection matrices of our own.
 
-Flat rendering with one sample a pixel and textures without mipmaps, so that a pixel is the point sample that
+One sample a pixel, no lights and textures without mipmaps, so that a pixel is the point sample that
 `renderer.sampling` defines. The only module that imports pyrender or OpenGL; `renderer.backends.raster` calls it on
-the one
-thread that owns the context.
+the thread that owns the context.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 from ciir.errors import BackendUnavailable
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
-# pyrender's package imports its window, and with it X libraries that a server has not; nothing here opens a window.
+# pyrender imports its window, and with it X libraries that a server doesn't have; nothing here opens a window.
 if "pyrender.viewer" not in sys.modules:
     sys.modules["pyrender.viewer"] = types.ModuleType("pyrender.viewer")
     sys.modules["pyrender.viewer"].Viewer = None  # type: ignore[attr-defined]
@@ -31,7 +30,7 @@ try:
     from OpenGL import GL
     from pyrender.platforms.egl import EGLPlatform, get_device_by_index
     from pyrender.shader_program import ShaderProgramCache
-except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError where libEGL is not there
+except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError without libEGL
     raise BackendUnavailable(
         f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take backend raytrace"
     ) from error
@@ -66,10 +65,10 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         self._program_cache = ShaderProgramCache(shader_dir=str(Path(__file__).parent / "shaders"))
 
     def __del__(self) -> None:
-        """Nothing: it lives as long as the process, at whose end pyrender would call OpenGL from any thread."""
+        """Does nothing: pyrender's would call OpenGL from any thread as the process ends."""
 
     def _configure_main_framebuffer(self) -> None:
-        """A framebuffer of the viewport's size: pyrender's own averages four samples a pixel, which is no point."""
+        """A framebuffer of the viewport's size with one sample a pixel; pyrender's averages four."""
         size = (self.viewport_width, self.viewport_height)
         if self._main_fb is not None and self._main_fb_dims == size:
             return
@@ -103,14 +102,14 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1]
 
     def _sorted_mesh_nodes(self, scene: pyrender.Scene) -> list[pyrender.Node]:
-        """In any order: nothing is blended, so the depth test alone decides."""
+        """Nodes in any order: nothing is blended, so the depth test alone decides."""
         return list(scene.mesh_nodes)
 
 
 class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
-    """A camera in the plane z = 0 that looks along -z, with a projection matrix of our own.
+    """A camera in the plane z = 0 that looks along -z, with a given projection matrix.
 
-    It is neither of pyrender's classes on purpose: those overwrite the matrix from the viewport.
+    pyrender's own camera classes would overwrite the matrix from the viewport.
     """
 
     def __init__(self, matrix: NDArray[np.float64]) -> None:
@@ -123,9 +122,9 @@ class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
 
 
 def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
-    """`part` on pyrender's terms, about `middle` `(3,)`: how far away it is then costs float32 no digits.
+    """`part` as pyrender's primitive, relative to `middle` `(3,)`, so that its distance costs float32 no digits.
 
-    The vertex alpha is scaled so that the shader's cutoff of one half is the part's.
+    The vertex alpha is scaled so that the part's cutoff becomes one half, as the shader has it.
     """
     colors = part.colors.astype(np.float32).copy()
     texture = None
@@ -161,7 +160,7 @@ class Drawing:
     """One picture to draw."""
 
     projection: Callable[[float, float], NDArray[np.float64]]
-    """From the distances of the near and the far plane to the 4x4 matrix."""
+    """Makes the 4x4 matrix from the distances of the near and the far plane."""
     height: int
     width: int
     place: tuple[float, float] = (0.0, 0.0)
@@ -169,7 +168,7 @@ class Drawing:
 
 
 class Context:
-    """The EGL context and what is loaded into it. Every method must run on the thread that made it."""
+    """The EGL context with the scene loaded into it. Every method must run on the thread that made it."""
 
     def __init__(self) -> None:
         try:
@@ -186,7 +185,7 @@ class Context:
         self._scene: Scene | None = None
 
     def load(self, scene: Scene) -> None:
-        """Makes `scene` the one that `draw` shows; the last one, which pyrender frees, stays where that fails."""
+        """Makes `scene` the one that is drawn. Where that fails the previous scene stays loaded."""
         if scene is self._scene:
             return
         gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
@@ -198,20 +197,20 @@ class Context:
         distance = -bounds[:, 2]
         margin = 0.01 * float(distance[0] - distance[1]) + 1e-6 * abs(float(distance[0]))
         self._gl_scene, self._camera, self._middle, self._scene = gl_scene, camera, middle, scene
-        # A perspective camera can't see what is nearer than its near plane, which must lie in front of it.
+        # The near plane of a perspective camera must lie in front of the camera.
         self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
         self.far = float(distance[0]) + margin
 
-    def draw(self, drawing: Drawing) -> NDArray[np.uint8]:
+    def draw_color(self, drawing: Drawing) -> NDArray[np.uint8]:
         """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
         pixels: NDArray[np.uint8] = self._draw(drawing, "color")
         return pixels
 
     def draw_depth(self, drawing: Drawing) -> NDArray[np.float32]:
-        """`(height, width)`: the distance from the camera's plane in scene units, +inf where nothing is.
+        """`(height, width)`: distance of the loaded scene from the camera's plane in its units, +inf where nothing is.
 
-        `drawing` must be a parallel projection: its depth is linear. The buffer's 24 bits resolve 6e-8 of the scene's
-        depth; the shader's float32 adds a few times that.
+        `drawing` must be a parallel projection, whose depth buffer is linear. Its 24 bits resolve 6e-8 of the scene's
+        extent in z, and the shader's float32 rounds to a few times that.
         """
         share = self._draw(drawing, "depth").astype(np.float64)
         return np.where(share < 1.0, self.near + share * (self.far - self.near), np.inf).astype(np.float32)
@@ -219,7 +218,7 @@ class Context:
     def _draw(self, drawing: Drawing, channel: Literal["color", "depth"]) -> NDArray[Any]:
         from_camera = np.eye(4)
         from_camera[:3, 3] = self._middle - (*drawing.place, 0.0)
-        self._camera.matrix = drawing.projection(self.near, self.far) @ from_camera  # in float64, as OpenGL can't
+        self._camera.matrix = drawing.projection(self.near, self.far) @ from_camera  # in float64; OpenGL's is float32
         self._sampler.viewport_width, self._sampler.viewport_height = drawing.width, drawing.height
         self._sampler.channel = channel
         flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA

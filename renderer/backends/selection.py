@@ -11,16 +11,59 @@ if TYPE_CHECKING:
     from ciir.renderer.backends.interface import Backend
 
 FEW_RAYS = 1 << 14
-"""Rays of a view that are cast whatever the scene: they take some 4 ms, and OpenGL takes most of a second to start."""
+"""Rays of a view that are cast whatever the scene: they take about 4 ms, and OpenGL takes most of a second to start."""
 
 _lock = threading.Lock()
 _open: dict[str, Backend] = {}
 _refused: dict[str, str] = {}
-"""Why a backend can't run: the words, since an exception that is kept would keep its callers' frames alive."""
+"""Why a backend can't run, as text: an exception that is kept would keep its callers' frames alive."""
 
 
-def _opened(name: str) -> Backend:
-    """The one backend of this name in this process. A refusal stands: OpenGL does not appear while we run."""
+def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
+    """The backend called `name`, opened once per process, and the reason for it in one line for the report.
+
+    `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples each. The cost of OpenGL
+    grows with the triangles and that of Embree with the rays, at about the same rate as measured; up to `FEW_RAYS`
+    rays are always cast. The number of views has no influence, so that a single view equals the same view of an
+    elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
+
+    Raises `BackendUnavailable` where `name` is `raster` and OpenGL doesn't work, `InvalidOption` for unknown names.
+    """
+    if name in ("raster", "raytrace"):
+        return _open_once(name), f"{name}: asked for"
+    if name != "auto":
+        raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
+    if _is_cheap_to_cast(rays, triangles):
+        reason = f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"
+        return _open_once("raytrace"), reason
+    try:
+        backend = _open_once("raster")
+    except BackendUnavailable as error:
+        return _open_once("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"
+    return backend, f"raster: {rays:,} rays a view cost more to cast than {triangles:,} triangles to draw"
+
+
+def predict_backend(name: str, *, triangles: int, rays: int) -> str:
+    """The name of the backend that `open_backend` would return, without opening it.
+
+    Until `raster` has been opened once, OpenGL is taken to work.
+    """
+    if name != "auto":
+        return name
+    return "raytrace" if _is_cheap_to_cast(rays, triangles) or "raster" in _refused else "raster"
+
+
+def is_backend_open(name: str) -> bool:
+    """Whether this process has opened the backend already."""
+    return name in _open
+
+
+def _is_cheap_to_cast(rays: int, triangles: int) -> bool:
+    return rays <= max(triangles, FEW_RAYS)
+
+
+def _open_once(name: str) -> Backend:
+    """The process's one backend of this name. A refusal is final: OpenGL does not appear in a running process."""
     with _lock:
         if name not in _open and name not in _refused:
             try:
@@ -37,43 +80,3 @@ def _opened(name: str) -> Backend:
         if name in _refused:
             raise BackendUnavailable(_refused[name])
         return _open[name]
-
-
-def is_backend_open(name: str) -> bool:
-    """Whether this process has opened the backend already, so that it need not be started."""
-    return name in _open
-
-
-def predict_backend(name: str, *, triangles: int, rays: int) -> str:
-    """The name of the backend that `open_backend` will take, as far as that is known without opening one."""
-    if name != "auto":
-        return name
-    return "raytrace" if _are_cheap(rays, triangles) or "raster" in _refused else "raster"
-
-
-def _are_cheap(rays: int, triangles: int) -> bool:
-    return rays <= max(triangles, FEW_RAYS)
-
-
-def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
-    """The backend that `name` asks for, and why it was taken, in one line for the report.
-
-    `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples: rasterising costs by the
-    triangle and casting by the ray, about the same for each as measured; up to `FEW_RAYS` rays are cast in any
-    case. The choice doesn't depend on how many views there are, so that a view alone equals the same
-    view out of an elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
-
-    Raises `BackendUnavailable` where `raster` is asked for and OpenGL doesn't work, `InvalidOption` for any other name.
-    """
-    if name in ("raster", "raytrace"):
-        return _opened(name), f"{name}: asked for"
-    if name != "auto":
-        raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
-    if _are_cheap(rays, triangles):
-        return _opened(
-            "raytrace"
-        ), f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"
-    try:
-        return _opened("raster"), f"raster: {rays:,} rays a view cost more to cast than {triangles:,} triangles to draw"
-    except BackendUnavailable as error:
-        return _opened("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"

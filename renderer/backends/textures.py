@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64]:
-    """Texel indices brought into `[0, size)`: `repeat`, `mirror` (every second copy is turned) or `clamp`."""
+    """Texel indices brought into `[0, size)`: `repeat`, `mirror` (every second copy is reversed) or `clamp`."""
     if wrap == "repeat":
         return index % size
     if wrap == "mirror":
@@ -23,7 +23,7 @@ def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.
 
 
 def sample_texture(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Colour of `texture` at `uv` `(n, 2)`, origin at its lower left corner: `(n, 4)` RGBA in [0, 1].
+    """Colours of `texture` at `uv` `(n, 2)`, origin at its lower left corner: `(n, 4)` RGBA in [0, 1].
 
     Texel (row, column) has its centre at u = (column + 0.5) / width, v = 1 - (row + 0.5) / height.
     """

@@ -154,7 +154,7 @@ def test_pictures_are_held_up_to_a_number_of_samples(monkeypatch):
     expected = list(raster.render_views(placed, array, wanted))
     submit = raster._thread.submit
     monkeypatch.setattr(raster._thread, "submit", lambda *given: turns.append(1) or submit(*given))
-    monkeypatch.setattr(module, "SAMPLES_AT_ONCE", 2 * 20 * 30)
+    monkeypatch.setattr(module, "SAMPLES_PER_BATCH", 2 * 20 * 30)
     np.testing.assert_array_equal(list(raster.render_views(placed, array, wanted)), expected)
     assert len(turns) == 2
 

@@ -159,7 +159,7 @@ def test_it_pays_where_triangles_are_many_and_views_few():
     for name, few in culling.MIN_TRIANGLES_PER_RAY.items():
         assert culling.is_worthwhile(name, triangles=few * 100 * 3, rays=100, views=3)
         assert not culling.is_worthwhile(name, triangles=few * 100 * 3 - 1, rays=100, views=3)
-        assert not culling.is_worthwhile(name, triangles=10**9, rays=1, views=culling.MAX_VIEWS + 1)
+        assert not culling.is_worthwhile(name, triangles=10**9, rays=1, views=culling.FEW_VIEWS + 1)
 
 
 def test_texture_coordinates_go_with_their_vertices():

@@ -134,7 +134,7 @@ def test_as_many_rays_are_cast_as_wanted_views_have_samples(counts, samples, at_
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(embree.PreparedScene, "cast", counted)
-        patched.setattr(embree, "RAYS_AT_ONCE", at_once)
+        patched.setattr(embree, "RAYS_PER_BATCH", at_once)
         assert len(list(RaytraceBackend().render_views(triangles(), array, wanted, samples=samples))) == len(wanted)
         a_view = array.rows * array.cols * samples**2
         assert sum(batches) == len(wanted) * a_view

@@ -52,12 +52,12 @@ def test_a_picture_half_a_pixel_off_is_noticed(monkeypatch):
 def test_vertices_out_of_place_are_noticed(monkeypatch):
     from ciir.renderer.backends.embree import PreparedScene
 
-    exact = PreparedScene._placed
+    exact = PreparedScene._to_embree
     vertices = len(assemble_scene([surfaces._ball(12)], name="ball").parts[0].vertices)
 
     def rounded(self, points):
         placed = exact(self, points)
         return np.rint(placed) if len(points) == vertices else placed
 
-    monkeypatch.setattr(PreparedScene, "_placed", rounded)
+    monkeypatch.setattr(PreparedScene, "_to_embree", rounded)
     assert any("raytrace against float64" in one.what for one in ran(views.framed) if not one.holds)
