@@ -1,4 +1,4 @@
-"""Embree's answers against a slow, readable ray caster."""
+"""Embree against a slow, readable ray caster."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def triangles(count=6, seed=0, cutoff=None):
 
 
 def reference(scene, origin, direction, background):
-    """RGBA of one ray: every triangle is tried, near ones first, until one is there."""
+    """RGBA and depth of one ray: every triangle is tried, near ones first, until one is not cut out."""
     hits = []
     for part in scene.parts:
         for face in part.faces:
@@ -43,14 +43,14 @@ def reference(scene, origin, direction, background):
             s, t, distance = solution
             if s >= 0 and t >= 0 and s + t <= 1 and distance > 0:
                 hits.append((distance, part, face, np.array([1 - s - t, s, t])))
-    for _, part, face, weights in sorted(hits, key=lambda hit: hit[0]):
+    for distance, part, face, weights in sorted(hits, key=lambda hit: hit[0]):
         rgba = weights @ part.colors[face].astype(float)
         if part.texture is not None:
             u, v = weights @ part.uv[face].astype(float)
             rgba = rgba * bilinear(part.texture.pixels, u, v)
         if part.alpha_cutoff is None or rgba[3] >= part.alpha_cutoff:
-            return np.append(np.clip(rgba[:3], 0, 1) * 255, 255)
-    return np.append(background, 0)
+            return [*np.clip(rgba[:3], 0, 1) * 255, 255, distance]
+    return [*background, 0, np.inf]
 
 
 def bilinear(pixels, u, v):
@@ -70,6 +70,7 @@ def test_views_match_the_slow_caster(seed, cutoff):
     background = (10, 200, 30)
     for v, u in ((0, 0), (1, 2), (2, 4)):
         (view,) = RaytraceBackend().render_views(scene, ARRAY, [(v, u)], background=background)
+        (depth,) = RaytraceBackend().render_depth(scene, ARRAY, [(v, u)])
         direction = np.array([(u - 2) * 0.1, (1 - v) * 0.1, -1.0])
         expected = np.array(
             [
@@ -81,8 +82,9 @@ def test_views_match_the_slow_caster(seed, cutoff):
             ]
         )
         # A ray that grazes an edge may fall on either side of it in float32.
-        differ = np.abs(view - expected).max(-1) > 1.0
+        differ = np.abs(view - expected[..., :4]).max(-1) > 1.0
         assert differ.sum() <= 1
+        np.testing.assert_allclose(depth[~differ], expected[..., 4][~differ], rtol=1e-6)
 
 
 def test_elemental_holds_the_views():
@@ -113,6 +115,8 @@ def test_a_ray_passes_cut_out_layers(gap):
     scene = Scene((*layers, Part(square - [0, 0, 20 + gap * 8], faces, solid)))
     (view,) = RaytraceBackend().render_views(scene, LensArray(4, 4, 1, 1), [(0, 0)])
     np.testing.assert_array_equal(view, np.broadcast_to(np.uint8([0, 255, 0, 255]), view.shape))
+    (depth,) = RaytraceBackend().render_depth(scene, LensArray(4, 4, 1, 1), [(0, 0)])
+    np.testing.assert_allclose(depth, 20 + gap * 8, rtol=1e-6)
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)

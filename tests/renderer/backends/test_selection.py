@@ -1,0 +1,50 @@
+"""Which backend is taken, and why."""
+
+import pytest
+
+from ciir.errors import BackendUnavailable, InvalidOption
+from ciir.renderer.backends import is_backend_open, open_backend, predict_backend, selection
+from tests.support.backends import require_backend
+
+
+@pytest.fixture
+def no_opengl(monkeypatch):
+    monkeypatch.delitem(selection._open, "raster", raising=False)
+    monkeypatch.setitem(selection._refused, "raster", "raster: no display")
+
+
+@pytest.mark.usefixtures("no_opengl")
+def test_a_refusal_keeps_no_caller_alive():
+    raised = []
+    for _ in range(2):
+        with pytest.raises(BackendUnavailable, match="no display") as caught:
+            open_backend("raster")
+        raised.append(caught.value)
+    assert raised[0] is not raised[1]
+
+
+@pytest.mark.usefixtures("no_opengl")
+def test_auto_names_its_reason():
+    made, reason = open_backend("auto", triangles=1, rays=1 << 20)
+    assert made.name == predict_backend("auto", triangles=1, rays=1 << 20) == "raytrace"
+    assert "no display" in reason
+
+
+def test_auto_counts_rays_and_triangles():
+    require_backend("raster")
+    assert is_backend_open("raster")
+    few = selection.FEW_RAYS
+    for triangles, rays, expected in (
+        (10, few, "raytrace"),
+        (10, few + 1, "raster"),
+        (10 * few, 10 * few, "raytrace"),
+        (10 * few, 10 * few + 1, "raster"),
+    ):
+        made, reason = open_backend("auto", triangles=triangles, rays=rays)
+        assert made.name == predict_backend("auto", triangles=triangles, rays=rays) == expected
+        assert f"{rays:,} rays" in reason
+
+
+def test_unknown_backend():
+    with pytest.raises(InvalidOption, match="auto, raster or raytrace"):
+        open_backend("vulkan")
