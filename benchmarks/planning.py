@@ -54,9 +54,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--mesh", type=Path, nargs="+", default=[], help="mesh files beside the shipped scenes")
     parser.add_argument("--json", type=Path, help="file for all rows, milliseconds")
     given = parser.parse_args(argv)
-    sources: dict[str, Source] = {name: name for name in SCENES} | {
-        path.stem: Bundle.from_path(path) for path in given.mesh
-    }
+    sources: dict[str, Source] = dict(zip(SCENES, SCENES, strict=True))
+    sources |= {path.stem: Bundle.from_path(path) for path in given.mesh}
     machine = describe()
     sys.stdout.write(f"{machine['processor']}, {machine['cores']} cores, {given.rounds} rounds; milliseconds\n")
     sys.stdout.write("mesh         lenses  sampling views    upscale    direct      auto  took     predicted  slower\n")

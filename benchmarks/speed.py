@@ -53,9 +53,9 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import SCENES
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.plan import mesh_array
-from ciir.service.pipeline.run import elemental, reconstruct
+from ciir.service.pipeline.run import reconstruct, render_eia
 from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def upscaled(source: Source, options: Options) -> tuple[NDArray[np.uint8], Repor
 
 def usual(source: Source, options: Options) -> NDArray[np.uint8]:
     """The same array by a perspective render for each lens and `PAPER` on each view, nothing skipped."""
-    array = mesh_array(options)
+    array = resolve_array(options)
     scene = Input(source).read_mesh(options)
     raster = open_backend("raster")[0]
     placed = scene.transform(frame_scene(scene, array))
@@ -201,7 +201,7 @@ def jobs(mesh: Path, rounds: int) -> Iterator[str]:
 
     def array(backend: Any) -> dict[str, float]:
         asked = Options(lenses=LENSES, pixels=PIXELS, backend=backend)
-        return dict(elemental(source, asked, encode_png)["timings_ms"])
+        return dict(render_eia(source, asked, encode_png)["timings_ms"])
 
     rows: dict[str, Job] = {}
     for backend in ("raster", "raytrace"):

@@ -20,7 +20,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.service.demo import contact_sheet
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import STAGES
-from ciir.service.pipeline.run import elemental, reconstruct
+from ciir.service.pipeline.run import reconstruct, render_eia
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,7 +60,7 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
     for scene in SCENES:
         scenes.load_scene(scene)
         eias: list[bytes] = []
-        made = elemental(scene, mesh, partial(_keep_png, eias))
+        made = render_eia(scene, mesh, partial(_keep_png, eias))
         tell(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
         picture = Bundle.from_upload(f"{scene}.png", eias[0])
         views = {}

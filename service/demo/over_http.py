@@ -29,7 +29,7 @@ def main(url: str, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     eia = folder / "eia.png"
     options = Options.parse({"lenses": LENSES, "pixels": PIXELS, "sampling": "lenslet"})
-    run.elemental(SCENE, options, lambda pixels: eia.write_bytes(encode_png(pixels)))
+    run.render_eia(SCENE, options, lambda pixels: eia.write_bytes(encode_png(pixels)))
     with Client(url, retries=PATIENCE_SECONDS) as client:
         _reach(client)
         made = client.reconstruct(eia, lenses=LENSES, views="cross", format="zip")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ciir.service.pipeline.job import LENSES, PIXELS
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.plan import LENSES, PIXELS
 
 if TYPE_CHECKING:
     from ciir.service.jobs.job import Lane, Request

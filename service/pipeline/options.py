@@ -1,4 +1,4 @@
-"""What is asked for: the options that the command line, HTTP and Python share, parsed and checked in one place."""
+"""The options of a reconstruction: parsed and checked here for the command line, HTTP and Python."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
 Skip = Literal["exact", "none"]
 AUTO, NO_MODEL = "auto", "none"
-"""Values of `model` that name none of the catalogue: `service.pipeline.model_selection` chooses; views stay as they
-were made."""
-AUTO_TAKES = (
-    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; their "
-    "int8 twins where the processor is made for them"
+"""Values of `model` beside the names of the catalogue: select the model; write views as they were made."""
+AUTO_MODEL = (
+    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; "
+    "their int8 twins where the processor supports them"
 )
-"""What `auto` comes to, in words; `service.pipeline.model_selection` has the rule."""
+"""The rule of `auto` in words; `service.pipeline.model_selection` applies it."""
 MAX_SCALE = 8
 _CHOICES: dict[str, tuple[str, ...]] = {
     "strategy": get_args(Strategy),
@@ -42,7 +41,7 @@ _LENGTHS = (1e-9, 1e9)
 class Options:
     """A reconstruction's options. Raises `InvalidOption` where one is out of range by itself.
 
-    Whether they fit the input is known only after it was read: see `service.pipeline.plan`.
+    `service.pipeline.job` checks whether they fit the input.
     """
 
     lenses: tuple[int, int] | None = None
@@ -52,20 +51,19 @@ class Options:
     views: str = "center"
     """`center`, `cross`, `all`, or pairs `v,u;v,u`."""
     model: str = AUTO
-    """A name of the catalogue; `auto` for what suits the views best; `none` for views as they were made."""
+    """A name of the catalogue, `auto` or `none`."""
     scale: int = 2
     """Output pixels for each view pixel, along each side."""
     strategy: Strategy = "upscale"
-    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the quicker one."""
+    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the faster of the two."""
     backend: Backend = "auto"
     """What renders a mesh."""
     sampling: Sampling = "pinhole"
-    """What a lens does to a mesh's light: `pinhole` takes a point sample, `lenslet` averages over the pitch."""
+    """`pinhole`: a lens takes one point sample of a mesh; `lenslet`: it averages over the pitch."""
     pickup: Pickup = "virtual"
     """`optical`: each elemental image of the EIA is turned by 180 degrees, as real lenses do."""
     skip: Skip = "exact"
-    """`exact`: triangles that no wanted view needs aren't rendered, and what is known without the model isn't computed:
-    the result is the same; `none`: all is."""
+    """`exact`: triangles and pixels that can't change the result are skipped; `none`: nothing is."""
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255, where a mesh leaves a view empty."""
     pitch: float | None = None
@@ -101,28 +99,31 @@ class Options:
 NAMES = tuple(field.name for field in fields(Options))
 """The options' names, in the order of the help."""
 HELP: dict[str, tuple[str, str]] = {
-    "lenses": ("RxC", "lens rows x columns (default for a mesh: 100x100; an EIA picture needs them, or pixels)"),
-    "pixels": ("KvxKu", "pixels under each lens, rows x columns (default for a mesh: 15x15)"),
-    "views": ("SPEC", "center, cross, all, or v,u pairs like '0,0;7,7' (default center)"),
+    "lenses": ("RxC", "rows x columns of lenses (a mesh: 100x100 by default; an EIA needs this or --pixels)"),
+    "pixels": ("KvxKu", "rows x columns of pixels under each lens (a mesh: 15x15 by default)"),
+    "views": ("SPEC", "center, cross, all, or pairs of row and column like '0,0;7,7' (default center)"),
     "model": (
         "NAME",
-        f"a listed model, none for views as they are, or auto: {AUTO_TAKES} (default auto)",
+        f"a model that `ciir models` lists, none to write views as they are, or auto: {AUTO_MODEL} (default auto)",
     ),
-    "scale": ("S", "output pixels for each view pixel, along a side, 1 to 8 (default 2)"),
+    "scale": ("S", "output pixels for each view pixel along a side, 1 to 8 (default 2)"),
     "strategy": (
         "NAME",
-        "upscale, direct (a mesh rendered at the larger size) or auto, the quicker (default upscale)",
+        "upscale: upscale the views; direct: render a mesh at the larger size; auto: the faster one (default upscale)",
     ),
-    "backend": ("NAME", "what renders a mesh: auto, raster or raytrace (default auto)"),
-    "sampling": ("NAME", "a mesh's light: pinhole (points) or lenslet (mean over a pitch) (default pinhole)"),
-    "pickup": ("NAME", "virtual, or optical: elemental images turned by 180 degrees (default virtual)"),
+    "backend": ("NAME", "what renders a mesh: raster (OpenGL), raytrace (Embree), or auto, the faster (default auto)"),
+    "sampling": (
+        "NAME",
+        "how a lens sees a mesh: pinhole, one point; lenslet, the mean over its pitch (default pinhole)",
+    ),
+    "pickup": ("NAME", "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)"),
     "skip": (
         "NAME",
-        "exact: no triangle that no ray meets, no model where its result is known; none: all (default exact)",
+        "exact: skip triangles and pixels that can't change the result; none: compute everything (default exact)",
     ),
     "background": ("RRGGBB", "colour behind a mesh (default 000000)"),
-    "pitch": ("LENGTH", "distance between lenses, scene units (default for a mesh: 1)"),
-    "delta": ("TANGENT", "pixel size / gap (default for a mesh: 0.4 / the larger count of pixels)"),
+    "pitch": ("LENGTH", "distance between lenses in scene units (a mesh: 1 by default)"),
+    "delta": ("TANGENT", "pixel size / gap (a mesh: 0.4 / the larger count of pixels by default)"),
 }
 """Option -> (placeholder, a line of help), for the command line and OpenAPI alike."""
 
@@ -131,7 +132,7 @@ def _text(name: str, text: str) -> str:  # noqa: ARG001 - parsers share one sign
     return text.strip()
 
 
-def pair(name: str, text: str) -> tuple[int, int]:
+def parse_pair(name: str, text: str) -> tuple[int, int]:
     """`5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
     if match is None:
@@ -164,8 +165,8 @@ def _colour(name: str, text: str) -> tuple[int, int, int]:
 
 
 _PARSERS: dict[str, Callable[[str, str], Any]] = {
-    "lenses": pair,
-    "pixels": pair,
+    "lenses": parse_pair,
+    "pixels": parse_pair,
     "views": _text,
     "model": _text,
     "scale": _integer,

@@ -1,4 +1,4 @@
-"""The report that goes with every result: what was read, what was done, and how long each stage took."""
+"""The report of a reconstruction: what was read, what was done, and how long each stage took."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from importlib.metadata import version
 from typing import Any
 
 STAGES = ("decode", "plan", "render", "map", "upscale", "encode")
-"""In the order of the work; `total` follows. `plan`: the strategy is decided, and costs that it needs are
-measured."""
+"""In the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto` needs."""
 
 Report = dict[str, Any]
 """Ready for JSON; `service.pipeline.run` puts its keys together."""
 
 
 class Clock:
-    """Wall-clock milliseconds for each stage, summed over its turns. `total` runs from the clock's making.
+    """Counts wall-clock milliseconds for each stage. `total` runs from the clock's making.
 
-    Stages of a pipeline overlap, so that they may add up to more than `total`; each stage is in one thread at a time.
+    Stages overlap, so they may add up to more than `total`; each stage is in one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -76,17 +75,15 @@ class CountedFiles(Mapping[str, bytes]):
         return len(self._sizes)
 
 
-def in_words(skipped: Mapping[str, Any] | None) -> list[str]:
-    """The report's reason that says in a line what of `plan.skipped` was left out; none where nothing was."""
-    shares = {
-        name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share > 0
-    }
+def skip_reasons(skipped: Mapping[str, Any] | None) -> list[str]:
+    """A sentence on what `plan.skipped` counts; none where nothing was skipped."""
+    shares = {name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share}
     culled = shares.pop("culled", 0.0)
-    said = [f"{_percent(culled)} of the triangles, which no ray that is needed meets"] if culled else []
+    parts = [f"{_percent(culled)} of the triangles, which no ray meets"] if culled else []
     if shares:
         each = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
-        said.append(f"the model for {_percent(sum(shares.values()))} of its pixels ({each})")
-    return [f"skipped: {' and '.join(said)}"] if said else []
+        parts.append(f"the model for {_percent(sum(shares.values()))} of its pixels ({each})")
+    return [f"skipped: {' and '.join(parts)}"] if parts else []
 
 
 def _percent(share: float) -> str:
@@ -95,12 +92,12 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share < 0.995 or share == 1 else "over 99 %"
 
 
-def versions(*packages: str) -> dict[str, str]:
+def find_versions(*packages: str) -> dict[str, str]:
     """Versions of this package, Python, and the `packages` that took part."""
-    return {name: _version(name) for name in ("ciir", "python", *packages)}
+    return {name: _find_version(name) for name in ("ciir", "python", *packages)}
 
 
 @cache
-def _version(name: str) -> str:
+def _find_version(name: str) -> str:
     """Looked up once: each takes a third of a millisecond."""
     return platform.python_version() if name == "python" else version(name)

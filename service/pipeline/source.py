@@ -1,4 +1,4 @@
-"""What was given to reconstruct, read once, and what the report says of it."""
+"""The input of a reconstruction: read once, and described for the report."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import is_picture
@@ -13,43 +14,44 @@ from ciir.renderer.scene import Scene
 from ciir.service.pipeline.report import CountedFiles, Report
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import LightField
     from ciir.service.pipeline.options import Options
 
-Source = Bundle | str
-"""Files, or the name of a scene of `renderer.scenes`."""
+Source = Bundle | LightField | str
+"""Files, a light field in memory, or the name of a scene of `renderer.scenes`."""
 
 
 class Input:
-    """A source, and a count of what was read of it."""
+    """A source, and a count of the files and bytes that were read of it."""
 
     def __init__(self, source: Source) -> None:
+        self._source = source
+        self.limits = DEFAULT_LIMITS
         if isinstance(source, Bundle):
-            self.name = source.name
+            self.name, self.limits = source.name, source.limits
             self._files = CountedFiles(source.files)
-            self.limits = source.limits
-            self._bundle: Bundle | None = replace(source, files=self._files)
+            self._source = replace(source, files=self._files)
         else:
-            self.name, self.limits = f"scene:{source}", DEFAULT_LIMITS
-            self._scene = source
-            self._bundle = None
+            self.name = "light field" if isinstance(source, LightField) else f"scene:{source}"
 
     def read(self, options: Options) -> Scene | LightField:
-        """The mesh, or the light field of the picture or pictures. Raises the input faults of `ciir.errors`."""
-        if self._bundle is None:
+        """The mesh or the light field. Raises `InputError`."""
+        if isinstance(self._source, LightField):
+            self._check_views(self._source, options)
+            return self._source
+        if isinstance(self._source, str):
             from ciir.renderer.scenes import load_scene
 
-            return load_scene(self._scene)
+            return load_scene(self._source)
         from ciir.renderer.readers import inputs
 
-        content = inputs.read(self._bundle, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup)
-        if self._bundle.main is None and not isinstance(content, Scene):
-            self._check_set(content, options)
+        content = inputs.read(self._source, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup)
+        if self._source.main is None and not isinstance(content, Scene):
+            self._check_views(content, options)
         return content
 
-    def _check_set(self, field: LightField, options: Options) -> None:
-        """What speaks of an elemental image array must not go unheard where views were given."""
-        size = field.views.shape[2:4]
+    def _check_views(self, light_field: LightField, options: Options) -> None:
+        """Raises `InvalidOption` for an option of elemental image arrays."""
+        size = light_field.views.shape[2:4]
         if options.lenses not in (None, size):
             given = f"{options.lenses[0]}x{options.lenses[1]}"
             raise InvalidOption(
@@ -63,17 +65,17 @@ class Input:
     def read_mesh(self, options: Options) -> Scene:
         """The mesh; `InvalidOption` where the source holds pictures."""
         refusal = f"{self.name}: holds pictures; give a mesh, whose elemental image array is to be made"
-        if self._bundle is not None and self._bundle.main is not None and is_picture(self._bundle.main):
+        if isinstance(self._source, Bundle) and self._source.main is not None and is_picture(self._source.main):
             raise InvalidOption(refusal)
         content = self.read(options)
         if not isinstance(content, Scene):
             raise InvalidOption(refusal)
         return content
 
-    def described(self, content: Scene | LightField) -> Report:
-        """The report's `input`: `kind` is a file type, `views` for a set of pictures, or `scene`."""
+    def describe(self, content: Scene | LightField) -> Report:
+        """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
         described: Report = {"name": self.name, "kind": self._kind()}
-        if self._bundle is not None:
+        if isinstance(self._source, Bundle):
             described |= {"bytes": self._files.bytes_read, "files": self._files.files_read}
         if isinstance(content, Scene):
             return described | {"triangles": content.triangles, "parts": len(content.parts)}
@@ -86,9 +88,9 @@ class Input:
         }
 
     def _kind(self) -> str:
-        if self._bundle is None:
-            return "scene"
+        if not isinstance(self._source, Bundle):
+            return "array" if isinstance(self._source, LightField) else "scene"
         from ciir.renderer.readers.inputs import find_main
 
-        found = find_main(self._bundle)
+        found = find_main(self._source)
         return "views" if found is None else found[0].extension

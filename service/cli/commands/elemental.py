@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
         def keep(pixels: Pixels) -> None:
             file.write(encode(pixels, suffix))
 
-        report = pipeline.elemental(source, options, keep)
+        report = pipeline.render_eia(source, options, keep)
     common.finish(report, args.report)
     array = report["lens_array"]
     width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ciir.models import catalogue
 from ciir.service import listing
 from ciir.service.cli import common
-from ciir.service.pipeline.options import AUTO_TAKES
+from ciir.service.pipeline.options import AUTO_MODEL
 
 if TYPE_CHECKING:
     import argparse
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     for row in rows:
         common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
-    common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_TAKES}")
+    common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_MODEL}")
     for model in models:
         if reason := model["unsupported_reason"]:
             common.say(f"{model['name']} is not for this machine: {reason}; {_remedy(model['card'])}")

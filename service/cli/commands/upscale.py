@@ -10,7 +10,7 @@ from ciir.renderer.readers.registry import READ, is_picture
 from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
-from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
+from ciir.service.pipeline.pictures import output_names, upscale_files
 
 if TYPE_CHECKING:
     import argparse
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.pictures import Write
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
-    from ciir.service.pipeline.upscale_pictures import Write
 
 _TAKEN = ", ".join([*SUFFIXES, ".zip"]) + ", or a folder of such pictures"
 
@@ -80,7 +80,7 @@ def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Opt
 def _upscaled(
     bundle: Bundle, outputs: Mapping[str, str], write: Write, options: Options, progress: Progress | None = None
 ) -> Report:
-    return upscale_pictures(
+    return upscale_files(
         bundle.files,
         outputs,
         write,

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from ciir.service import listing
-from ciir.service.pipeline.options import AUTO_TAKES
+from ciir.service.pipeline.options import AUTO_MODEL
 from ciir.service.web.routes import openapi
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def make_router(state: ServiceState) -> APIRouter:
     @routes.get(
         "/v1/models",
         summary="List of models with their cards",
-        description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_TAKES}.",
+        description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_MODEL}.",
         responses=openapi.describe_errors(401),
     )
     def list_models() -> list[dict[str, Any]]:

@@ -15,8 +15,9 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import cache_folder, cost, plan
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
-from ciir.service.pipeline.model_selection import Job
+from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
+from tests.support.pipeline import make_mesh_job
 
 INTERPOLATION = {"bicubic x2, interpolation; here": 0.5}
 
@@ -276,7 +277,7 @@ class Prices:
 @pytest.fixture
 def prices(monkeypatch, instant):
     """What makes `Prices` the costs of this process; nothing is measured or skipped, and no OpenGL is started."""
-    monkeypatch.setattr(plan, "_seen", lambda *_: 1.0)
+    monkeypatch.setattr(plan, "_predict_share", lambda *_: 1.0)
     monkeypatch.setattr(backends.selection, "_open", {})
     monkeypatch.setattr(backends.selection, "_refused", {})
 
@@ -295,8 +296,8 @@ def prices(monkeypatch, instant):
 
 def select(limit=None, wanted=((7, 7),), name="vase", **options):
     """The strategy that `auto` takes for a mesh, and the reason that the report gives."""
-    job = Job("a.glb", True, (15, 15), False, list(wanted))
-    made = plan.make(Options(strategy="auto", **options), job, mesh=load_scene(name), limit=limit)
+    job = make_mesh_job(wanted=wanted, name=name, max_pixels=limit, strategy="auto", **options)
+    made = plan.make_plan(job)
     return made.strategy, made.reasons[0].removeprefix("strategy auto: ")
 
 
@@ -344,16 +345,16 @@ def test_stages_overlap_where_views_are_many(prices):
 @pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
 def test_the_share_that_a_network_works_on(name, model, lenses):
     """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
-    mesh, array = load_scene(name), plan.mesh_array(Options(lenses=(lenses, lenses)))
+    mesh, array = load_scene(name), resolve_array(Options(lenses=(lenses, lenses)))
     (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == model)
     views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
     _, boxes = skipping.found(next(iter(views))[..., :3], card.radius)
     share = sum(skipping.area(box.window) for box in boxes) / lenses**2
-    assert plan._seen(mesh, array, card) == pytest.approx(share, abs=0.1)
+    assert plan._predict_share(mesh, array, card) == pytest.approx(share, abs=0.1)
 
 
 def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
-    monkeypatch.setattr(plan, "_seen", lambda *_: 0.25)
+    monkeypatch.setattr(plan, "_predict_share", lambda *_: 0.25)
     for options, pixels in (({}, 100), ({"skip": "none"}, 400)):
         costs = prices()
         select(model="fast", lenses=(20, 20), **options)

@@ -31,17 +31,21 @@ def test_counts_what_was_read_once():
 
 def test_what_was_skipped_is_told_in_a_line():
     nothing = {"pixels": 10, "uniform": 0.0, "repeated": 0.0, "saved_ms": 0.0}
-    assert report.in_words(None) == report.in_words(nothing) == report.in_words(nothing | {"culled": 0.0}) == []
-    assert report.in_words({"culled": 0.25}) == ["skipped: 25 % of the triangles, which no ray that is needed meets"]
-    assert report.in_words(nothing | {"uniform": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [
+    assert (
+        report.skip_reasons(None)
+        == report.skip_reasons(nothing)
+        == report.skip_reasons(nothing | {"culled": 0.0})
+        == []
+    )
+    assert report.skip_reasons({"culled": 0.25}) == ["skipped: 25 % of the triangles, which no ray meets"]
+    assert report.skip_reasons(nothing | {"uniform": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [
         "skipped: the model for 40 % of its pixels (uniform 30 %, repeated 10 %)"
     ]
-    assert report.in_words({"culled": 0.9988}) == [
-        "skipped: over 99 % of the triangles, which no ray that is needed meets"
+    assert report.skip_reasons({"culled": 0.9988}) == ["skipped: over 99 % of the triangles, which no ray meets"]
+    assert report.skip_reasons(nothing | {"uniform": 1.0}) == [
+        "skipped: the model for 100 % of its pixels (uniform 100 %)"
     ]
-    assert report.in_words(nothing | {"uniform": 1.0}) == ["skipped: the model for 100 % of its pixels (uniform 100 %)"]
-    (both,) = report.in_words(nothing | {"uniform": 0.5, "culled": 0.001})
+    (both,) = report.skip_reasons(nothing | {"uniform": 0.5, "culled": 0.001})
     assert both == (
-        "skipped: under 1 % of the triangles, which no ray that is needed meets and "
-        "the model for 50 % of its pixels (uniform 50 %)"
+        "skipped: under 1 % of the triangles, which no ray meets and the model for 50 % of its pixels (uniform 50 %)"
     )

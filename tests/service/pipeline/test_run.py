@@ -15,10 +15,11 @@ from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.pipeline import plan, schedule
 from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import elemental, reconstruct
+from ciir.service.pipeline.run import reconstruct, render_eia
+from ciir.service.pipeline.stages import schedule, view_sources
 from tests.support.inputs import BAD_INPUTS, CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
 
@@ -151,7 +152,7 @@ def test_a_mesh_rendered_by_hand_through_the_reported_transform(cube):
     views, report = run(cube, views="all", model="none", background=(9, 8, 7), **SMALL)
     options = Options(**SMALL)
     scene = read(cube, lenses=None, pixels=None)
-    array = plan.mesh_array(options)
+    array = resolve_array(options)
     matrix = np.array(report["scene_transform"])
     assert np.array_equal(matrix, frame_scene(scene, array))
     backend, _ = open_backend("raytrace")
@@ -191,7 +192,7 @@ def test_parallax_follows_depth():
 
 def test_elemental_then_mapping_equals_rendering(cube):
     kept = []
-    report = elemental(cube, Options(**SMALL), kept.append)
+    report = render_eia(cube, Options(**SMALL), kept.append)
     (eia,) = kept
     assert eia.shape == (36, 50, 3)
     mapped, _ = run(eia_bundle(eia), lenses=(12, 10), views="all", model="none")
@@ -207,7 +208,7 @@ def test_elemental_then_mapping_equals_rendering(cube):
 def test_an_optical_elemental_image_array(cube):
     kept = []
     for pickup in ("virtual", "optical"):
-        elemental(cube, Options(**SMALL, pickup=pickup), kept.append)
+        render_eia(cube, Options(**SMALL, pickup=pickup), kept.append)
     assert not np.array_equal(*kept)
     assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").eia(), kept[0])
 
@@ -215,12 +216,12 @@ def test_an_optical_elemental_image_array(cube):
 def test_elemental_wants_a_mesh():
     for source in (eia_bundle(EIA), Bundle("set", None, {"view_00_00.png": EIA_PNG})):
         with pytest.raises(InvalidOption, match="holds pictures"):
-            elemental(source, Options(), pytest.fail)
+            render_eia(source, Options(), pytest.fail)
 
 
 def test_direct_is_the_area_average_of_a_finer_array(cube):
     views, report = run(cube, views="0,1", strategy="direct", scale=2, **SMALL)
-    array = plan.mesh_array(Options(**SMALL))
+    array = resolve_array(Options(**SMALL))
     scene = read(cube, lenses=None, pixels=None)
     backend, _ = open_backend("raytrace")
     placed = scene.transform(frame_scene(scene, array))
@@ -284,10 +285,10 @@ def test_a_black_mesh_is_seen():
 
 
 def test_an_elemental_image_array_without_the_object_is_told(cube):
-    assert elemental(cube, Options(**SMALL), lambda _: None)["notes"] == []
+    assert render_eia(cube, Options(**SMALL), lambda _: None)["notes"] == []
     # Rays run along the diagonals almost within the array's plane; no lens of 12x9 stands on a diagonal.
     wide = Options(**(SMALL | {"lenses": (12, 9), "pixels": (2, 2)}), delta=1e9)
-    assert "shows the object" in elemental(cube, wide, lambda _: None)["notes"][0]
+    assert "shows the object" in render_eia(cube, wide, lambda _: None)["notes"][0]
 
 
 def test_the_writer_refuses_before_a_backend_is_opened(cube, monkeypatch):
@@ -383,9 +384,9 @@ def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
 
         return counted
 
-    monkeypatch.setattr(pipeline.MeshViews, "take", failing("render", pipeline.MeshViews.take))
-    opened = pipeline.opened
-    monkeypatch.setattr(pipeline, "opened", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
+    monkeypatch.setattr(view_sources.MeshViews, "take_views", failing("render", view_sources.MeshViews.take_views))
+    opened = pipeline.load_upscaler
+    monkeypatch.setattr(pipeline, "load_upscaler", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
     writer = Recorder()
     writer.write = failing("encode", writer.write)
     options = Options(views="all", model="bicubic", **SMALL)
@@ -400,7 +401,7 @@ def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
 def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypatch):
     monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
     rendered = threading.Event()
-    take = pipeline.MeshViews.take
+    take = view_sources.MeshViews.take_views
 
     def second_fails(self, pictures, count):
         if rendered.is_set():
@@ -408,7 +409,7 @@ def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypat
         rendered.set()
         return take(self, pictures, count)
 
-    monkeypatch.setattr(pipeline.MeshViews, "take", second_fails)
+    monkeypatch.setattr(view_sources.MeshViews, "take_views", second_fails)
     writer = Recorder()
 
     def first_fails(view, pixels):

@@ -1,4 +1,4 @@
-"""Any picture, or a folder of them, upscaled: what `ciir upscale` does."""
+"""Upscales picture files: the job of `ciir upscale`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.readers import pictures
 from ciir.renderer.writers.pictures import encode
+from ciir.service.pipeline.limits import check_size
 from ciir.service.pipeline.options import AUTO, NO_MODEL
-from ciir.service.pipeline.plan import check_size
-from ciir.service.pipeline.report import Clock, Report, versions
-from ciir.service.pipeline.upscaling import describe_model, enlarge, skipped
+from ciir.service.pipeline.report import Clock, Report, find_versions
+from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped, upscale_pictures
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -28,7 +28,7 @@ _LOSSLESS = {".png": ".png", ".tif": ".tif", ".tiff": ".tiff"}
 
 
 def output_names(inputs: list[str]) -> dict[str, str]:
-    """Input name -> output name. PNG and TIFF keep their kind; a JPEG becomes a PNG, for which no pixel is changed.
+    """Input name -> output name. PNG and TIFF keep their format; any other becomes a PNG, which keeps every bit.
 
     Raises `InvalidOption` where two inputs would make one output.
     """
@@ -44,7 +44,7 @@ def output_names(inputs: list[str]) -> dict[str, str]:
     return names
 
 
-def upscale_pictures(
+def upscale_files(
     files: Mapping[str, bytes],
     outputs: Mapping[str, str],
     write: Write,
@@ -74,10 +74,10 @@ def upscale_pictures(
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
-        check_size(pixels.shape[0], pixels.shape[1], scale, 1, None, what=name)
+        check_size(pixels.shape[:2], scale, what=name)
         with clock.stage("upscale"):
             begun = time.perf_counter()
-            large = enlarge(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
+            large = upscale_pictures(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
             statistics.seconds += time.perf_counter() - begun
         with clock.stage("encode"):
             write(output, _encode(large, output))
@@ -98,9 +98,9 @@ def upscale_pictures(
         "pictures": done,
         "notes": [],
         "model": describe_model(name_of_model, scale),
-        "skipped": skipped(statistics),
+        "skipped": describe_skipped(statistics),
         "timings_ms": clock.timings_ms(),
-        "versions": versions("onnxruntime"),
+        "versions": find_versions("onnxruntime"),
     }
 
 

@@ -5,13 +5,13 @@ from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
-from ciir.service.pipeline.upscale_pictures import output_names, upscale_pictures
+from ciir.service.pipeline.pictures import output_names, upscale_files
 from tests.support.inputs import EIA, make_picture
 
 
 def run(files, model="bicubic", scale=2):
     written = {}
-    report = upscale_pictures(files, output_names(list(files)), written.__setitem__, model=model, scale=scale)
+    report = upscale_files(files, output_names(list(files)), written.__setitem__, model=model, scale=scale)
     return written, report
 
 
@@ -47,10 +47,10 @@ def test_a_jpeg_becomes_a_png():
 
 @pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
 def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, channels, dtype):
-    monkeypatch.setattr("ciir.service.pipeline.upscale_pictures.enlarge", pytest.fail)
+    monkeypatch.setattr("ciir.service.pipeline.pictures.upscale_pictures", pytest.fail)
     data = encode(make_picture(5, 7, channels, dtype), ".png")
     with pytest.raises(InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB, not.*\.png or \.tif"):
-        upscale_pictures({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
+        upscale_files({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
 
 
 def test_faults_name_the_file():

@@ -1,10 +1,8 @@
-"""Stages that overlap."""
-
 import threading
 
 import pytest
 
-from ciir.service.pipeline.prefetch import READY, ahead
+from ciir.service.pipeline.stages.prefetch import READY, prefetch
 
 
 def counted(count, made, closed=None, fault=None):
@@ -26,15 +24,15 @@ def threads():
 @pytest.mark.parametrize("count", [0, 1, 2, 9])
 def test_all_come_in_order_by_a_thread_of_their_own(count):
     made = []
-    assert list(ahead(counted(count, made), name="stage")) == list(range(count))
+    assert list(prefetch(counted(count, made), name="stage")) == list(range(count))
     assert [number for number, _ in made] == list(range(count))
     assert {name for _, name in made} <= {"stage_0"}
     assert threads() == []
 
 
-def test_only_so_many_are_made_ahead_and_closing_ends_it():
+def test_a_few_are_prefetched_and_closing_ends_it():
     made, closed = [], []
-    coming = ahead(counted(100, made, closed), name="stage")
+    coming = prefetch(counted(100, made, closed), name="stage")
     assert next(coming) == 0
     coming.close()
     assert len(made) <= 2 + READY
@@ -43,7 +41,7 @@ def test_only_so_many_are_made_ahead_and_closing_ends_it():
 
 
 def test_an_error_comes_in_its_place():
-    coming = ahead(counted(9, [], fault=2), name="stage")
+    coming = prefetch(counted(9, [], fault=2), name="stage")
     assert [next(coming), next(coming)] == [0, 1]
     with pytest.raises(ValueError, match="2"):
         next(coming)
@@ -51,7 +49,7 @@ def test_an_error_comes_in_its_place():
 
 
 @pytest.mark.parametrize("fault", [0, 3])
-def test_one_after_the_other_the_first_error_ends_all(fault):
+def test_the_first_error_ends_all_stages(fault):
     closed = []
 
     def second(items):
@@ -63,7 +61,7 @@ def test_one_after_the_other_the_first_error_ends_all(fault):
         finally:
             items.close()
 
-    coming = ahead(second(ahead(counted(9, [], closed, fault=fault + 1), name="stage_a")), name="stage_b")
+    coming = prefetch(second(prefetch(counted(9, [], closed, fault=fault + 1), name="stage_a")), name="stage_b")
     with pytest.raises(KeyError):
         list(coming)
     assert closed == ["stage_a_0"]

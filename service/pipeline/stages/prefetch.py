@@ -1,4 +1,4 @@
-"""Stages that overlap: each makes what comes next while the one after it is at work."""
+"""Prefetches items in a background thread."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 READY = 1
-"""Items that wait beside the one in the making: more hold memory and were no quicker."""
+"""Items that wait while the next one is made. More take memory and gain no time."""
 
 
-def ahead(items: Generator[Item], *, name: str) -> Generator[Item]:
-    """`items` in order, made one after the other by a thread called `name`, `READY` of them before they are asked for.
+def prefetch(items: Generator[Item], *, name: str) -> Generator[Item]:
+    """Yields `items` in order; a thread called `name` makes up to `READY + 1` of them before they are asked for.
 
-    An error comes in its item's place. However this generator ends (exhausted, by an error, or closed early), the item
-    in the making is waited for, no further one is begun, `items` is closed and the thread is gone.
+    An error is raised in the place of its item. However this generator ends, the item that is being made is waited for,
+    `items` is closed and the thread ends.
     """
     with ThreadPoolExecutor(1, thread_name_prefix=name) as thread:
         coming: deque[Future[tuple[Item] | None]] = deque()
         try:
             while True:
                 while len(coming) <= READY:
-                    coming.append(thread.submit(_next, items))
+                    coming.append(thread.submit(_next_item, items))
                 item = coming.popleft().result()
                 if item is None:
                     return
@@ -38,8 +38,8 @@ def ahead(items: Generator[Item], *, name: str) -> Generator[Item]:
             thread.submit(items.close).result()
 
 
-def _next(items: Generator[Item]) -> tuple[Item] | None:
-    """The next item in a tuple of its own, None after the last: a future can't carry `StopIteration`."""
+def _next_item(items: Generator[Item]) -> tuple[Item] | None:
+    """The next item in a tuple, None after the last: a future can't carry `StopIteration`."""
     for item in items:
         return (item,)
     return None

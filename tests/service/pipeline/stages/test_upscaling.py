@@ -9,10 +9,10 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline import run as pipeline
-from ciir.service.pipeline import schedule
 from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.pictures import upscale_files
 from ciir.service.pipeline.run import reconstruct
-from ciir.service.pipeline.upscale_pictures import upscale_pictures
+from ciir.service.pipeline.stages import schedule, view_sources
 from tests.support.inputs import CUBE, EIA_PNG, make_picture
 from tests.support.networks import upscale_as_stand_in
 
@@ -87,8 +87,10 @@ def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, monkeypatc
     field = as_array(plain, (5, 6))
     monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
     rendered = []
-    make = pipeline.MeshViews.make
-    monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
+    make = view_sources.MeshViews.make_views
+    monkeypatch.setattr(
+        view_sources.MeshViews, "make_views", lambda self, views: make(self, rendered.extend(views) or views)
+    )
     views, report = run(cube, views="all", **MESH)
     assert sorted(rendered) == sorted(plain)
     assert report["plan"]["model"] == "field"
@@ -101,13 +103,13 @@ def test_views_are_let_go_of(cube, stand_in, monkeypatch):
     """The last view's window is what is left of 30 views by then."""
     monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
     kept = []
-    opened = pipeline.opened
+    opened = pipeline.load_upscaler
 
     def noted(plan, grid, **options):
-        enlarge = opened(plan, grid, **options)
-        return lambda views, wanted: kept.append(len(views)) or enlarge(views, wanted)
+        upscale = opened(plan, grid, **options)
+        return lambda views, wanted: kept.append(len(views)) or upscale(views, wanted)
 
-    monkeypatch.setattr(pipeline, "opened", noted)
+    monkeypatch.setattr(pipeline, "load_upscaler", noted)
     for model in ("auto", "bicubic"):
         run(cube, views="all", model=model, **MESH)
     assert len(kept) == 2 * 30
@@ -117,11 +119,13 @@ def test_views_are_let_go_of(cube, stand_in, monkeypatch):
 
 def test_of_a_mesh_only_the_views_around_are_rendered_and_only_where_asked_for(cube, stand_in, monkeypatch):
     rendered = []
-    make = pipeline.MeshViews.make
-    monkeypatch.setattr(pipeline.MeshViews, "make", lambda self, views: make(self, rendered.extend(views) or views))
+    make = view_sources.MeshViews.make_views
+    monkeypatch.setattr(
+        view_sources.MeshViews, "make_views", lambda self, views: make(self, rendered.extend(views) or views)
+    )
     _, report = run(cube, views="0,5", **MESH)
     assert report["plan"]["model"] == "fast"
-    assert "8 more rendered" in report["plan"]["reasons"][0]
+    assert "8 more views rendered" in report["plan"]["reasons"][0]
     assert rendered == [(0, 5)]
     rendered.clear()
     views, report = run(cube, views="0,5", model="field", **MESH)
@@ -149,12 +153,12 @@ def test_the_limits_of_the_network_are_told(stand_in):
     with pytest.raises(UnsupportedScale, match="field upscales by 2, not 3"):
         run(eia, lenses=(6, 9), model="field", scale=3)
     with pytest.raises(UnsuitedModel, match="field"):
-        upscale_pictures({"a.png": EIA_PNG}, {"a.png": "a.png"}, print, model="field", scale=2)
+        upscale_files({"a.png": EIA_PNG}, {"a.png": "a.png"}, print, model="field", scale=2)
 
 
 def test_single_pictures_keep_their_default(stand_in):
     data, written = EIA_PNG, {}
-    report = upscale_pictures({"a.png": data}, {"a.png": "a.png"}, written.__setitem__, model="auto", scale=2)
+    report = upscale_files({"a.png": data}, {"a.png": "a.png"}, written.__setitem__, model="auto", scale=2)
     assert report["model"]["name"] == catalogue.DEFAULT
 
 
@@ -165,9 +169,7 @@ def test_what_was_made_from_views_alone_is_told(stand_in):
     stand_in.uncertainty = 0.9
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
-    assert note.startswith(
-        "100 % of the pixels were made by fast from their view alone, as the views around don't match"
-    )
+    assert note.startswith("100 % of the pixels were made by fast from their view alone: the views around don't match")
 
 
 def test_the_network_that_is_shipped():

@@ -1,0 +1,135 @@
+"""The job: everything that the options and the input settle together, resolved once and frozen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption, UnknownModel
+from ciir.models import catalogue
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.sampling import LENSLET_SAMPLES
+from ciir.renderer.scene import Scene
+from ciir.renderer.views import parse_views
+from ciir.service.pipeline.limits import check_view_count
+from ciir.service.pipeline.options import AUTO, NO_MODEL
+
+if TYPE_CHECKING:
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.views import View
+    from ciir.service.pipeline.options import Backend, Options, Sampling, Strategy
+
+LENSES, PIXELS = (100, 100), (15, 15)
+"""The lens array in front of a mesh where the options don't give one."""
+_MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What a reconstruction has to do. Nothing behind it looks at an option."""
+
+    name: str
+    """The input's, for messages."""
+    content: Scene | LightField
+    lenses: tuple[int, int]
+    """Rows and columns: the pixels of a view."""
+    grid: tuple[int, int]
+    """Rows and columns of views: the pixels under a lens."""
+    pitch: float | None
+    """Distance between lenses, in scene units; None where nothing is known of it."""
+    delta: float | None
+    """Tangent from one pixel to the next; None where nothing is known of it."""
+    wanted: tuple[View, ...]
+    model: str
+    """A name of the catalogue, `auto` or `none`."""
+    scale: int
+    strategy: Strategy
+    backend: Backend
+    sampling: Sampling
+    background: tuple[int, int, int]
+    skip: bool
+    """Whether triangles and pixels that can't change the result are skipped."""
+    max_pixels: int | None = None
+    """Most output pixels, and most samples of a mesh, of all views together."""
+
+    @property
+    def mesh(self) -> Scene | None:
+        """The mesh; None for a light field."""
+        return self.content if isinstance(self.content, Scene) else None
+
+    @cached_property
+    def array(self) -> LensArray:
+        """The lens array, with a pitch of 1 and a usual delta where nothing is known of them."""
+        return LensArray(*self.lenses, *self.grid, self.pitch or 1.0, self.delta or 0.0)
+
+    @property
+    def samples(self) -> int:
+        """A mesh's samples along each side of a lens's cell; 1 for a light field."""
+        return LENSLET_SAMPLES if self.sampling == "lenslet" else 1
+
+    @cached_property
+    def is_transparent(self) -> bool:
+        """Whether some pixel of some view is not opaque. A mesh's views are opaque."""
+        return not isinstance(self.content, Scene) and self.content.is_transparent()
+
+
+def resolve_job(
+    name: str, content: Scene | LightField, options: Options, *, max_views: int, max_pixels: int | None = None
+) -> Job:
+    """The job that `options` ask for of `content`, which was read from the input `name`.
+
+    Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel`, and `TooLarge` where more than
+    `max_views` views are asked for.
+    """
+    if isinstance(content, Scene):
+        array = resolve_array(options)
+        lenses, grid = (array.rows, array.cols), (array.pixels_v, array.pixels_u)
+        pitch: float | None = array.pitch
+        delta: float | None = array.delta
+    else:
+        views_v, views_u, rows, cols, _ = content.views.shape
+        lenses, grid, pitch, delta = (rows, cols), (views_v, views_u), options.pitch, options.delta
+    check_view_count(options.views, grid, max_views)
+    wanted = tuple(parse_views(options.views, *grid))
+    _check_kind(name, content, options)
+    known = (*catalogue.list_names(), AUTO, NO_MODEL)
+    if options.model not in known:
+        raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
+    return Job(
+        name=name,
+        content=content,
+        lenses=lenses,
+        grid=grid,
+        pitch=pitch,
+        delta=delta,
+        wanted=wanted,
+        model=options.model,
+        scale=options.scale,
+        strategy=options.strategy,
+        backend=options.backend,
+        sampling=options.sampling,
+        background=options.background,
+        skip=options.skip == "exact",
+        max_pixels=max_pixels,
+    )
+
+
+def resolve_array(options: Options) -> LensArray:
+    """The lens array in front of a mesh; by default 100x100 lenses of 15x15 pixels with a pitch of 1."""
+    rows, cols = options.lenses or LENSES
+    pixels_v, pixels_u = options.pixels or PIXELS
+    return LensArray(rows, cols, pixels_v, pixels_u, options.pitch or 1.0, options.delta or 0.0)
+
+
+def _check_kind(name: str, content: Scene | LightField, options: Options) -> None:
+    """Raises `InvalidOption` for an option that is for the other kind of input."""
+    if isinstance(content, Scene):
+        if options.pickup != "virtual":
+            raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
+        return
+    for option, default in _MESH_ONLY:
+        if getattr(options, option) != default:
+            raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
+    if options.strategy == "direct":
+        raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")

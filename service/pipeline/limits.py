@@ -1,0 +1,82 @@
+"""Limits on what one reconstruction may ask for, checked before any view is made."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from ciir.errors import TooLarge
+from ciir.models.catalogue import DEFAULT
+from ciir.renderer.readers.pictures import MAX_SIDE
+
+if TYPE_CHECKING:
+    from ciir.renderer.lens_array import LensArray
+
+Strategy = Literal["upscale", "direct"]
+MAX_VIEW_PIXELS = 64_000_000
+"""Most pixels in one view, in or out: as many as a picture may have that is read."""
+MAX_VIEW_SAMPLES = 64_000_000
+"""Most points of a mesh that are sampled for one view: memory grows by about 10 bytes for each."""
+_REMEDY: dict[Strategy, str] = {
+    "upscale": "pinhole sampling",
+    "direct": "a smaller scale or strategy upscale",
+}
+
+
+def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:
+    """Raises `TooLarge` where `spec`, with `;` between views, names more than `limit` of the views of `grid`."""
+    if spec == "all" and grid[0] * grid[1] > limit:
+        raise TooLarge(f"views: all of {grid[0]}x{grid[1]} are over the limit of {limit:,}; name some, or fewer pixels")
+    if spec.count(";") >= limit + spec.endswith(";"):
+        raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer")
+
+
+def check_size(
+    size: tuple[int, int], scale: int, *, count: int = 1, limit: int | None = None, what: str = "a view"
+) -> None:
+    """Raises `TooLarge` where a view of `size` (rows, columns) times `scale` has too many pixels, or `count` views
+    together have more than `limit`.
+    """
+    rows, cols = size[0] * scale, size[1] * scale
+    if rows * cols > MAX_VIEW_PIXELS or max(rows, cols) > MAX_SIDE:
+        raise TooLarge(
+            f"{what}: {rows}x{cols} pixels are over the limit of {MAX_VIEW_PIXELS:,}, or of {MAX_SIDE:,} a side; "
+            "give a smaller scale or a smaller input"
+        )
+    if limit is not None and count * rows * cols > limit:
+        raise TooLarge(
+            f"{count} views of {rows}x{cols} are {count * rows * cols:,} pixels, over the limit of {limit:,}; "
+            "ask for fewer views, fewer lenses or a smaller scale"
+        )
+
+
+def check_view_samples(array: LensArray, samples: int, strategy: Strategy) -> None:
+    """Raises `TooLarge` where a view of `array` with `samples x samples` points for each pixel has too many points."""
+    points = array.rows * array.cols * samples**2
+    if points > MAX_VIEW_SAMPLES:
+        raise TooLarge(
+            f"a view of {array.rows}x{array.cols} pixels with {samples}x{samples} samples each is {points:,} samples, "
+            f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses or {_REMEDY[strategy]}"
+        )
+
+
+def check_samples(points: int, count: int, limit: int | None, strategy: Strategy, *, neighbours: int = 0) -> None:
+    """Raises `TooLarge` where `count` views with `points` samples each are over `limit`.
+
+    `neighbours`: how many of them are rendered only because a light-field network needs them.
+    """
+    if limit is not None and count * points > limit:
+        around = f", {neighbours} of them around those asked for," if neighbours else ""
+        raise TooLarge(
+            f"{count} views of {points:,} samples each{around} are {count * points:,}, over the limit of {limit:,}; "
+            f"ask for fewer views, fewer lenses{f', model {DEFAULT}' if neighbours else ''} or {_REMEDY[strategy]}"
+        )
+
+
+def check_eia(array: LensArray) -> None:
+    """Raises `TooLarge` where a mesh's elemental image array would have more pixels than a picture may have."""
+    height, width = array.rows * array.pixels_v, array.cols * array.pixels_u
+    if height * width > MAX_VIEW_PIXELS or max(height, width) > MAX_SIDE:
+        raise TooLarge(
+            f"an elemental image array of {height}x{width} pixels is over the limit of {MAX_VIEW_PIXELS:,}, or of "
+            f"{MAX_SIDE:,} a side; give fewer lenses or fewer pixels"
+        )

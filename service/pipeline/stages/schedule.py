@@ -1,0 +1,53 @@
+"""Schedules views in batches, so that each is made once and kept only as long as another one needs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ciir.models.light_field.views import list_required_views
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ciir.renderer.views import View
+
+
+BATCH_PIXELS = 500_000
+"""Most output pixels of a batch of several views. It bounds memory, and lets the stages overlap."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Views that are upscaled and written together."""
+
+    wanted: Sequence[View]
+    """The views to upscale and write."""
+    new: Sequence[View]
+    """The views to make first: those of `wanted` and of their windows that no earlier batch has made."""
+    done: Sequence[View]
+    """The views that no later batch needs."""
+
+
+def batch_size(pixels: int) -> int:
+    """How many views of so many output pixels make a batch; at least one."""
+    return max(1, BATCH_PIXELS // pixels)
+
+
+def schedule_batches(wanted: Sequence[View], grid: tuple[int, int], *, size: int, is_light_field: bool) -> list[Batch]:
+    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows in `grid`.
+
+    Where all views are wanted row by row, the views of 5 rows of `grid` and of one batch are kept at a time.
+    """
+    parts = [wanted[first : first + size] for first in range(0, len(wanted), size)]
+    windows = [list_required_views(part, grid) for part in parts] if is_light_field else parts
+    first_use = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}
+    last_use = {view: number for number, window in enumerate(windows) for view in window}
+    return [
+        Batch(
+            part,
+            new=[view for view in window if first_use[view] == number],
+            done=[view for view in window if last_use[view] == number],
+        )
+        for number, (part, window) in enumerate(zip(parts, windows, strict=True))
+    ]

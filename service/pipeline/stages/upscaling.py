@@ -1,0 +1,122 @@
+"""Upscales views of the renderer with the models, and describes the result for the report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ciir.models import catalogue
+from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.models.single.skipping import SkipStatistics
+    from ciir.models.upscaler import Upscaler
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+    from ciir.service.pipeline.plan import Plan
+
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", float]]
+"""From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
+the share of their pixels that the single-image fallback made."""
+
+
+def load_upscaler(
+    plan: Plan, grid: tuple[int, int], *, skip: bool = True, statistics: SkipStatistics | None = None
+) -> UpscaleViews:
+    """Loads `plan.model` for views of a light field of `grid` views. `skip`: whether pixels with a known result are
+    skipped; they are counted in `statistics`.
+
+    Raises as `models.catalogue.load_upscaler`.
+    """
+    if plan.is_light_field:
+        from ciir.models.light_field.views import upscale_views
+
+        network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
+        fallback = catalogue.load_upscaler(catalogue.default_name(), scale=plan.scale)
+
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+            colours, alpha = _split_alpha(views)
+            made, share = upscale_views(network, fallback, colours, wanted, grid, skip=skip, statistics=statistics)
+            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, share
+
+        return _timed(upscale_light_field, statistics)
+    upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
+
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+        pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), 0.0
+
+    return _timed(upscale_singly, statistics)
+
+
+def _timed(upscale: UpscaleViews, statistics: SkipStatistics | None) -> UpscaleViews:
+    """`upscale`, whose time is added to `statistics`."""
+    if statistics is None:
+        return upscale
+
+    def upscale_timed(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+        begun = time.perf_counter()
+        made = upscale(views, wanted)
+        statistics.seconds += time.perf_counter() - begun
+        return made
+
+    return upscale_timed
+
+
+def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
+    """The grey or colours of opaque views, and their alpha, 0 where they have none.
+
+    `model_selection` gives no transparent view to a light-field network.
+    """
+    first = next(iter(views.values()))
+    if first.shape[2] in (1, 3):
+        return views, 0
+    return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
+
+
+def upscale_pictures(
+    upscaler: Upscaler, pictures: Pixels, *, skip: bool = True, statistics: SkipStatistics | None = None
+) -> Pixels:
+    """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type (`models.single.pixels`)."""
+    from ciir.models.single.pixels import upscale_pixels
+
+    # Its type variable takes 8 or 16 bit, where a picture that was read is either: one of them stands for both.
+    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures), skip=skip, statistics=statistics)
+
+
+def describe_model(name: str, scale: int) -> dict[str, Any]:
+    """The report's `model`: name, scale, and the network's SHA-256, null for interpolation; with a light-field network
+    also `fallback`, the model of single pictures that makes the pixels of low confidence.
+    """
+    entry = next(entry for entry in catalogue.list_entries() if entry.name == name)
+    described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
+    if not entry.is_light_field:
+        return described
+    return described | {"fallback": describe_model(catalogue.default_name(), scale)}
+
+
+def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
+    """The report's `skipped`: the model's input pixels, the share of them that it did not compute, by reason, and
+    `saved_ms`, the time that those would have taken at the pace of the others, at most; null where all were skipped.
+    """
+    pixels = max(1, statistics.pixels)
+    shares = {"uniform": statistics.uniform, "repeated": statistics.repeated}
+    skipped = sum(shares.values())
+    computed = statistics.pixels - skipped
+    saved = round(1000 * statistics.seconds * skipped / computed, 3) if computed else None
+    return (
+        {"pixels": statistics.pixels} | {why: round(n / pixels, 4) for why, n in shares.items()} | {"saved_ms": saved}
+    )
+
+
+def fallback_notes(share: float) -> list[str]:
+    """The report's note on the fallback share, of all pixels; none where it is negligible."""
+    if share < MINIMUM_FALLBACK_SHARE:
+        return []
+    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.default_name()} from their view alone"
+    return [f"{made}: the views around don't match there (another scene, noise, or depths too far apart)"]

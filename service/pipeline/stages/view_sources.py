@@ -1,0 +1,161 @@
+"""View sources: views rendered from a mesh, or mapped from a light field, behind one interface."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ciir.renderer.backends.culling import cull_if_worthwhile
+from ciir.service.pipeline.limits import check_view_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.scene import Scene
+    from ciir.renderer.views import View
+    from ciir.service.pipeline.job import Job
+    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.report import Clock, Report
+
+
+class ViewSource(Protocol):
+    """Makes views, one after the other."""
+
+    samples: int
+    """Points of a mesh that are sampled for a view; 0 where nothing is rendered."""
+    sample: Pixels
+    """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
+
+    def open(self) -> None:
+        """Prepares for `make_views`. Raises `BackendUnavailable`."""
+
+    def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
+        """Makes each of `views`, `(H, W, C)`, when it is asked for."""
+        ...
+
+    def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+        """The next `count` views of `make_views`, contiguous; their time is counted."""
+        ...
+
+    def describe(self) -> Report:
+        """What the report says of the views, once all were made: keys `backend`, `transform`, `reasons`, `skipped`,
+        `notes` and `packages`.
+        """
+        ...
+
+
+def open_source(job: Job, plan: Plan, clock: Clock) -> ViewSource:
+    """The view source for the content of `job`. Nothing is rendered yet.
+
+    Raises `TooLarge` where a view of a mesh would take too many samples.
+    """
+    if job.mesh is not None:
+        return MeshViews(job.mesh, job, plan, clock)
+    return LightFieldViews(job.content, clock)  # type: ignore[arg-type]  # what is no mesh is a light field
+
+
+class MeshViews:
+    """Renders a mesh, framed in front of the job's lens array, to RGB."""
+
+    def __init__(self, mesh: Scene, job: Job, plan: Plan, clock: Clock) -> None:
+        """Raises `TooLarge` or `InvalidOption`."""
+        self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
+        self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
+        check_view_samples(self._array, plan.samples, plan.strategy)
+        self.samples = self._array.rows * self._array.cols * plan.samples**2
+        self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
+        self._shows_object = False
+        self._triangles_left = mesh.triangles
+
+    def open(self) -> None:
+        """Opens the backend and places the mesh. Raises `BackendUnavailable`."""
+        with self._clock.stage("render"):
+            from ciir.renderer.backends import open_backend
+            from ciir.renderer.framing import frame_scene
+
+            self._backend, self._reason = open_backend(
+                self._job.backend, triangles=self._mesh.triangles, rays=self.samples
+            )
+            self._matrix = frame_scene(self._mesh, self._job.array)
+            self._placed = self._mesh.transform(self._matrix)
+
+    def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
+        """Renders each view, `(rows, cols, 3)` 8 bit; with the plan `direct` `scale` times as large."""
+        scene, samples = self._placed, self._plan.samples
+        if self._job.skip:
+            with self._clock.stage("render"):
+                scene = cull_if_worthwhile(scene, self._array, views, self._backend.name, samples=samples)
+                self._triangles_left = scene.triangles
+        pictures = self._backend.render_views(
+            scene, self._array, views, samples=samples, background=self._job.background
+        )
+        return map(self._drop_alpha, pictures)
+
+    def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+        """The next `count` views of `make_views`."""
+        with self._clock.stage("render"):
+            return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
+
+    def render_eia(self) -> NDArray[np.uint8]:
+        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
+        with self._clock.stage("render"):
+            eia = self._backend.render_eia(
+                self._placed, self._array, samples=self._plan.samples, background=self._job.background
+            )
+            return np.ascontiguousarray(self._drop_alpha(eia))
+
+    def describe(self) -> Report:
+        """What the report says of the views."""
+        unseen = "no view that was asked for shows the object; ask for other views or another delta"
+        return {
+            "backend": self._backend.name,
+            "transform": self._matrix.tolist(),
+            "reasons": [self._reason],
+            "skipped": {"culled": round(1 - self._triangles_left / self._mesh.triangles, 4)},
+            "notes": [*self._mesh.notes] if self._shows_object else [*self._mesh.notes, unseen],
+            "packages": ["embreex" if self._backend.name == "raytrace" else "pyrender"],
+        }
+
+    def _drop_alpha(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """RGB of RGBA, whose alpha is the share of a pixel that the object covers."""
+        self._shows_object = self._shows_object or bool(picture[..., 3].any())
+        return picture[..., :3]
+
+
+class LightFieldViews:
+    """Maps views out of a light field, pixel for pixel, with its channels and depth."""
+
+    samples = 0
+
+    def __init__(self, light_field: LightField, clock: Clock) -> None:
+        self._light_field, self._clock = light_field, clock
+        self.sample: Pixels = light_field.views[0, 0, :1, :1]
+
+    def open(self) -> None:
+        """There is nothing to prepare."""
+
+    def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
+        """Each view, `(rows, cols, channels)`, in the light field's memory."""
+        return (self._light_field.views[v, u] for v, u in views)
+
+    def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+        """The next `count` views of `make_views`; those of an elemental image array are copied out of it."""
+        with self._clock.stage("map"):
+            return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
+
+    def describe(self) -> Report:
+        """What the report says of the views."""
+        return {
+            "backend": None,
+            "transform": None,
+            "reasons": [],
+            "skipped": {},
+            "notes": [*self._light_field.notes],
+            "packages": [],
+        }
