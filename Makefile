@@ -4,80 +4,84 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517
 
-.PHONY: help setup setup-dev setup-training demo test lint format serve lock clean
+.PHONY: help demo test lint format coverage serve lock clean setup-training
 
 help:
-	@echo "make demo    three scenes: elemental image array, views before and after, a contact sheet, in demo-out/"
-	@echo "make test    all tests (training tests too where torch is installed: make setup-training)"
-	@echo "make lint    ruff and strict type checks (installs torch: training is checked too)"
-	@echo "make serve   the HTTP service on http://127.0.0.1:8000, documented at /docs"
-	@echo "make setup | setup-dev | setup-training    only the set-up; make lock    lock versions anew; make clean"
-
-setup: $(VENV)/.run
-setup-dev: $(VENV)/.dev
-setup-training: $(VENV)/.training
+	@echo "make demo      three scenes: elemental image array, views before and after, a contact sheet, in demo-out/"
+	@echo "make test      the tests; those of training are skipped until make setup-training has installed torch"
+	@echo "make lint      ruff and mypy, strict (installs torch, to check training too)"
+	@echo "make format    ruff, with the corrections that it can make itself"
+	@echo "make coverage  the tests, and which lines they run"
+	@echo "make serve     the HTTP service on http://127.0.0.1:8000, documented at /docs"
+	@echo "make lock      new versions of all packages in requirements/"
+	@echo "make clean     removes .venv and what the other targets wrote"
 
 $(VENV)/.venv:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "$(PYTHON) is older than 3.11: name a newer one, as in make PYTHON=python3.11"; exit 1; }
-	@echo "== making $(VENV) with $$($(PYTHON) --version)"
+	@echo "== creating $(VENV) with $$($(PYTHON) --version)"
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/.run: $(VENV)/.venv requirements/run.txt pyproject.toml
-	@echo "== installing what running needs (requirements/run.txt)"
-	@$(PIP) --no-deps -r requirements/run.txt
+# The locks hold all that packages require, less what is never imported: hence --no-deps.
+$(VENV)/.%: requirements/%.txt pyproject.toml $(VENV)/.venv
+	@echo "== installing $<"
+	@$(PIP) --no-deps -r $<
 	@$(PIP) --no-deps --editable .
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.run requirements/dev.txt
-	@echo "== installing what tests need (requirements/dev.txt)"
-	@$(PIP) --no-deps -r requirements/dev.txt
-	@touch $@
-
-$(VENV)/.training: $(VENV)/.dev requirements/training.txt requirements/spandrel.txt
-	@echo "== installing what training needs (requirements/training.txt; torch is large)"
-	@$(PIP) --no-warn-conflicts -r requirements/training.txt
+# torch requires different packages on each machine: pip finds those. spandrel requires torchvision, which nothing here
+# imports and which fits one build of torch only.
+$(VENV)/.training: requirements/training.txt requirements/spandrel.txt $(VENV)/.dev
+	@echo "== installing $< (torch is large)"
+	@$(PIP) --no-warn-conflicts -r $<
 	@$(PIP) --no-deps -r requirements/spandrel.txt
 	@touch $@
 
-demo: setup
+setup-training: $(VENV)/.training
+
+demo: $(VENV)/.core
 	@echo "== reconstructing three scenes into demo-out/"
 	@$(BIN)/ciir demo -o demo-out
 
-test: setup-dev
+test: $(VENV)/.dev
 	@echo "== running the tests"
 	@$(BIN)/python -m pytest
 
-lint: setup-training
+coverage: $(VENV)/.dev
+	@$(BIN)/coverage erase
+	@$(BIN)/coverage run -m pytest
+	@$(BIN)/coverage combine --quiet
+	@$(BIN)/coverage report
+
+lint: $(VENV)/.training
 	@echo "== ruff"
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@echo "== mypy"
 	@$(BIN)/mypy
 
-format: setup-dev
+format: $(VENV)/.dev
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
-serve: setup
+serve: $(VENV)/.service
 	@$(BIN)/ciir serve
 
-# Exact versions of everything, for the oldest Python that is supported. pyrender asks for PyOpenGL 3.1.0, which fails on
-# Python 3.12 and newer, and works with 3.1.10: so the locks say that, and are installed without looking at what packages
-# ask for. Not so training's, where torch asks for what the machine needs: pip takes the build that suits it. spandrel
-# asks for torchvision, for two networks that are of no use here (see training/export/external_weights.py), and pip would bring one that
-# doesn't fit every build of torch: so spandrel has a lock of its own.
+# Exact versions, for the oldest Python that is supported. --unsafe-package leaves out what pyrender requires for its
+# window alone. It also requires PyOpenGL 3.1.0, which fails on Python 3.12 and newer; 3.1.10 works on all.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
-	--no-emit-trusted-host --allow-unsafe
-lock: setup-dev
-	@$(COMPILE) -o requirements/run.txt pyproject.toml
-	@$(COMPILE) --extra dev -c requirements/run.txt -o requirements/dev.txt pyproject.toml
+	--no-emit-trusted-host --unsafe-package pyglet
+WINDOW := --unsafe-package imageio --unsafe-package scipy
+lock: $(VENV)/.dev
+	@$(COMPILE) --extra bench,dev,redis,service,telemetry -o requirements/dev.txt pyproject.toml
+	@$(COMPILE) $(WINDOW) -c requirements/dev.txt -o requirements/core.txt pyproject.toml
+	@$(COMPILE) $(WINDOW) --extra redis,service -c requirements/dev.txt -o requirements/service.txt pyproject.toml
 	@$(COMPILE) --extra training -c requirements/dev.txt -o requirements/training.txt pyproject.toml
-	@sed -i 's/^pyopengl==3.1.0$$/pyopengl==3.1.10/' requirements/run.txt requirements/dev.txt
 	@grep '^spandrel==' requirements/training.txt > requirements/spandrel.txt
 	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/; /^pyrender==/d; /^pyopengl==/d; /^spandrel==/d; /^torchvision==/d' \
 		requirements/training.txt
+	@sed -i 's/^pyopengl==3.1.0$$/pyopengl==3.1.10/; /^$$/d; /^#/d' requirements/*.txt
 
 clean:
-	@rm -rf $(VENV) demo-out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@rm -rf $(VENV) demo-out build *.egg-info .coverage* .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,30 +1,70 @@
-"""Which way data flows (docs/architecture.md): held against every import in the code."""
+"""Which module may import which: held against every import in the code, lazy ones included.
+
+Imports for type checkers alone (`if TYPE_CHECKING:`) do not count. Names are those behind `ciir.`.
+"""
+
+from __future__ import annotations
 
 import ast
+from collections import Counter
 
 import pytest
 
 from tests.support.paths import ROOT
 
-PACKAGES = ("renderer", "models", "service", "training", "benchmarks")
-MAY_NOT = {
-    "renderer": {"models", "service", "training", "benchmarks"},
-    "models": {"renderer", "service", "training", "benchmarks"},
-    "service": {"benchmarks"},
-    "training": {"service", "benchmarks"},
+SERVICE = {"renderer", "models", "service", "service.pipeline"}
+CLI = SERVICE | {"ciir", "service.web", "service.jobs", "service.demo"}
+ARROWS = {
+    "renderer": set(),
+    "models": set(),
+    "ciir": {"renderer", "models", "service.pipeline"},
+    "ciir.__main__": {"service.cli"},
+    "service": {"renderer", "models", "service.pipeline"},
+    "service.pipeline": {"renderer", "models"},
+    "service.jobs": SERVICE,
+    "service.web": SERVICE | {"service.jobs"},
+    "service.demo": SERVICE | {"ciir"},
+    "service.cli": CLI,
+    "service.cli.commands.bench": CLI | {"service.cli", "benchmarks"},
+    "service.cli.commands.stress": CLI | {"service.cli", "benchmarks"},
+    "service.cli.commands.training": CLI | {"service.cli", "training"},
+    "training": {"renderer", "models"},
+    "benchmarks": CLI | {"service.cli", "training"},
 }
-DOORS = {"service/cli/commands/bench.py": "benchmarks", "service/cli/commands/stress.py": "benchmarks"}
-"""Commands that open another room; nothing else of `service` knows of it."""
-ONLY_IN = {
-    "pyrender": "renderer/backends/opengl.py",
-    "OpenGL": "renderer/backends/opengl.py",
-    "embreex": "renderer/backends/embree.py",
-    "onnxruntime": "models/sessions.py",
+"""Package -> the packages that it may import besides itself and `ciir.errors`.
+
+`ciir` is the Python interface, and `service` the modules in that folder, without its packages.
+"""
+LIBRARIES = {
+    "pyrender": {"renderer.backends.opengl"},
+    "OpenGL": {"renderer.backends.opengl"},
+    "embreex": {"renderer.backends.embree"},
+    "onnxruntime": {"models.sessions", "training"},
+    "torch": {"training", "benchmarks"},
+    "onnx": {"training", "benchmarks"},
+    "onnxscript": {"training", "benchmarks"},
 }
+"""Library -> the modules, or packages, that may import it."""
+FOLDERS = ("renderer", "models", "service", "training", "benchmarks")
+MOST_MODULES = 12
+"""In one folder, without `__init__` and `conftest`."""
 
 
-def imports(file):
-    """(module, whether only type checkers see it) of each import in `file`."""
+def find_files():
+    """Each module's name, without `ciir.` -> its file."""
+    files = {("ciir", file.stem): file for file in (ROOT / "ciir").glob("*.py")}
+    files |= {
+        file.relative_to(ROOT).with_suffix("").parts: file for name in FOLDERS for file in (ROOT / name).rglob("*.py")
+    }
+    names = {".".join(parts).removesuffix(".__init__"): file for parts, file in files.items()}
+    return {"errors" if name == "ciir.errors" else name: file for name, file in names.items()}
+
+
+FILES = find_files()
+
+
+def read_imports(file):
+    """(absolute name, whether only type checkers see it) of each import in `file`, for `from a import b` of `a.b`."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     checked = {
         inner
@@ -34,23 +74,84 @@ def imports(file):
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, node in checked
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module, node in checked
+            yield from ((alias.name, node in checked) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{file}: line {node.lineno} is a relative import"
+            yield from ((f"{node.module}.{alias.name}", node in checked) for alias in node.names)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_data_flows_one_way(package):
-    files = sorted((ROOT / package).rglob("*.py"))
-    assert files
-    for file in files:
-        place = file.relative_to(ROOT).as_posix()
-        for module, only_types in imports(file):
-            top = module.removeprefix("ciir.").partition(".")[0]
-            if not only_types and top != DOORS.get(place):
-                assert top not in MAY_NOT.get(package, ()), f"{place} imports {module}"
-            if top in ONLY_IN and package != "training":
-                assert place == ONLY_IN[top], f"{place} imports {module}"
-            if package in {"renderer", "models", "service"}:
-                assert top not in {"torch", "onnx", "onnxscript"}, f"{place} imports {module}"
+def find_module(name):
+    """The module of this project that the import of `name` loads, None for a library's."""
+    top, _, rest = name.partition(".")
+    if top != "ciir":
+        return None
+    while rest and rest not in FILES:
+        rest = rest.rpartition(".")[0]
+    return rest or "ciir"
+
+
+def find_package(module):
+    """The longest of ARROWS' names that holds `module`."""
+    if module in ("errors", "tests"):
+        return module
+    return max((name for name in ARROWS if is_inside(module, name)), key=len)
+
+
+def is_inside(module, package):
+    return f"{module}.".startswith(f"{package}.")
+
+
+IMPORTS = {
+    module: {name for name, only_types in read_imports(file) if not only_types} for module, file in FILES.items()
+}
+GRAPH = {
+    module: {found for name in names if (found := find_module(name)) is not None and found != module}
+    for module, names in IMPORTS.items()
+}
+
+
+@pytest.mark.parametrize("package", ARROWS)
+def test_packages_import_only_what_is_declared(package):
+    inside = {module: names for module, names in GRAPH.items() if find_package(module) == package}
+    assert inside
+    forbidden = {
+        f"{module} imports {name}"
+        for module, names in inside.items()
+        for name in names
+        if find_package(name) not in ARROWS[package] | {package, "errors"}
+    }
+    assert not forbidden
+
+
+def test_errors_import_nothing():
+    assert not GRAPH["errors"]
+
+
+def test_there_are_no_circles():
+    """Modules that nothing imports, or that import nothing, lie on no circle; removed again and again, none is left."""
+    left = {module: set(names) for module, names in GRAPH.items()}
+    while True:
+        imported = set().union(*left.values()) if left else set()
+        outside = {module for module, names in left.items() if not names or module not in imported}
+        if not outside:
+            break
+        left = {module: names - outside for module, names in left.items() if module not in outside}
+    assert not left
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_libraries_are_imported_in_one_place(library):
+    modules = {module for module, names in IMPORTS.items() if any(is_inside(name, library) for name in names)}
+    assert not {module for module in modules if not any(is_inside(module, name) for name in LIBRARIES[library])}
+
+
+def test_everything_is_imported_as_part_of_ciir():
+    files = [*FILES.values(), *(ROOT / "tests").rglob("*.py")]
+    found = {f"{file}: {name}" for file in files for name, _ in read_imports(file) if name.split(".")[0] in FOLDERS}
+    assert not found
+
+
+def test_no_folder_holds_too_many_modules():
+    files = [*FILES.values(), *(ROOT / "tests").rglob("*.py")]
+    counts = Counter(str(file.parent.relative_to(ROOT)) for file in files if file.stem not in ("__init__", "conftest"))
+    assert not {folder: count for folder, count in counts.items() if count > MOST_MODULES}
