@@ -44,7 +44,7 @@ def engines(models: Sequence[str]) -> tuple[dict[str, Engine], dict[str, str]]:
         if find_spec("torch") and find_spec("onnx"):
             found = {REFERENCE: _torch()} | found
         else:
-            missing[REFERENCE] = "torch is not installed; run make setup-training"
+            missing[REFERENCE] = "torch is not installed; run pip install 'ciir[training]'"
     return found, missing
 
 

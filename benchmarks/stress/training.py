@@ -46,7 +46,7 @@ LAYERS = 16
 def _skipped(what: str) -> Iterator[Skipped]:
     """One where torch is not installed."""
     if find_spec("torch") is None:
-        yield Skipped(what, "needs torch: make setup-training")
+        yield Skipped(what, "needs torch: pip install 'ciir[training]'")
 
 
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import Error, InvalidOption
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.service.cli.extras import require_extra
 from ciir.service.errors import find_response, join_lines
 from ciir.service.pipeline.options import HELP, NAMES
 
@@ -222,7 +223,7 @@ def _run(argv: Sequence[str]) -> None:
     elif args.command is None:
         raise InvalidOption("no command given; see ciir --help")
     else:
-        with _terminable(args.command):
+        with _terminable(args.command), require_extra(args.command):
             importlib.import_module(f"ciir.service.cli.commands.{args.module}").run(args)
     sys.stdout.flush()
 

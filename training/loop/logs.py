@@ -104,4 +104,4 @@ def _to_csv(rows: Sequence[Row]) -> bytes:
 
 
 def _tell_missing(error: ModuleNotFoundError, file: str) -> None:
-    print(f"note: no {file}: the package {error.name} is not installed (`make setup-training`)", file=sys.stderr)
+    print(f"note: no {file}: the package {error.name} is not installed (pip install 'ciir[training]')", file=sys.stderr)

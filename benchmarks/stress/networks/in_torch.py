@@ -23,7 +23,7 @@ def missing() -> str:
     from importlib.util import find_spec
 
     absent = [name for name in ("torch", "onnx") if find_spec(name) is None]
-    return f"needs {' and '.join(absent)}: make setup-training" if absent else ""
+    return f"needs {' and '.join(absent)}: pip install 'ciir[training]'" if absent else ""
 
 
 def network(weights: bytes) -> Callable[[Tensor], Tensor]:

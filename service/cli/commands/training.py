@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from ciir.models.cards import Accuracy
 
-EXTRA = ("torch", "onnx", "onnxscript", "onnx_ir", "spandrel", "safetensors", "einops")
-"""What the extra `training` brings."""
 VIEWS, DEGRADATION = "5x5", "bicubic"
 """BasicLFSR's protocol: what a light field is evaluated on where nothing else is said."""
 OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
@@ -27,16 +25,8 @@ OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Does the command; a missing package and a fault in a recipe or a folder are one line."""
-    work = {"evaluate": _evaluate, "train": _train, "export": _export}[args.command]
-    try:
-        work(args)
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] not in EXTRA:
-            raise
-        raise InvalidOption(
-            f"{args.command}: the package {error.name} is not installed; run `make setup-training`"
-        ) from error
+    """Runs the command `args.command`."""
+    {"evaluate": _evaluate, "train": _train, "export": _export}[args.command](args)
 
 
 def _evaluate(args: argparse.Namespace) -> None:

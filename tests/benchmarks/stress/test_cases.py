@@ -80,11 +80,11 @@ def test_a_difference_from_torch_breaks(monkeypatch):
 
 
 def test_without_torch_it_is_said(monkeypatch):
-    monkeypatch.setattr(in_torch, "missing", lambda: "needs torch: make setup-training")
+    monkeypatch.setattr(in_torch, "missing", lambda: "needs torch: pip install 'ciir[training]'")
     for case in (signals.against_torch, sizes.against_torch, gain.gradient_search, *layers.CASES):
         (skipped,) = case(QUICK)
         assert isinstance(skipped, Skipped)
-        assert "make setup-training" in skipped.why
+        assert "pip install 'ciir[training]'" in skipped.why
 
 
 def test_int8_that_is_not_its_twin_breaks(monkeypatch):

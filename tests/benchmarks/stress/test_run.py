@@ -11,7 +11,7 @@ from ciir.service.cli.main import main
 
 def good(effort):
     yield Found("small enough", 2.0, 1.0, "here")
-    yield Skipped("torch", "needs torch: make setup-training")
+    yield Skipped("torch", "needs torch: pip install 'ciir[training]'")
 
 
 def broken(effort):
@@ -47,7 +47,7 @@ def test_what_holds(cases):
     assert found["broken"] == 0
     assert lines[1].startswith("ok       small enough")
     assert lines[1].split()[-3:] == ["2", "1", "here"]
-    assert lines[2] == "skipped  torch: needs torch: make setup-training"
+    assert lines[2] == "skipped  torch: needs torch: pip install 'ciir[training]'"
     assert lines[-1].startswith("1 hold, 0 broken, 1 skipped")
     assert [result["state"] for result in found["results"]] == ["ok", "skipped"]
 

@@ -218,8 +218,8 @@ def test_training_without_torch_names_the_remedy(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     recipe = ROOT / "training" / "recipes" / "fast.toml"
     (tmp_path / "c.pt").write_bytes(b"")
-    assert "make setup-training" in fails(capsys, "train", recipe, "-o", tmp_path / "run")
-    assert "make setup-training" in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
+    assert "pip install 'ciir[training]'" in fails(capsys, "train", recipe, "-o", tmp_path / "run")
+    assert "pip install 'ciir[training]'" in fails(capsys, "export", tmp_path / "c.pt", "-o", tmp_path / "card")
 
 
 @pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)

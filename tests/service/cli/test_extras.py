@@ -1,0 +1,31 @@
+"""Commands without the packages of their extra."""
+
+import sys
+
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.service.cli.extras import EXTRAS, require_extra
+from ciir.service.cli.main import main
+
+
+@pytest.mark.parametrize("command", EXTRAS)
+def test_a_missing_package_names_the_extra(command):
+    remedy = rf"{command}: the package absent .*'ciir\[{EXTRAS[command]}\]'"
+    with pytest.raises(InvalidOption, match=remedy), require_extra(command):
+        import absent.part  # noqa: F401
+
+
+@pytest.mark.parametrize(("command", "name"), [("models", "absent"), ("serve", "ciir.absent")])
+def test_any_other_missing_module_is_an_error_of_ours(command, name):
+    with pytest.raises(ModuleNotFoundError), require_extra(command):
+        __import__(name)
+
+
+def test_serve_in_the_core_alone(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "ciir.service.settings", raising=False)
+    monkeypatch.setitem(sys.modules, "pydantic_settings", None)
+    assert main(["serve"]) == 2
+    assert capsys.readouterr().err == (
+        "ciir: serve: the package pydantic_settings is not installed; run pip install 'ciir[service]'\n"
+    )
