@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ EXTRAS = {
     "serve": "service",
     "worker": "service",
     "bench": "bench",
-    "stress": "bench",
     "evaluate": "training",
     "train": "training",
     "export": "training",
@@ -23,11 +23,16 @@ EXTRAS = {
 OF_PACKAGES = {"redis": "redis", "skimage": "bench", "torch": "training", "onnx": "training"}
 """Package -> the smallest extra that brings it, where that is not the command's."""
 
+USED_LATE = {"bench": "matplotlib"}
+"""Command -> a package that it first uses after minutes of work."""
+
 
 @contextmanager
 def require_extra(command: str) -> Iterator[None]:
     """Raises `InvalidOption` with the remedy where the block imports a package that is not installed."""
     try:
+        if command in USED_LATE:
+            importlib.import_module(USED_LATE[command])
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "ciir").partition(".")[0]

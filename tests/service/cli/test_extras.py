@@ -29,3 +29,10 @@ def test_serve_in_the_core_alone(monkeypatch, capsys):
     assert capsys.readouterr().err == (
         "ciir: serve: the package pydantic_settings is not installed; run pip install 'ciir[service]'\n"
     )
+
+
+def test_bench_looks_for_matplotlib_before_its_work(monkeypatch, capsys, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["bench", "-o", str(tmp_path / "out")]) == 2
+    assert "pip install 'ciir[bench]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
