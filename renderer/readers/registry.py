@@ -114,6 +114,7 @@ FORMATS: tuple[Format, ...] = (
     MeshFormat(
         name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"
     ),
+    MeshFormat(name="DAE", suffixes=(".dae",), text=re.compile(rb"\A<[^\0]{0,4096}?<?COLLADA[\s>]"), reader="dae:read"),
     PictureFormat(name="PNG", suffixes=(".png",), signatures=(b"\x89PNG\r\n\x1a\n",), decoder="png:decode"),
     PictureFormat(name="JPEG", suffixes=(".jpg", ".jpeg"), signatures=(b"\xff\xd8\xff",), decoder="jpeg:decode"),
     PictureFormat(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import struct
 import zipfile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,6 +141,11 @@ def ply() -> list[bytes]:
         data += struct.pack(order + "B3iB4i", 3, 0, 1, 2, 4, 0, 1, 2, 3)
         written.append(pack(head.format(name).encode() + data, picture))
     return written
+
+
+def dae() -> list[bytes]:
+    """A COLLADA file with polygons, a texture, and a node that is instanced; and the texture."""
+    return [pack((Path(__file__).parent / "seed.dae").read_bytes(), encode_png(noise(4, 4, 3)))]
 
 
 def obj() -> list[bytes]:

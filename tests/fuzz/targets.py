@@ -209,6 +209,7 @@ TARGETS: dict[str, Target] = {
     "ply": Target(mesh(SUFFIXES[".ply"], "x.png"), seeds.ply),
     "stl": Target(mesh(SUFFIXES[".stl"]), seeds.stl),
     "off": Target(mesh(SUFFIXES[".off"]), seeds.off),
+    "dae": Target(mesh(SUFFIXES[".dae"], "x.png"), seeds.dae),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf_seeds.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),

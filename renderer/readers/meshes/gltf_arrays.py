@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers.meshes.polygons import fans, normalised
+from ciir.renderer.readers.meshes.geometry import fans, normalised
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import gltf, gltf_arrays
-from ciir.renderer.readers.meshes.polygons import normalised
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, normalised, place_surface
 from ciir.renderer.shading import encode_srgb
 from ciir.renderer.surface import Surface, check_size
 
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _BLEND_CUTOFF = 0.5
-MAX_NODES = 20_000
 MAX_PRIMITIVES = 200_000
 """Most primitives in all nodes together: a file of a few bytes can name one mesh of many again and again."""
 
@@ -68,7 +66,7 @@ def build_surfaces(document: Document, limits: Limits) -> list[Surface]:
             vertices += len(surface.vertices)
             # Here too: a file of a few bytes can name one mesh, or one buffer, again and again.
             check_size(document.name, triangles, vertices, limits.triangles)
-            found.append(_placed(surface, matrix))
+            found.append(place_surface(surface, matrix))
     return found
 
 
@@ -113,25 +111,6 @@ def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
     matrix[:3, :3] = rotation * np.array(node.get("scale", (1, 1, 1)), np.float64)
     matrix[:3, 3] = node.get("translation", (0, 0, 0))
     return matrix
-
-
-def _placed(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
-    """The surface in world coordinates. Normals go through the inverse transpose, taken from cofactors: a flattened
-    axis has no inverse.
-    """
-    linear = matrix[:3, :3]
-    cofactors = np.stack(
-        [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(linear[0], linear[1])]
-    )
-    mirrored = float(np.linalg.det(linear)) < 0
-    normals = surface.normals
-    return replace(
-        surface,
-        vertices=surface.vertices @ linear.T + matrix[:3, 3],
-        # Winding and cofactors both turn with a mirror: what is outside stays outside.
-        faces=surface.faces[:, ::-1] if mirrored else surface.faces,
-        normals=None if normals is None else (normals @ cofactors.T) * (-1.0 if mirrored else 1.0),
-    )
 
 
 def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:

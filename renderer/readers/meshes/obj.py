@@ -15,7 +15,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.polygons import fans, numbers
+from ciir.renderer.readers.meshes.geometry import fans, numbers
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import Surface, check_size
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.polygons import fans, normalised
+from ciir.renderer.readers.meshes.geometry import fans, normalised
 from ciir.renderer.readers.meshes.trimesh_formats import WHITE, refuse_malformed
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
@@ -39,7 +39,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 
     file = io.BytesIO(_with_plain_header(data, name))
     with refuse_malformed(name, "PLY"):
-        elements, is_ascii, picture = _parse_header(file)  # type: ignore[no-untyped-call]
+        elements, is_ascii, picture = _parse_header(file)
         for kind, element in elements.items():
             _check_count(name, kind, element["length"], limits.triangles)
         (_parse_ascii if is_ascii else _parse_binary)(elements, file, name)
@@ -96,7 +96,7 @@ def _parse_ascii(elements: dict[str, Any], file: io.BytesIO, name: str) -> None:
     from trimesh.exchange.ply import _ply_ascii
 
     lines = file.getvalue()[file.tell() :].decode().splitlines()
-    _ply_ascii(elements, file)  # type: ignore[no-untyped-call]
+    _ply_ascii(elements, file)
     start = 0
     for element in elements.values():
         rows = lines[start : start + element["length"]]
@@ -121,7 +121,7 @@ def _parse_binary(elements: dict[str, Any], file: io.BytesIO, name: str) -> None
     described = deepcopy(elements)  # trimesh replaces lengths of lists, and removes what the file ends before
     start = file.tell()
     try:
-        _ply_binary(elements, file)  # type: ignore[no-untyped-call]
+        _ply_binary(elements, file)
         columns = [elements[kind]["data"][key] for kind, element in described.items() for key in element["properties"]]
         if all((column["f0"] == column["f0"][0]).all() for column in columns if column.dtype.names and len(column)):
             return

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
+_XML_ENCODING = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
+_XML_ENCODINGS = (b"utf-8", b"us-ascii", b"ascii", b"iso-8859-1", b"windows-1252")
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 _STL_NAME = re.compile(rb"(?:end)?solid\b[^\r\n]*", re.IGNORECASE)
 _OFF_HEAD = re.compile(rb"(C?OFF)\s+(-?\d{1,18})\s+(-?\d{1,18})[^\n]*")
@@ -43,6 +45,18 @@ def refuse_malformed(name: str, format_name: str) -> Iterator[None]:
     except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: not a {format_name} that can be read ({why}); export it again") from error
+
+
+def check_xml(data: bytes, name: str) -> None:
+    """Raises `Unreadable` for XML with a document type, whose entities could grow without limit or name other files.
+
+    Encodings in which one could be hidden are refused, too.
+    """
+    declared = _XML_ENCODING.match(data.removeprefix(b"\xef\xbb\xbf"))
+    if b"\0" in data or (declared and declared[1].lower() not in _XML_ENCODINGS):
+        raise Unreadable(f"{name}: its XML is not in UTF-8; export it again")
+    if b"<!DOCTYPE" in data:
+        raise Unreadable(f"{name}: its XML has a document type, which is not read; take it out")
 
 
 def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001

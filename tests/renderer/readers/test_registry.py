@@ -14,6 +14,7 @@ from ciir.renderer.readers.registry import (
     is_mesh,
     is_picture,
 )
+from tests.support.paths import ROOT
 
 BINARY_STL = b"solid by a careless writer".ljust(80) + struct.pack("<I", 1) + bytes(50)
 CONTENTS = {
@@ -48,6 +49,12 @@ def test_every_reader_can_be_loaded() -> None:
             assert callable(entry.load_decoder())
         else:
             assert entry is SUFFIXES[".zip"]
+
+
+def test_every_format_is_in_the_docs() -> None:
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    for entry in FORMATS:
+        assert f"| {entry.name} | {', '.join(f'`{suffix}`' for suffix in entry.suffixes)} |" in page
 
 
 def test_suffixes_are_of_one_format_each() -> None:

@@ -61,6 +61,7 @@ def samples() -> dict[Format, tuple[bytes, dict[str, bytes]]]:
         SUFFIXES[".ply"]: (box.export(file_type="ply"), {}),
         SUFFIXES[".stl"]: (box.export(file_type="stl"), {}),
         SUFFIXES[".off"]: (box.export(file_type="off").encode(), {}),
+        SUFFIXES[".dae"]: (box.export(file_type="dae"), {}),
     }
 
 

@@ -3,7 +3,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from ciir.renderer.readers.meshes.polygons import fans, normalised, numbers
+from ciir.renderer.readers.meshes.geometry import fans, normalised, numbers
 
 
 def test_fans_keep_order_and_source() -> None:

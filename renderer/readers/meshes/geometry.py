@@ -1,7 +1,8 @@
-"""What formats share: polygons to triangles, text to numbers, integers to fractions."""
+"""Conversions that mesh formats share: polygons to triangles, text to numbers, integers to fractions, placement."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
+
+    from ciir.renderer.surface import Surface
+
+MAX_NODES = 20_000
+"""Most nodes in the scene of a mesh file, each counted as often as it is instanced."""
 
 
 def numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
@@ -42,3 +48,22 @@ def normalised(values: NDArray[Any]) -> NDArray[Any]:
         return values
     scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, np.float32(-1.0))
     return scaled
+
+
+def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
+    """The surface in world coordinates. Normals go through the inverse transpose, taken from cofactors: a flattened
+    axis has no inverse.
+    """
+    linear = matrix[:3, :3]
+    cofactors = np.stack(
+        [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(linear[0], linear[1])]
+    )
+    mirrored = float(np.linalg.det(linear)) < 0
+    normals = surface.normals
+    return replace(
+        surface,
+        vertices=surface.vertices @ linear.T + matrix[:3, 3],
+        # Winding and cofactors both turn with a mirror: what is outside stays outside.
+        faces=surface.faces[:, ::-1] if mirrored else surface.faces,
+        normals=None if normals is None else (normals @ cofactors.T) * (-1.0 if mirrored else 1.0),
+    )

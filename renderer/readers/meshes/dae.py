@@ -1,0 +1,144 @@
+"""COLLADA 1.4 (.dae), parsed by pycollada, which trimesh reads it with.
+
+trimesh 5.2's own step from there is not used: it expands instances of nodes without a limit, opens textures of any kind
+and size with Pillow, and ignores the axis that points up.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, place_surface
+from ciir.renderer.readers.meshes.trimesh_formats import WHITE, check_xml, refuse_malformed
+from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.meshes.texture_files import Resolver
+
+_UPRIGHT = {
+    "X_UP": [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+    "Z_UP": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
+}
+
+
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
+    """The triangles and polygons of a COLLADA file's scene in world coordinates with y up, primitive by primitive.
+
+    Raises `Unreadable` where it is malformed, `TooLarge` over `limits` or `MAX_NODES`.
+    """
+    import collada
+    from collada.common import DaeError
+
+    check_xml(data, name)
+    surfaces: list[Surface] = []
+    triangles = 0
+    with refuse_malformed(name, "DAE"):
+        document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
+        if document.errors:
+            resolver.note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
+        if document.scene is None:
+            raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
+        upright = np.array(_UPRIGHT.get(document.assetInfo.upaxis, np.eye(4)), np.float64)
+        for geometry, materials, matrix in _instances(document.scene.nodes, upright, name, resolver):
+            for primitive in geometry.primitives:
+                surface = _surface(primitive, materials, name, resolver)
+                if surface is not None:
+                    triangles += len(surface.faces)
+                    check_size(name, triangles, 3 * triangles, limits.triangles)
+                    surfaces.append(place_surface(surface, matrix))
+    return surfaces
+
+
+def _instances(
+    nodes: list[Any], matrix: NDArray[np.float64], name: str, resolver: Resolver
+) -> Iterator[tuple[Any, dict[str, Any], NDArray[np.float64]]]:
+    """Each geometry of the scene with its materials by symbol, and its world matrix."""
+    from collada.scene import ControllerNode, GeometryNode, Node
+
+    waiting = [(node, matrix) for node in reversed(nodes)]
+    count = 0
+    while waiting:
+        node, matrix = waiting.pop()
+        count += 1
+        if count > MAX_NODES:
+            raise TooLarge(f"{name}: over {MAX_NODES:,} nodes, which is the most that is read; join them")
+        if isinstance(node, Node):  # an instance of a node is one
+            matrix = matrix @ node.matrix
+            waiting += [(child, matrix) for child in reversed(node.children)]
+        elif isinstance(node, (GeometryNode, ControllerNode)):
+            geometry = node.geometry if isinstance(node, GeometryNode) else getattr(node.controller, "geometry", None)
+            if isinstance(node, ControllerNode):
+                resolver.note("a skinned mesh is drawn as it was modelled, without its skeleton")
+            if geometry is not None:
+                yield geometry, {material.symbol: material.target for material in node.materials}, matrix
+
+
+def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Resolver) -> Surface | None:
+    """A primitive as triangles, each with three vertices of its own; None for lines and empty primitives."""
+    from collada.polylist import Polylist
+    from collada.triangleset import TriangleSet
+
+    if isinstance(primitive, Polylist):
+        if primitive.nvertices > len(primitive.index):
+            raise Unreadable(f"{name}: its polygons have more corners than it lists; export it again")
+        primitive = primitive.triangleset()
+    if not isinstance(primitive, TriangleSet):
+        resolver.note("lines are left out: only polygons are drawn")
+        return None
+    if not len(primitive) or primitive.vertex is None:
+        return None
+    if primitive.index.min() < 0:
+        raise Unreadable(f"{name}: an index is negative; export it again")
+    vertices = primitive.vertex[primitive.vertex_index].reshape(-1, 3).astype(np.float64)
+    normals = None if primitive.normal is None else primitive.normal[primitive.normal_index].reshape(-1, 3)
+    uv = primitive.texcoordset[0][primitive.texcoord_indexset[0]].reshape(-1, 2) if primitive.texcoordset else None
+    color, picture = _material(materials.get(primitive.material))
+    texture = None if picture is None else resolver.texture(picture, opaque=True)
+    if texture is not None and uv is None:
+        resolver.note("a texture without texture coordinates is left out")
+        texture = None
+    colors = None if texture is not None else _vertex_colors(primitive)
+    return Surface(
+        vertices=vertices,
+        faces=np.arange(len(vertices)).reshape(-1, 3),
+        normals=None if normals is None else normals.astype(np.float64),
+        color=color if colors is None else WHITE,
+        colors=colors,
+        uv=None if texture is None or uv is None else uv.astype(np.float64),
+        texture=texture,
+    )
+
+
+def _material(material: Any) -> tuple[tuple[float, float, float, float], str | None]:
+    """The colour, display-referred, and the name of the picture of a material's diffuse light."""
+    from collada.material import Map
+
+    diffuse = getattr(getattr(material, "effect", None), "diffuse", None)
+    if diffuse is None:
+        return DEFAULT_COLOR, None
+    if isinstance(diffuse, Map):
+        return WHITE, unquote(diffuse.sampler.surface.image.path)
+    red, green, blue = (min(max(float(value), 0.0), 1.0) for value in diffuse[:3])
+    return (red, green, blue, 1.0), None
+
+
+def _vertex_colors(primitive: Any) -> NDArray[np.float32] | None:
+    """RGBA `(n, 4)` in [0, 1] of each corner; None where the primitive has no colours."""
+    sources = primitive.sources.get("COLOR")
+    if not sources:
+        return None
+    offset, source = sources[0][0], sources[0][4]
+    values = source.data[primitive.index[:, :, offset]].reshape(-1, source.data.shape[1])
+    colors = np.ones((len(values), 4), np.float32)
+    colors[:, :3] = np.clip(values[:, :3], 0.0, 1.0)
+    return colors
