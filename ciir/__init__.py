@@ -1,1 +1,80 @@
-"""Computational integral imaging reconstruction: the public Python interface."""
+"""Computational integral imaging reconstruction: light fields read, rendered, upscaled and written.
+
+::
+
+    import ciir
+
+    light_field = ciir.render("scene:vase", lenses=(50, 50))
+    ciir.upscale(light_field).save("views.zip")
+
+Names are imported when they are first used, so that `import ciir` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ciir.errors import (
+        BackendUnavailable,
+        Error,
+        InputError,
+        InvalidGeometry,
+        InvalidOption,
+        ModelError,
+        TooLarge,
+        Unreadable,
+        UnsupportedType,
+    )
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.light_field import LightField
+    from ciir.service.interface import Reconstruction, open, reconstruct, render, upscale  # noqa: A004 - as in Pillow
+
+_MODULES = {
+    **dict.fromkeys(
+        (
+            "BackendUnavailable",
+            "Error",
+            "InputError",
+            "InvalidGeometry",
+            "InvalidOption",
+            "ModelError",
+            "TooLarge",
+            "Unreadable",
+            "UnsupportedType",
+        ),
+        "ciir.errors",
+    ),
+    "LensArray": "ciir.renderer.lens_array",
+    "LightField": "ciir.renderer.light_field",
+    **dict.fromkeys(("Reconstruction", "open", "reconstruct", "render", "upscale"), "ciir.service.interface"),
+}
+__all__ = [
+    "BackendUnavailable",
+    "Error",
+    "InputError",
+    "InvalidGeometry",
+    "InvalidOption",
+    "LensArray",
+    "LightField",
+    "ModelError",
+    "Reconstruction",
+    "TooLarge",
+    "Unreadable",
+    "UnsupportedType",
+    "open",
+    "reconstruct",
+    "render",
+    "upscale",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'ciir' has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

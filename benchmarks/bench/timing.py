@@ -110,14 +110,14 @@ def _child(task: dict[str, Any]) -> None:
     import io
 
     from ciir.renderer.writers.formats import FileWriter
-    from ciir.service.cli.common import source
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.run import reconstruct
+    from ciir.service.pipeline.source import open_source
 
     given: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value for key, value in task["options"].items()
     }
-    reconstruct(source(task["source"]), Options(**given), FileWriter(io.BytesIO(), None))
+    reconstruct(open_source(task["source"]), Options(**given), FileWriter(io.BytesIO(), None))
     print(json.dumps({"peak_mib": peak_mib()}))
 
 

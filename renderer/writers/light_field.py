@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InvalidOption
-from ciir.renderer.writers import formats, pictures
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.folder import FolderWriter
+from ciir.renderer.writers.pictures import BY_SUFFIX, encode
+from ciir.renderer.writers.views import save_views
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.writers.writer import Writer
 
 
 def save_light_field(views: Pixels, path: Path) -> None:
@@ -24,27 +22,10 @@ def save_light_field(views: Pixels, path: Path) -> None:
     Raises `InvalidOption` where `path` can't be written or the format can't hold the pixels.
     """
     suffix = path.suffix.lower()
-    if suffix in pictures.BY_SUFFIX:
+    if suffix in BY_SUFFIX:
         v, u, rows, cols, channels = views.shape
         eia = views.transpose(2, 0, 3, 1, 4).reshape(rows * v, cols * u, channels)
         with replacing(path) as file:
-            file.write(pictures.encode(eia, suffix))
-    elif suffix in formats.BY_SUFFIX:
-        with replacing(path) as file, formats.BY_SUFFIX[suffix].open(file) as writer:
-            _write(views, writer)
-    elif suffix and not path.is_dir():
-        known = ", ".join([*pictures.SUFFIXES, ".zip", ".npz"])
-        raise InvalidOption(f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder")
+            file.write(encode(eia, suffix))
     else:
-        with FolderWriter(path) as writer:
-            _write(views, writer)
-
-
-def _write(views: Pixels, writer: Writer) -> None:
-    written: list[dict[str, Any]] = []
-    count_v, count_u, height, width, _ = views.shape
-    writer.begin(count_v * count_u, views[0, 0, :1, :1])
-    for v, u in np.ndindex(count_v, count_u):
-        name = writer.write((v, u), views[v, u])
-        written.append({"v": v, "u": u, "file": name, "height": height, "width": width})
-    writer.finish({"views": written, "notes": []})
+        save_views({index: views[index] for index in np.ndindex(views.shape[0], views.shape[1])}, {}, path)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
@@ -20,9 +19,7 @@ if TYPE_CHECKING:
 
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
-    from ciir.service.pipeline.source import Source
 
-SCENE = "scene:"
 _PREFIX = "option_"
 
 
@@ -30,18 +27,6 @@ def options(args: argparse.Namespace) -> Options:
     """The options that were given on the command line."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return Options.parse(given)
-
-
-def source(text: str) -> Source:
-    """`scene:NAME`, or what lies at a path."""
-    return text.removeprefix(SCENE) if text.startswith(SCENE) else bundle(text)
-
-
-def bundle(text: str) -> Bundle:
-    """The file, the folder or the zip at a path."""
-    if not text:
-        raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
-    return Bundle.from_path(Path(text))
 
 
 def check_report(path: str | None, out: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
@@ -18,6 +19,22 @@ if TYPE_CHECKING:
 
 Source = Bundle | LightField | str
 """Files, a light field in memory, or the name of a scene of `renderer.scenes`."""
+
+
+SCENE = "scene:"
+"""What the name of a shipped scene starts with, as in `scene:vase`."""
+
+
+def open_source(text: str) -> Source:
+    """`scene:NAME`, or the files at a path. Raises `InputError`."""
+    return text.removeprefix(SCENE) if text.startswith(SCENE) else open_bundle(text)
+
+
+def open_bundle(text: str) -> Bundle:
+    """The file, the folder or the zip at a path. Raises `InputError`."""
+    if not text:
+        raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
+    return Bundle.from_path(Path(text))
 
 
 class Input:

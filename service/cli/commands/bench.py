@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.scenes import SCENES
 from ciir.service.cli import common, output_path
+from ciir.service.pipeline.source import SCENE, open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -43,7 +44,7 @@ def _asked(args: argparse.Namespace) -> Asked:
         places = {_name(text): text for text in args.inputs}
         if len(places) < len(args.inputs):
             raise InvalidOption("bench: two inputs have the same name; rename one, or give one of them")
-        sources: dict[str, Source] = {name: common.source(text) for name, text in places.items()}
+        sources: dict[str, Source] = {name: open_source(text) for name, text in places.items()}
         asked = replace(asked, sources=sources, places=places)
     if args.lenses:
         asked = replace(asked, lenses=_counts("--lenses", args.lenses, 2, 1000))
@@ -55,9 +56,9 @@ def _asked(args: argparse.Namespace) -> Asked:
 
 
 def _name(text: str) -> str:
-    if not text.startswith(common.SCENE):
+    if not text.startswith(SCENE):
         return Path(text).resolve().stem
-    name = text.removeprefix(common.SCENE)
+    name = text.removeprefix(SCENE)
     if name not in SCENES:
         raise InvalidOption(f"{text[:40]}: no such scene; the scenes are {', '.join(SCENES)}")
     return name

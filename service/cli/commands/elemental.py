@@ -10,6 +10,7 @@ from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.pictures import SUFFIXES, encode
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.source import open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> None:
         raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
     output_path.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
-    options, source = common.options(args), common.source(args.input)
+    options, source = common.options(args), open_source(args.input)
     with replacing(path) as file:
 
         def keep(pixels: Pixels) -> None:

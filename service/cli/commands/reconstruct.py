@@ -10,6 +10,7 @@ from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.source import open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -25,7 +26,7 @@ def run(args: argparse.Namespace) -> None:
     path = Path(args.out)
     output_path.check_not_input([path, *common.report_path(args.report)], args.input)
     common.check_report(args.report, path)
-    options, source = common.options(args), common.source(args.input)
+    options, source = common.options(args), open_source(args.input)
     report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
     common.finish(report, args.report)
     views = report["views"]

@@ -11,6 +11,7 @@ from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.pictures import output_names, upscale_files
+from ciir.service.pipeline.source import open_bundle
 
 if TYPE_CHECKING:
     import argparse
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _bundle(text: str) -> Bundle:
     try:
-        return common.bundle(text)
+        return open_bundle(text)
     except UnsupportedType as error:  # whose advice lists meshes too
         raise UnsupportedType(str(error).replace(READ, _TAKEN)) from error
 

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+import ciir
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import decode
+from tests.support.inputs import EIA, EIA_PNG, make_picture
+
+SMALL = {"lenses": (12, 10), "pixels": (3, 4), "backend": "raytrace"}
+
+
+class Counts(list):
+    def __call__(self, done, total):
+        self.append((done, total))
+
+
+def test_rendered_views_are_those_of_the_main_job():
+    light_field = ciir.render("scene:vase", **SMALL)
+    assert light_field.views.shape == (3, 4, 12, 10, 3)
+    result = ciir.reconstruct("scene:vase", views="all", model="none", **SMALL)
+    for (v, u), picture in result.views.items():
+        np.testing.assert_array_equal(light_field.view(v, u), picture)
+
+
+def test_open_reads_an_elemental_image_array(tmp_path):
+    (tmp_path / "eia.png").write_bytes(EIA_PNG)
+    light_field = ciir.open(tmp_path / "eia.png", lenses=(6, 9))
+    np.testing.assert_array_equal(light_field.eia(), EIA)
+    np.testing.assert_array_equal(light_field.view(1, 2), EIA[1::4, 2::4])
+
+
+@pytest.mark.parametrize("model", ["fast", "bicubic"])
+def test_upscaled_views_are_those_of_the_command(tmp_path, model):
+    light_field = ciir.LightField(np.stack([make_picture(6, 9, seed=seed) for seed in range(6)]).reshape(2, 3, 6, 9, 3))
+    large = ciir.upscale(light_field, model=model)
+    light_field.save(tmp_path / "eia.png")
+    result = ciir.reconstruct(tmp_path / "eia.png", pixels=(2, 3), views="all", model=model)
+    assert large.views.shape == (2, 3, 12, 18, 3)
+    for (v, u), picture in result.views.items():
+        np.testing.assert_array_equal(large.view(v, u), picture)
+
+
+@pytest.mark.parametrize("shape", [(8, 9), (8, 9, 1), (8, 9, 4)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_one_picture_keeps_its_shape_and_type(shape, dtype):
+    picture = np.random.default_rng(0).integers(0, np.iinfo(dtype).max, shape, dtype)
+    large = ciir.upscale(picture, model="nearest")
+    assert large.dtype == dtype
+    np.testing.assert_array_equal(large, picture.repeat(2, 0).repeat(2, 1))
+
+
+def test_progress_counts_to_the_end():
+    light_field = ciir.render("scene:vase", progress=(rendered := Counts()), **SMALL)
+    ciir.upscale(light_field, model="bicubic", progress=(upscaled := Counts()))
+    assert rendered == [(0, 1), (1, 1)]
+    assert (upscaled[0], upscaled[-1]) == ((0, 12), (12, 12))
+
+
+@pytest.mark.parametrize("name", ["one.png", "one.tif", "views.zip", "views"])
+def test_a_result_is_saved(tmp_path, name):
+    result = ciir.reconstruct("scene:vase", views="center" if "one" in name else "all", model="bicubic", **SMALL)
+    result.save(tmp_path / name)
+    if "one" in name:
+        saved = decode((tmp_path / name).read_bytes(), name=name)
+        np.testing.assert_array_equal(saved, result.views[1, 2])
+    else:
+        saved = inputs.read(Bundle.from_path(tmp_path / name), lenses=None, pixels=None)
+        assert all(np.array_equal(saved.view(v, u), picture) for (v, u), picture in result.views.items())
+
+
+def test_pictures_show_in_jupyter():
+    result = ciir.reconstruct("scene:vase", model="none", **SMALL)
+    shown = decode(result._repr_png_(), name="x")
+    np.testing.assert_array_equal(shown, result.views[1, 2])
+    np.testing.assert_array_equal(decode(ciir.render("scene:vase", **SMALL)._repr_png_(), name="x"), shown)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda _: ciir.upscale([[0]]), r"list is not taken; give a picture"),
+        (lambda _: ciir.upscale(np.zeros((4, 4))), r"float64 is not taken; give uint8"),
+        (lambda _: ciir.upscale(np.zeros((1, 1, 4, 4, 3), np.uint8)), r"ciir\.LightField"),
+        (lambda _: ciir.LightField(np.zeros((4, 4, 3), np.uint8)), r"\(V, U, H, W, C\)"),
+        (lambda folder: ciir.open(folder / "cube.off"), r"ciir\.render"),
+        (lambda _: ciir.open("scene:vase"), r"ciir\.render"),
+        (lambda folder: ciir.render(folder / "eia.png"), "holds pictures"),
+        (lambda _: ciir.reconstruct("scene:vase", colour=1), "colour"),
+        (lambda _: ciir.reconstruct("scene:vase", model="none", **SMALL).save("views.gif"), r"\.gif can't be written"),
+        (lambda _: ciir.render("scene:vase", **SMALL).view(3, 0), "v goes from 0 to 2"),
+    ],
+)
+def test_errors_are_one_line_with_the_remedy(tmp_path, cube_file, eia_file, call, words):
+    with pytest.raises(ciir.Error, match=words) as caught:
+        call(tmp_path)
+    assert "\n" not in str(caught.value)
