@@ -7,12 +7,8 @@ ENV PATH=/opt/ciir/bin:$PATH
 WORKDIR /src
 # Another package index than pip's own: docker build --build-arg PIP_INDEX_URL=...
 ARG PIP_INDEX_URL
-# First what seldom changes: the exact versions that `make lock` wrote, less what no request needs: pyrender asks for
-# scipy, pyglet and imageio and uses them only for its window; matplotlib and what it asks for draws for `ciir bench`.
-COPY requirements/run.txt requirements/
-RUN grep -vE '^(scipy|pyglet|imageio|matplotlib|contourpy|cycler|fonttools|kiwisolver|pyparsing|python-dateutil)==' \
-    requirements/run.txt > requirements/image.txt \
-    && pip install --no-cache-dir --no-compile --use-pep517 --no-deps -r requirements/image.txt
+COPY requirements/service.txt requirements/
+RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps -r requirements/service.txt
 COPY pyproject.toml README.md LICENSE ./
 COPY ciir ciir
 COPY renderer renderer
@@ -20,30 +16,43 @@ COPY models models
 COPY training training
 COPY service service
 COPY benchmarks benchmarks
+# Then what no request needs goes: tests, debug symbols, OpenGL for other platforms, tools to make networks, pip.
 RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
-    # What is left over: tests, tools to make networks, what only debuggers read, pip.
     && find /opt/ciir -depth -type d -name tests -exec rm -r {} + \
-    && cd /opt/ciir/lib/python*/site-packages && rm -r onnxruntime/transformers onnxruntime/quantization \
-    && find swagger_ui_bundle -name '*.map' -delete \
-    && strip --strip-debug imagecodecs/*.so \
+    && find /opt/ciir/lib/python*/site-packages/swagger_ui_bundle -name '*.map' -delete \
+    && cd /opt/ciir/lib/python*/site-packages \
+    && rm -r onnxruntime/datasets onnxruntime/quantization onnxruntime/tools onnxruntime/transformers OpenGL/DLLS \
+        OpenGL/GLES* OpenGL/WGL OpenGL/raw/GLES* OpenGL/raw/WGL pyrender/fonts \
+    && strip --strip-debug DracoPy*.so PIL/*.so imagecodecs/*.so \
     && pip uninstall --yes pip setuptools
 
-FROM python:3.11-slim-bookworm
-# OpenGL through EGL, by Mesa's software renderer: no GPU, no display.
+FROM python:3.11-slim-bookworm AS system
+# OpenGL through EGL, by Mesa's software renderer: no GPU, no display. Mesa's drivers are one file under many names.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri \
-    && apt-get clean && rm -rf /var/lib/apt/lists/* /var/cache/apt/*.bin
-RUN groupadd --gid 10001 ciir && useradd --uid 10001 --gid ciir --no-create-home --home-dir /var/lib/ciir ciir \
-    && install --directory --owner=ciir --group=ciir /var/lib/ciir
+    && cd /usr/lib/*/dri && find . -type f ! -name swrast_dri.so -delete && ln -s swrast_dri.so kms_swrast_dri.so
+RUN groupadd --gid 10001 ciir && useradd --uid 10001 --gid ciir --no-create-home --home-dir /var/lib/ciir ciir
 COPY --from=build /opt/ciir /opt/ciir
-ENV PATH=/opt/ciir/bin:$PATH \
+ENV PATH=/opt/ciir/bin:$PATH
+# The demo, once: what doesn't work fails here, and what Python compiles is kept, as nothing can be written there later.
+RUN export HOME=/tmp/home CIIR_FOLDER=/tmp/service CIIR_CACHE=/tmp/cache; ciir serve --port 48123 & server=$! \
+    && python -m ciir.service.demo.over_http http://127.0.0.1:48123 /tmp/demo \
+    && kill $server && wait $server && rm -r /tmp/*
+# What is deleted from a base image still counts, so the last stage starts empty.
+RUN cd / && rm -rf var/cache/apt/* var/lib/apt/lists/* usr/share/locale usr/share/man usr/share/info \
+        usr/include usr/local/include usr/share/python-wheels usr/lib/python3/dist-packages \
+        usr/lib/python3*/config-* usr/local/lib/python3*/config-* usr/local/lib/python3*/ensurepip \
+        usr/local/lib/python3*/idlelib usr/local/lib/python3*/site-packages/* \
+    && find usr/share/doc -type f ! -name copyright -delete && find usr -name '*.a' -delete
+
+FROM scratch
+COPY --from=system / /
+RUN install --directory --owner=ciir --group=ciir /var/lib/ciir
+ENV PATH=/opt/ciir/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+    LANG=C.UTF-8 \
     PYTHONUNBUFFERED=1 \
     CIIR_FOLDER=/var/lib/ciir \
     CIIR_CACHE=/var/lib/ciir/cache
-# The demo, once: what doesn't work fails here, and what Python compiles is kept, as nothing can be written there later.
-RUN export HOME=/tmp/home; ciir serve --port 48123 & server=$! \
-    && python -m ciir.service.demo.over_http http://127.0.0.1:48123 /tmp/demo \
-    && kill $server && wait $server && rm -r /tmp/* /var/lib/ciir/*
 USER ciir
 WORKDIR /var/lib/ciir
 VOLUME /var/lib/ciir
