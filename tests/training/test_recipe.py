@@ -6,7 +6,6 @@ import pytest
 
 from ciir.models import catalogue
 from ciir.training import recipe as recipes
-from ciir.training.networks import make
 
 SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'
@@ -106,6 +105,9 @@ def test_a_shipped_recipe_goes_on_from_shipped_ones(path):
     for leg in legs(Path(this.initial).parent.name) if this.initial else []:
         before = recipes.read(path.with_name(f"{leg}.toml"))
         if this.light_field > before.light_field:
+            pytest.importorskip("torch", reason="needs the training extra")
+            from ciir.training.networks import make
+
             held = make(this.network, this.options).single.state_dict()
             alone = make(before.network, before.options).state_dict()
             assert {name: weight.shape for name, weight in held.items()} == {k: w.shape for k, w in alone.items()}
