@@ -71,9 +71,9 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
     problems.add_handlers(app)
     app.add_exception_handler(reconstructions.NoMoreEvents, _handle_no_more_events)
     key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
-    app.include_router(operations.make_health_router(state))
-    app.include_router(operations.make_router(state), dependencies=[key])
-    app.include_router(reconstructions.make_router(state), dependencies=[key])
+    app.include_router(operations.health)
+    app.include_router(operations.router, dependencies=[key])
+    app.include_router(reconstructions.router, dependencies=[key])
     docs.add_docs(app)
     return app
 

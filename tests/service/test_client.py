@@ -20,16 +20,9 @@ from ciir.service.client import (
     Unauthorized,
     Unavailable,
 )
-from tests.support.inputs import EIA, EIA_PNG
+from tests.support.inputs import EIA
 
 FIELDS = {"lenses": "6x9", "model": "none"}
-
-
-@pytest.fixture
-def eia(tmp_path):
-    path = tmp_path / "eia.png"
-    path.write_bytes(EIA_PNG)
-    return path
 
 
 @pytest.fixture
@@ -55,8 +48,8 @@ def make_problem(status, headers=None):
     return httpx2.Response(status, headers=head, content=json.dumps(body))
 
 
-def test_a_result(client, eia, tmp_path):
-    result = client.reconstruct(eia, views="1,2", scale=None, **FIELDS)
+def test_a_result(client, eia_file, tmp_path):
+    result = client.reconstruct(eia_file, views="1,2", scale=None, **FIELDS)
     assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
     assert (result.format, len(result.id)) == ("png", 32)
     assert result.timings_ms["total"] > 0
@@ -64,8 +57,8 @@ def test_a_result(client, eia, tmp_path):
     assert (tmp_path / "view.png").read_bytes() == result.content
 
 
-def test_a_job(client, eia):
-    job = client.submit(eia, views="all", format="npz", **FIELDS)
+def test_a_job(client, eia_file):
+    job = client.submit(eia_file, views="all", format="npz", **FIELDS)
     events = list(job.events())
     assert [event.number for event in events] == list(range(len(events)))
     assert (events[0].kind, events[-1].kind) == ("queued", "done")
@@ -75,18 +68,18 @@ def test_a_job(client, eia):
     assert job.status()["state"] == "done"
     assert job.status()["report"]["plan"]["model"] == "none"
     assert job.cancel()["state"] == "done"
-    assert client.reconstruct(eia, views="all", format="npz", **FIELDS).content == result.content
+    assert client.reconstruct(eia_file, views="all", format="npz", **FIELDS).content == result.content
 
 
-def test_errors_are_raised_by_class(client, eia, tmp_path):
+def test_errors_are_raised_by_class(client, eia_file, tmp_path):
     (tmp_path / "notes.txt").write_bytes(b"hello")
     with pytest.raises(InvalidInput, match=r"415 .*upload\.txt") as caught:
         client.reconstruct(tmp_path / "notes.txt")
     assert (caught.value.status, caught.value.title) == (415, "Type not supported")
     with pytest.raises(InvalidInput, match="5x9"):
-        client.submit(eia, lenses="5x9").result()
+        client.submit(eia_file, lenses="5x9").result()
     with pytest.raises(InvalidInput, match="lense"):
-        client.submit(eia, lense="6x9")
+        client.submit(eia_file, lense="6x9")
     for method in ("status", "result", "cancel"):
         with pytest.raises(NotFound):
             getattr(client_module.Job(client, "0" * 32), method)()
@@ -115,18 +108,18 @@ def test_a_response_of_another_server():
 
 
 @pytest.mark.parametrize(("status", "kind"), [(429, QueueFull), (503, Unavailable)])
-def test_requests_are_repeated_after_retry_after(monkeypatch, eia, status, kind):
+def test_requests_are_repeated_after_retry_after(monkeypatch, eia_file, status, kind):
     slept = []
     monkeypatch.setattr(client_module.time, "sleep", slept.append)
     busy = [make_problem(status, {"retry-after": "7"}) for _ in range(3)]
     client, requests = make_client(*busy[:2], httpx2.Response(202, json={"id": "0" * 32}), retries=2)
-    assert client.submit(eia).id == "0" * 32
+    assert client.submit(eia_file).id == "0" * 32
     assert slept == [7, 7]
     bodies = [request.read().partition(b"\r\n")[2] for request in requests]
-    assert all(eia.read_bytes() in body for body in bodies)  # the whole file is sent each time
+    assert all(eia_file.read_bytes() in body for body in bodies)  # the whole file is sent each time
     client, _ = make_client(*busy, retries=2)
     with pytest.raises(kind) as caught:
-        client.submit(eia)
+        client.submit(eia_file)
     assert caught.value.retry_after == 7
 
 

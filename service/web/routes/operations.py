@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from anyio import to_thread
 from fastapi import APIRouter, Response
@@ -11,55 +11,51 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from ciir.service import listing
 from ciir.service.pipeline.options import AUTO_MODEL
 from ciir.service.web.routes import openapi
+from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
-if TYPE_CHECKING:
-    from ciir.service.web.routes.state import ServiceState
-
-
-def make_health_router(state: ServiceState) -> APIRouter:
-    """Makes the health checks for load balancers, which need no API key."""
-    routes = APIRouter()
-
-    @routes.head("/healthz", include_in_schema=False)
-    @routes.get("/healthz", summary="Alive: the process responds", responses=openapi.describe_errors())
-    async def healthz() -> dict[str, str]:
-        return {"status": "alive"}
-
-    @routes.head("/readyz", include_in_schema=False)
-    @routes.get(
-        "/readyz",
-        summary="Ready: a worker has loaded its models, the queue can be reached, and the server is not stopping",
-        responses=openapi.describe_errors(503),
-    )
-    async def readyz() -> dict[str, str]:
-        await to_thread.run_sync(state.engine.check_ready)
-        return {"status": "ready"}
-
-    return routes
+health = APIRouter()
+"""Health checks, which need no API key."""
+router = APIRouter()
+"""Routes that need an API key if the server has any."""
 
 
-def make_router(state: ServiceState) -> APIRouter:
-    """Makes the routes that need an API key if the server has any."""
-    routes = APIRouter()
+@health.head("/healthz", include_in_schema=False)
+@health.get("/healthz", summary="Alive: the process responds", responses=openapi.describe_errors())
+async def healthz() -> dict[str, str]:
+    """Needs nothing but the process."""
+    return {"status": "alive"}
 
-    @routes.get(
-        "/v1/models",
-        summary="List of models with their cards",
-        description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_MODEL}.",
-        responses=openapi.describe_errors(401),
-    )
-    def list_models() -> list[dict[str, Any]]:
-        return listing.list_models()
 
-    @routes.get(
-        "/metrics",
-        summary="Metrics for Prometheus",
-        response_class=Response,
-        responses=openapi.describe_response(200, "Prometheus' text format", "text/plain")
-        | openapi.describe_errors(401),
-    )
-    def metrics() -> Response:
-        state.engine.update_gauges()
-        return Response(state.metrics.text(), media_type=CONTENT_TYPE_LATEST)
+@health.head("/readyz", include_in_schema=False)
+@health.get(
+    "/readyz",
+    summary="Ready: a worker has loaded its models, the queue can be reached, and the server is not stopping",
+    responses=openapi.describe_errors(503),
+)
+async def readyz(state: State) -> dict[str, str]:
+    """503 with the reason otherwise."""
+    await to_thread.run_sync(state.engine.check_ready)
+    return {"status": "ready"}
 
-    return routes
+
+@router.get(
+    "/v1/models",
+    summary="List of models with their cards",
+    description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_MODEL}.",
+    responses=openapi.describe_errors(401),
+)
+def list_models() -> list[dict[str, Any]]:
+    """The catalogue."""
+    return listing.list_models()
+
+
+@router.get(
+    "/metrics",
+    summary="Metrics for Prometheus",
+    response_class=Response,
+    responses=openapi.describe_response(200, "Prometheus' text format", "text/plain") | openapi.describe_errors(401),
+)
+def metrics(state: State) -> Response:
+    """Metrics of this process and of the queue."""
+    state.engine.update_gauges()
+    return Response(state.metrics.text(), media_type=CONTENT_TYPE_LATEST)

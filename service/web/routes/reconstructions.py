@@ -17,109 +17,107 @@ from opentelemetry import trace
 from starlette.exceptions import HTTPException
 
 from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
-from ciir.service.jobs import job as job_module
 from ciir.service.jobs.job import FINAL, Job
 from ciir.service.web import multipart
 from ciir.service.web.prefer import Preference
 from ciir.service.web.routes import openapi, results, upload
+from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
-
-    from ciir.service.web.routes.state import ServiceState
     from ciir.service.web.routes.upload import Upload
 
-_ID = Path(alias="id", description="a job's id", examples=["0123456789abcdef0123456789abcdef"])
 RETRY_MILLISECONDS = 1000
 """Time after which a client reconnects to a broken stream of events."""
 _log = logging.getLogger("ciir.jobs")
+router = APIRouter(prefix=results.ROOT)
 
 
 class NoMoreEvents(Exception):  # noqa: N818 - not an error
     """The job has ended and the client has all its events: 204, which stops a browser from reconnecting."""
 
 
-def make_router(state: ServiceState) -> APIRouter:
-    """Makes all routes."""
-    routes = APIRouter(prefix=results.ROOT)
-    _add_post(routes, state)
-    _add_job(routes, state)
-    _add_events(routes, state)
-    return routes
+async def find_job(
+    state: State,
+    id_: Annotated[str, Path(alias="id", description="a job's id", examples=["0123456789abcdef0123456789abcdef"])],
+) -> Job:
+    """A dependency: the job of the path. Raises `HTTPException` 404."""
+    found = None
+    if re.fullmatch(r"[0-9a-f]{32}", id_):
+        found = await to_thread.run_sync(state.engine.jobs.get, id_)
+    if found is None:
+        raise HTTPException(404, f"there is no job {id_[:40]!r}, or it has been removed; post its file again")
+    return found
 
 
-def _add_post(routes: APIRouter, state: ServiceState) -> None:
-    @routes.post(
-        "",
-        summary="Reconstruct views from a mesh, an EIA picture or a zip of views",
-        response_class=Response,
-        responses=openapi.describe_result()
-        | openapi.describe_status(202, "the job is not done yet", Location="path of the job", Retry_After="seconds")
-        | openapi.describe_errors(400, 401, 408, 409, 413, 415, 422, 429, 503),
-        openapi_extra={
-            "parameters": [openapi.PREFER, openapi.IF_NONE_MATCH],
-            "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": upload.SCHEMA}}},
-        },
-    )
-    async def create_reconstruction(request: Request) -> Response:
-        start = time.perf_counter()
-        state.engine.check_accepting()
-        upload.check_content_type(request.headers.get("content-type"))
-        form = await multipart.read_form(request)
+FoundJob = Annotated[Job, Depends(find_job)]
+
+
+@router.post(
+    "",
+    summary="Reconstruct views from a mesh, an EIA picture or a zip of views",
+    response_class=Response,
+    responses=openapi.describe_result()
+    | openapi.describe_status(202, "the job is not done yet", Location="path of the job", Retry_After="seconds")
+    | openapi.describe_errors(400, 401, 408, 409, 413, 415, 422, 429, 503),
+    openapi_extra={
+        "parameters": [openapi.PREFER, openapi.IF_NONE_MATCH],
+        "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": upload.SCHEMA}}},
+    },
+)
+async def create_reconstruction(request: Request, state: State) -> Response:
+    """Waits for the result up to CIIR_SYNC_SECONDS, or as `Prefer` asks for; then the answer is 202."""
+    start = time.perf_counter()
+    state.engine.check_accepting()
+    upload.check_content_type(request.headers.get("content-type"))
+    form = await multipart.read_form(request)
+    try:
+        given = upload.parse_form(form.multi_items())
+        tags = request.headers.getlist("if-none-match")
+        if tags and (tag := await to_thread.run_sync(_find_tag, state, given, tags)) is not None:
+            return results.respond_unchanged(tag)
+        job = await _submit(state, given)
+    finally:
+        await form.close()
+    preference = Preference.parse(request.headers.getlist("prefer"))
+    waits = not preference.is_async or bool(preference.wait)
+    was_done = job.state == "done"
+    if waits:
+        job = await _wait_for_end(state, job, preference.wait_seconds(state.settings.sync_seconds))
+    if job.state in ("failed", "cancelled"):
+        response: Response = results.respond_unfinished(job, request.url.path)
+    elif job.result is None or not waits:
+        response = results.respond_with_status(job, 202, {"Location": results.make_url(job)})
+    else:
+        milliseconds = 1000 * (time.perf_counter() - start)
+        timings = {"stored": milliseconds, "total": milliseconds} if was_done else None
         try:
-            given = upload.parse_form(form.multi_items())
-            tags = request.headers.getlist("if-none-match")
-            if tags and (tag := await to_thread.run_sync(_find_tag, state, given, tags)) is not None:
-                return results.respond_unchanged(tag)
-            job = await _submit(state, given)
-        finally:
-            await form.close()
-        preference = Preference.parse(request.headers.getlist("prefer"))
-        waits = not preference.is_async or bool(preference.wait)
-        was_done = job.state == "done"
-        if waits:
-            job = await _wait_for_end(state, job, preference.wait_seconds(state.settings.sync_seconds))
-        if job.state in ("failed", "cancelled"):
-            response: Response = results.respond_unfinished(job, request.url.path)
-        elif job.result is None or not waits:
-            response = results.respond_with_status(job, 202, {"Location": results.make_url(job)})
-        else:
-            milliseconds = 1000 * (time.perf_counter() - start)
-            timings = {"stored": milliseconds, "total": milliseconds} if was_done else None
-            try:
-                response = await results.respond_with_result(state.engine.jobs, job, job.result, timings)
-            except ResultExpired as error:  # since the job was looked up
-                raise QueueUnavailable("the result expired just now; post the input again") from error
-        if applied := preference.format_applied(state.settings.sync_seconds):
-            response.headers["Preference-Applied"] = applied
-        return response
+            response = await results.respond_with_result(state.engine.jobs, job, job.result, timings)
+        except ResultExpired as error:  # since the job was looked up
+            raise QueueUnavailable("the result expired just now; post the input again") from error
+    if applied := preference.format_applied(state.settings.sync_seconds):
+        response.headers["Preference-Applied"] = applied
+    return response
 
 
-def _find_tag(state: ServiceState, given: Upload, tags: list[str]) -> str | None:
+def _find_tag(state: State, given: Upload, tags: list[str]) -> str | None:
     """The one of `tags` that names the result of this form, or None. No job is needed if there is one."""
-    return results.find_matching_tag(tags, state.engine.jobs.compute_id(_make_request(given), given.file))
+    return results.find_matching_tag(tags, state.engine.jobs.compute_id(given.request, given.file))
 
 
-def _make_request(given: Upload) -> job_module.Request:
-    return job_module.Request(given.name, given.texts, given.format)
-
-
-async def _submit(state: ServiceState, given: Upload) -> Job:
+async def _submit(state: State, given: Upload) -> Job:
     """Submits the form as a job. Raises `QueueFull` or `QueueUnavailable`."""
     try:
-        job = await to_thread.run_sync(
-            lambda: state.engine.jobs.submit(_make_request(given), given.file, size=given.size)
-        )
+        job = await to_thread.run_sync(lambda: state.engine.jobs.submit(given.request, given.file, size=given.size))
     except (QueueFull, QueueUnavailable):
         state.metrics.submitted.labels("refused").inc()
         raise
     state.metrics.submitted.labels("known" if job.state in FINAL else "accepted").inc()
     trace.get_current_span().set_attribute("ciir.job", job.id)
-    _log.info("job %s: %s, %d bytes, %s", job.id, given.name, given.size, job.state)
+    _log.info("job %s: %s, %d bytes, %s", job.id, given.request.name, given.size, job.state)
     return job
 
 
-async def _wait_for_end(state: ServiceState, job: Job, seconds: float) -> Job:
+async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
     """Waits for the end of `job`, but at most that time."""
     with anyio.move_on_after(seconds):
         while job.state not in FINAL:
@@ -130,106 +128,89 @@ async def _wait_for_end(state: ServiceState, job: Job, seconds: float) -> Job:
     return job
 
 
-def _make_finder(state: ServiceState) -> Callable[[str], Awaitable[Job]]:
-    """A dependency that finds the job of the path. Raises `HTTPException` 404."""
-
-    async def find(id_: Annotated[str, _ID]) -> Job:
-        found = None
-        if re.fullmatch(r"[0-9a-f]{32}", id_):
-            found = await to_thread.run_sync(state.engine.jobs.get, id_)
-        if found is None:
-            raise HTTPException(404, f"there is no job {id_[:40]!r}, or it has been removed; post its file again")
-        return found
-
-    return find
+@router.head("/{id}", include_in_schema=False)
+@router.get(
+    "/{id}",
+    summary="Status of a job",
+    response_class=Response,
+    responses=openapi.describe_status(200, "the status") | openapi.describe_errors(401, 404, 503),
+)
+async def read_reconstruction(job: FoundJob) -> Response:
+    """The status, with the report or the problem at its end."""
+    return results.respond_with_status(job)
 
 
-def _add_job(routes: APIRouter, state: ServiceState) -> None:
-    found = Depends(_make_finder(state))
-
-    @routes.head("/{id}", include_in_schema=False)
-    @routes.get(
-        "/{id}",
-        summary="Status of a job",
-        response_class=Response,
-        responses=openapi.describe_status(200, "the status") | openapi.describe_errors(401, 404, 503),
-    )
-    async def read_reconstruction(job: Job = found) -> Response:
-        return results.respond_with_status(job)
-
-    @routes.delete(
-        "/{id}",
-        summary="Cancel a job, unless it has ended",
-        description="Identical requests share one job: it is cancelled for all of them.",
-        response_class=Response,
-        responses=openapi.describe_status(200, "the status: cancelled, or that at its end")
-        | openapi.describe_errors(401, 404, 503),
-    )
-    async def cancel_reconstruction(job: Job = found) -> Response:
-        cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id)
-        return results.respond_with_status(cancelled or job)
-
-    @routes.head("/{id}/result", include_in_schema=False)
-    @routes.get(
-        "/{id}/result",
-        summary="Result of a job",
-        response_class=Response,
-        responses=openapi.describe_result() | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
-        openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
-    )
-    async def read_result(request: Request, job: Job = found) -> Response:
-        if job.result is None:
-            return results.respond_unfinished(job, request.url.path)
-        tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
-        if tag is not None:
-            return results.respond_unchanged(tag)
-        return await results.respond_with_result(state.engine.jobs, job, job.result, is_head=request.method == "HEAD")
+@router.delete(
+    "/{id}",
+    summary="Cancel a job, unless it has ended",
+    description="Identical requests share one job: it is cancelled for all of them.",
+    response_class=Response,
+    responses=openapi.describe_status(200, "the status: cancelled, or that at its end")
+    | openapi.describe_errors(401, 404, 503),
+)
+async def cancel_reconstruction(job: FoundJob, state: State) -> Response:
+    """Cancels the job."""
+    cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id)
+    return results.respond_with_status(cancelled or job)
 
 
-def _add_events(routes: APIRouter, state: ServiceState) -> None:
-    found = Depends(_make_finder(state))
+@router.head("/{id}/result", include_in_schema=False)
+@router.get(
+    "/{id}/result",
+    summary="Result of a job",
+    response_class=Response,
+    responses=openapi.describe_result() | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
+    openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
+)
+async def read_result(request: Request, job: FoundJob, state: State) -> Response:
+    """The file with the views; if the job failed, its problem."""
+    if job.result is None:
+        return results.respond_unfinished(job, request.url.path)
+    tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
+    if tag is not None:
+        return results.respond_unchanged(tag)
+    return await results.respond_with_result(state.engine.jobs, job, job.result, is_head=request.method == "HEAD")
 
-    async def find_start(request: Request, job: Job = found) -> tuple[Job, int]:
-        """The job and the number of the first event to send."""
-        last = request.headers.get("last-event-id", "").strip()
-        if last and re.fullmatch(r"\d{1,9}", last) is None:
-            raise HTTPException(
-                400, f"Last-Event-ID: {last[:40]!r} is no number of an event; leave it out for all events"
-            )
-        first = int(last) + 1 if last else 0
-        if job.state in FINAL and first >= len(job.events):
-            raise NoMoreEvents
-        return job, first
 
-    start = Depends(find_start)
+async def find_start(request: Request, job: FoundJob) -> tuple[Job, int]:
+    """A dependency: the job and the number of the first event to send."""
+    last = request.headers.get("last-event-id", "").strip()
+    if last and re.fullmatch(r"\d{1,9}", last) is None:
+        raise HTTPException(400, f"Last-Event-ID: {last[:40]!r} is no number of an event; leave it out for all events")
+    first = int(last) + 1 if last else 0
+    if job.state in FINAL and first >= len(job.events):
+        raise NoMoreEvents
+    return job, first
 
-    @routes.get(
-        "/{id}/events",
-        summary="Events of a job, as server-sent events",
-        description="All events, or those after `Last-Event-ID`, until the job has ended. Events are numbered from 0.",
-        response_class=EventSourceResponse,
-        responses=openapi.describe_response(204, "the job has ended, and the client has all events")
-        | openapi.describe_errors(400, 401, 404, 503),
-        openapi_extra={"parameters": [openapi.LAST_EVENT_ID]},
-    )
-    async def read_events(begin: tuple[Job, int] = start) -> AsyncIterator[ServerSentEvent]:
-        job, sent = begin
-        yield ServerSentEvent(comment=f"job {job.id}", retry=RETRY_MILLISECONDS)
-        while True:
-            sent = sent if sent <= len(job.events) else 0  # the job was submitted again, and its events begin anew
-            for number, event in enumerate(job.events[sent:], sent):
-                yield ServerSentEvent(event=event.kind, id=str(number), raw_data=json.dumps(event.data))
-            sent = len(job.events)
-            if job.state in FINAL:
-                return
-            try:
-                later = await state.wait_for_change(job)
-            except (
-                LookupError,
-                QueueUnavailable,
-            ) as error:  # the status is sent: the client gets the error when it reconnects
-                _log.warning("the event stream of job %s ended: %s", job.id, error)
-                return
-            if later is None:
-                return
-            job = later
+
+Start = Annotated[tuple[Job, int], Depends(find_start)]
+
+
+@router.get(
+    "/{id}/events",
+    summary="Events of a job, as server-sent events",
+    description="All events, or those after `Last-Event-ID`, until the job has ended. Events are numbered from 0.",
+    response_class=EventSourceResponse,
+    responses=openapi.describe_response(204, "the job has ended, and the client has all events")
+    | openapi.describe_errors(400, 401, 404, 503),
+    openapi_extra={"parameters": [openapi.LAST_EVENT_ID]},
+)
+async def read_events(start: Start, state: State) -> AsyncIterator[ServerSentEvent]:
+    """The events."""
+    job, sent = start
+    yield ServerSentEvent(comment=f"job {job.id}", retry=RETRY_MILLISECONDS)
+    while True:
+        sent = sent if sent <= len(job.events) else 0  # the job was submitted again, and its events begin anew
+        for number, event in enumerate(job.events[sent:], sent):
+            yield ServerSentEvent(event=event.kind, id=str(number), raw_data=json.dumps(event.data))
+        sent = len(job.events)
+        if job.state in FINAL:
+            return
+        try:
+            later = await state.wait_for_change(job)
+        except (LookupError, QueueUnavailable) as error:  # the client gets the error when it reconnects
+            _log.warning("the event stream of job %s ended: %s", job.id, error)
+            return
+        if later is None:
+            return
+        job = later

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from fastapi import Depends, Request
 
 if TYPE_CHECKING:
     from ciir.service.jobs.engine import Engine
@@ -43,3 +45,12 @@ def _forget(change: asyncio.Task[Job]) -> None:
     """Retrieves the exception of a task that nothing awaits any more; asyncio would log that it was never retrieved."""
     if not change.cancelled():
         change.exception()
+
+
+def find_state(request: Request) -> ServiceState:
+    """A dependency: the state of the server that got the request."""
+    state: ServiceState = request.app.state.service
+    return state
+
+
+State = Annotated[ServiceState, Depends(find_state)]

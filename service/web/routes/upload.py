@@ -12,6 +12,7 @@ from starlette.datastructures import UploadFile
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers.formats import FORMATS, check_format
+from ciir.service.jobs.job import Request
 from ciir.service.pipeline.options import HELP, NAMES, Options
 
 if TYPE_CHECKING:
@@ -36,15 +37,10 @@ SCHEMA: dict[str, Any] = {
 class Upload:
     """A parsed form."""
 
-    name: str
-    """`upload` and the suffix of the client's file name; the rest of that name is not used."""
+    request: Request
     file: BinaryIO
     size: int
     """Bytes."""
-    options: Options
-    texts: dict[str, str]
-    """The options as they were sent."""
-    format: str | None
 
 
 def check_content_type(content_type: str | None) -> None:
@@ -79,11 +75,11 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
         raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *NAMES))}")
     if format_ is not None:
         check_format(format_)
-    options = Options.parse(texts)
+    Options.parse(texts)  # raises for one that is out of range
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")
-    name = "upload" + _find_suffix(upload.filename or "")
-    return Upload(name, upload.file, upload.size or 0, options, texts, format_)
+    request = Request("upload" + _find_suffix(upload.filename or ""), texts, format_)
+    return Upload(request, upload.file, upload.size or 0)
 
 
 def _find_suffix(name: str) -> str:

@@ -1,5 +1,6 @@
 """docs/http.md: its examples run, and its tables agree with OpenAPI and the settings."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -22,19 +23,20 @@ def find_code(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
 
 
+def run(folder, *command):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(  # noqa: S603 - our own
+        command, cwd=folder, env=environment, check=False, text=True, capture_output=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 def test_the_shell_examples(server, tmp_path):
     if shutil.which("curl") is None:
         pytest.skip("curl is not installed here")
     script = "set -euo pipefail\n" + "".join(find_code("sh")).replace(DEFAULT, server)
-    done = subprocess.run(  # noqa: S603 - our own
-        ["bash", "-c", script],  # noqa: S607
-        cwd=tmp_path,
-        check=False,
-        text=True,
-        capture_output=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run(tmp_path, "bash", "-c", script)
     assert decode((tmp_path / "view.png").read_bytes(), name="x").shape == (100, 100, 3)
     with zipfile.ZipFile(tmp_path / "views.zip") as archive:
         assert len(archive.namelist()) == 6
@@ -51,16 +53,7 @@ def test_the_shell_examples(server, tmp_path):
 def test_the_python_example(server, tmp_path):
     (tmp_path / "mesh.off").write_bytes(CUBE)
     (program,) = find_code("python")
-    done = subprocess.run(  # noqa: S603 - our own
-        [sys.executable, "-c", program.replace(DEFAULT, server)],
-        cwd=tmp_path,
-        env={"PYTHONPATH": str(ROOT)},
-        check=False,
-        text=True,
-        capture_output=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run(tmp_path, sys.executable, "-c", program.replace(DEFAULT, server))
     assert decode((tmp_path / "view.png").read_bytes(), name="x").shape == (100, 100, 3)
     assert np.load(tmp_path / "views.npz")["views"].shape == (225, 100, 100, 3)
     assert done.stdout.startswith("queued {}")
