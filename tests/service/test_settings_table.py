@@ -23,7 +23,6 @@ def test_every_setting_is_on_the_page_and_in_the_table():
 OTHERS = {
     "renderer.writers.jpeg.MAX_SIDE": "the limit of the format, for writing",
     "renderer.backends.opengl.MAX_SIDE": "larger pictures are rendered by Embree",
-    "renderer.backends.culling.MAX_VIEWS": "chooses a method",
     "renderer.sampling.MAX_SAMPLES": "no request reaches it",
     "renderer.readers.meshes.texture_files.MAX_NOTES": "limits the notes of a report",
 }
