@@ -32,22 +32,22 @@ _ZIP_ERRORS = (
 
 @dataclass(frozen=True)
 class Bundle:
-    """Names and bytes. Keys of `files` are relative, normalised, with `/`."""
+    """The files of an input. Keys of `files` are relative, normalised, with `/`."""
 
     name: str
-    """For messages and reports; never opened."""
+    """For messages and reports."""
     main: str | None
     """The key of the file that was given; None where a set of files was."""
     files: Mapping[str, bytes]
     limits: Limits = DEFAULT_LIMITS
-    """What is read of the files is held against these."""
+    """Limits for everything that is read of the files."""
 
     @classmethod
     def from_path(cls, path: Path, limits: Limits = DEFAULT_LIMITS) -> Bundle:
-        """The file at `path` with the files beside and below it in reach by name; or a folder; or a zip's contents.
+        """The file at `path`, with the files beside and below it by name; or a folder; or a zip's contents.
 
-        Files are read when they are asked for. Raises `Unreadable` where there is nothing to read, `TooLarge` over a
-        limit, `UnsupportedType` where a file's name and content disagree.
+        Files are read when first used. Raises `Unreadable` where there is nothing to read, `TooLarge` over a limit,
+        `UnsupportedType` where a file's name and content disagree.
         """
         if path.is_dir():
             return cls(path.resolve().name, None, Folder(path, limits), limits)
@@ -58,13 +58,13 @@ class Bundle:
 
     @classmethod
     def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULT_LIMITS) -> Bundle:
-        """A client's file: its own bytes and nothing else, or a zip's contents, unpacked in memory.
+        """A client's file alone, or a zip's contents, unpacked in memory.
 
-        `name` says the kind and is shown in messages; it is never a path. Raises as `from_path` does.
+        The suffix of `name` is checked against the content; it is never a path. Raises as `from_path` does.
         """
         own = PurePosixPath(name.replace("\\", "/")).name
         if len(data) > limits.bytes:
-            raise TooLarge(_too_large(own, len(data), limits))
+            raise TooLarge(_describe_size(own, len(data), limits))
         found = identify(own, data)
         if found is ZIP:
             return cls(own, None, unpack(own, data, limits), limits)
@@ -73,7 +73,7 @@ class Bundle:
 
 
 class Folder(Mapping[str, bytes]):
-    """The files below a folder, read when asked for. Hidden files are not listed; links that lead out are not read.
+    """The files below a folder, read when first used. Hidden files are not listed; links that lead out are not read.
 
     Raises `TooLarge` from iteration with more than `limits.files` files, and on a file of more than `limits.bytes`.
     """
@@ -82,7 +82,7 @@ class Folder(Mapping[str, bytes]):
         self._path = path
         self._root = path.resolve()
         self._limits = limits
-        self._known = known or {}  # the file that was named itself: it may be a link, and is read once
+        self._known = known or {}  # the file that was given itself: it may be a link, and is read once
 
     def __getitem__(self, key: str) -> bytes:
         if key in self._known:
@@ -118,7 +118,7 @@ class Folder(Mapping[str, bytes]):
         path = self._path / key
         try:
             return path if self._is_ours(path) else None
-        except OSError:  # a name that the file system doesn't take is in no folder
+        except OSError:  # a name that the file system does not allow
             return None
 
     def _is_ours(self, path: Path) -> bool:
@@ -126,11 +126,11 @@ class Folder(Mapping[str, bytes]):
 
 
 def read_file(path: Path, limits: Limits) -> bytes:
-    """The bytes of `path`; `Unreadable` or `TooLarge` in place of what the system says."""
+    """The bytes of `path`. Raises `Unreadable` or `TooLarge` in place of the system's errors."""
     try:
         size = path.stat().st_size
         if size > limits.bytes:
-            raise TooLarge(_too_large(path.name, size, limits))
+            raise TooLarge(_describe_size(path.name, size, limits))
         if not path.is_file():
             raise Unreadable(f"{clean_text(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
@@ -141,21 +141,21 @@ def read_file(path: Path, limits: Limits) -> bytes:
         raise Unreadable(f"{clean_text(str(path))}: {why}; give a file that can be read") from error
 
 
-def _too_large(name: str, size: int, limits: Limits) -> str:
+def _describe_size(name: str, size: int, limits: Limits) -> str:
     name = clean_text(name)
     return f"{name}: {size:,} bytes; at most {limits.bytes:,} are read; decimate the mesh or scale pictures down"
 
 
 def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
-    """A zip's files, unpacked in memory. Hidden files and what macOS adds are left out.
+    """Unpacks a zip in memory. Hidden files and those that macOS adds are left out.
 
-    Raises `Unreadable` for a corrupt or an encrypted zip and for names that escape, `UnsupportedType` for links,
-    zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before anything is unpacked.
+    Raises `Unreadable` for a corrupt or an encrypted zip and for names that lead out of it, `UnsupportedType` for
+    links, zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before unpacking.
     """
     name = clean_text(name)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = _checked(name, archive.infolist(), limits)
+            members = _check_members(name, archive.infolist(), limits)
             files = {key: archive.read(member) for key, member in members.items()}
     except _ZIP_ERRORS as error:
         if isinstance(error, (Unreadable, UnsupportedType, TooLarge)):
@@ -167,7 +167,7 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
     return files
 
 
-def _checked(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
+def _check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
     members = [member for member in members if not member.is_dir()]
     if len(members) > limits.files:
         raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer")

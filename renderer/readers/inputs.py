@@ -1,4 +1,4 @@
-"""Reads any input as a scene or a light field. Its content decides how it is read, not options."""
+"""Reads any input as a scene or a light field, by its content."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 def read(
     bundle: Bundle, *, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup = "virtual"
 ) -> Scene | LightField:
-    """A mesh as a scene; an elemental image array, or a set of views, as a light field.
+    """Reads a mesh as a scene, and an elemental image array or a set of views as a light field.
 
-    - A mesh: `lenses` and `pixels` play no part, they say how it is rendered.
-    - One picture: an elemental image array of `lenses` (rows, columns); with `pixels` (v, u) alone, of as many lenses
-      as go into it. Both must agree with its size.
-    - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, of which there are
-      `pixels` (v, u) where their names don't tell.
+    - A mesh: `lenses` and `pixels` are not used.
+    - One picture: an elemental image array of `lenses` (rows, columns), or of elemental images of `pixels` (v, u).
+      Where both are given they must agree with the picture's size.
+    - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of `pixels`
+      (v, u) where their names don't give one.
 
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
-    `InvalidGeometry` where the input is at fault.
+    `InvalidGeometry` for the input.
     """
     found = find_main(bundle)
     if found is None:
@@ -36,7 +36,7 @@ def read(
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_)
-    return _eia(bundle, key, lenses, pixels, pickup)
+    return _read_eia(bundle, key, lenses, pixels, pickup)
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
@@ -67,13 +67,13 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     return None
 
 
-def _eia(
+def _read_eia(
     bundle: Bundle, key: str, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup
 ) -> LightField:
     if lenses is None and pixels is None:
         raise InvalidOption(
-            f"{clean_text(bundle.name)}: a picture is read as an elemental image array; say how many lenses took it, "
-            "as in lenses 50x50 (rows x columns), or how many pixels each has, as in pixels 15x15"
+            f"{clean_text(bundle.name)}: a picture is read as an elemental image array; give the number of lenses, "
+            "as in lenses 50x50 (rows x columns), or of pixels of each, as in pixels 15x15"
         )
     eia = pictures.decode(bundle.files[key], name=clean_text(bundle.name), max_pixels=bundle.limits.pixels)
     height, width = eia.shape[:2]

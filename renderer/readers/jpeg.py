@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-# The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
+# Not Image.open, which would try other decoders and warn of large pictures.
 from PIL.JpegImagePlugin import JpegImageFile
 
 from ciir.errors import TooLarge, UnsupportedType
@@ -28,10 +28,10 @@ ORIENTATION = 0x0112
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
     """Pixels as stored, and the orientation (Exif 2.32, 4.6.4), 1 to 8.
 
-    `check_size(height, width)` is called before anything of that size is allocated. Raises `UnsupportedType` where the
-    colours are neither grey nor RGB: a printer's CMYK needs its profile to become RGB; `TooLarge` over `MAX_SCANS`.
+    Raises `UnsupportedType` for colours that are neither grey nor RGB (CMYK needs its profile to become RGB),
+    `TooLarge` over `MAX_SCANS`.
     """
-    data, exif = _without_metadata(data)
+    data, exif = _split_metadata(data)
     # No other 0xFF in the coded pixels has this byte after it. Each scan of a progressive JPEG goes over all pixels.
     scans = data.count(bytes([0xFF, START_OF_SCAN]))
     if scans > MAX_SCANS:
@@ -43,10 +43,10 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         return np.asarray(image), _orientation(exif)
 
 
-def _without_metadata(data: bytes) -> tuple[bytes, bytes]:
+def _split_metadata(data: bytes) -> tuple[bytes, bytes]:
     """The JPEG without APP1 and APP2, and its Exif block ("" where there is none), which starts at the TIFF header.
 
-    Pillow reads those segments on opening, and warns on standard error of anything in them that it finds odd.
+    Pillow reads those segments as well, and prints warnings of what is malformed in them.
     """
     kept, exif, offset = [data[:2]], b"", 2
     while (start := struct.unpack_from(">BB", data, offset)) != (0xFF, START_OF_SCAN):

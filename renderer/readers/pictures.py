@@ -1,7 +1,7 @@
-"""Decodes pictures: PNG, JPEG and TIFF, 8 and 16 bit, each by its own named decoder.
+"""Decodes pictures of 8 and 16 bit.
 
-A picture's size is read from its header and checked before anything of that size is allocated. Colour profiles and
-gamma are ignored: pixels are taken as they are stored.
+Sizes are checked before anything of that size is allocated. Colour profiles and gamma are ignored: pixels are taken as
+they are stored.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ SUFFIXES = frozenset(suffix for entry in PICTURES for suffix in entry.suffixes)
 MAX_SIDE = 131_072
 """Most pixels along one side of a picture."""
 
-# What Pillow, tifffile and its codecs raise on hostile bytes, found by mutating files a million times.
 DECODER_ERRORS = (
     ArithmeticError,
     EOFError,
@@ -43,8 +42,9 @@ DECODER_ERRORS = (
     ValueError,
     struct.error,
 )
+"""What Pillow, tifffile and its codecs raise on hostile bytes, found by mutating files a million times."""
 
-# What tifffile would print on standard error comes as one line from here; whoever sets up logging still gets it.
+# The error that is raised is enough: tifffile's log lines would be printed on standard error.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
@@ -53,11 +53,11 @@ def decode(
 ) -> Pixels:
     """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
 
-    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. The kind goes by the
-    content alone; `name` stands in the messages. `check(height, width)` is called before decoding: it may raise too.
+    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is for messages
+    alone. `check(height, width)` is called before decoding and may raise an error of its own.
 
-    Raises `UnsupportedType` where it isn't a PNG, JPEG or TIFF of such pixels, `TooLarge` over `max_pixels` (height x
-    width) or `MAX_SIDE` or where memory runs out, `Unreadable` where it is truncated or corrupt.
+    Raises `UnsupportedType` for other formats and other pixels, `TooLarge` over `max_pixels` (height x width) or
+    `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is truncated or corrupt.
     """
 
     def check_size(height: int, width: int) -> None:
@@ -70,9 +70,9 @@ def decode(
         listed = ", ".join(entry.name for entry in PICTURES)
         raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")
     decoder = found[0].load_decoder()
-    with _unreadable(name):
+    with _refuse_malformed(name):
         pixels, orientation = decoder(data, name, check_size)
-        pixels = _upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
+        pixels = _turn_upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
         return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
 
 
@@ -86,8 +86,8 @@ def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
         )
 
 
-def _upright(pixels: Pixels, orientation: int) -> Pixels:
-    """Undo orientation 1 to 8 of Exif and TIFF 6.0: where the stored first row and column lie in the scene."""
+def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:
+    """Undoes orientation 1 to 8 of Exif and TIFF 6.0."""
     if orientation in (5, 6, 7, 8):
         pixels = pixels.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -98,15 +98,15 @@ def _upright(pixels: Pixels, orientation: int) -> Pixels:
 
 
 @contextmanager
-def _unreadable(name: str) -> Iterator[None]:
-    """Whatever a decoder says of bytes that it can't decode becomes `Unreadable`."""
+def _refuse_malformed(name: str) -> Iterator[None]:
+    """Raises `Unreadable` for `DECODER_ERRORS`, `TooLarge` where memory runs out."""
     try:
         yield
     except InputError:
         raise
     except DECODER_ERRORS as error:
-        said = clean_text(str(error))
-        cause = f" ({said})" if " " in said else ""  # a KeyError says no more than its key
+        text = clean_text(str(error))
+        cause = f" ({text})" if " " in text else ""  # a KeyError has only its key
         raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
     except MemoryError as error:
         raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error

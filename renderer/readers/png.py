@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-# The class itself, not Image.open: no other decoder is tried, and Pillow's process-wide size warning stays out.
+# Not Image.open, which would try other decoders and warn of large pictures.
 from PIL.PngImagePlugin import PngImageFile
 
 from ciir.errors import Unreadable
@@ -29,29 +29,26 @@ PIXEL_CHUNKS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"})
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels of any PNG, palettes, 1 to 4 bits and a transparent colour expanded; and 1: a PNG is stored upright.
-
-    `check_size(height, width)` is called before anything of that size is allocated.
-    """
+    """Pixels of any PNG, with palettes, 1 to 4 bits and a transparent colour expanded; and orientation 1, upright."""
     if data[12:16] != b"IHDR" or len(data) < 33:
         raise Unreadable(f"{name}: the PNG header is cut off or corrupt; send the whole file")
     width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
     check_size(height, width)
-    chunks = _pixel_chunks(data, name)
+    chunks = _keep_pixel_chunks(data, name)
     return (_decode_16(chunks, colour) if depth == 16 and colour != GREY else _decode_8(chunks, depth)), 1
 
 
 def _decode_8(data: bytes, depth: int) -> Pixels:
-    """What Pillow reads to the bit: up to 8 bits, and 16-bit grey."""
+    """Up to 8 bits, and 16-bit grey: Pillow keeps every bit of these."""
     with PngImageFile(io.BytesIO(data)) as image:
         key = image.info.get("transparency")
         if image.mode == "P":
             return np.asarray(image.convert("RGB" if key is None else "RGBA"))
-        return _keyed(np.asarray(image.convert("L") if image.mode == "1" else image), key, depth)
+        return _add_alpha(np.asarray(image.convert("L") if image.mode == "1" else image), key, depth)
 
 
 def _decode_16(data: bytes, colour: int) -> Pixels:
-    """16-bit colour or alpha, of which Pillow keeps the high bytes: it is made to hand over the low ones too."""
+    """16-bit colour or alpha: Pillow keeps their high bytes alone, so that it reads them twice."""
     if colour == GREY_ALPHA:  # 4 bytes a pixel, as 8-bit RGBA has: the same filters, the same bytes
         header = b"IHDR" + data[16:24] + bytes([8, RGB_ALPHA]) + data[26:29]
         data = data[:12] + header + struct.pack(">I", zlib.crc32(header)) + data[33:]
@@ -62,11 +59,11 @@ def _decode_16(data: bytes, colour: int) -> Pixels:
     with PngImageFile(io.BytesIO(data)) as image:  # the low byte is the high one in the other byte order
         image.tile = [tile._replace(args=str(tile.args).replace(";16B", ";16L")) for tile in image.tile]
         low = np.asarray(image)
-    return _keyed(high.astype(np.uint16) << 8 | low, key, 16)
+    return _add_alpha(high.astype(np.uint16) << 8 | low, key, 16)
 
 
-def _keyed(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) -> Pixels:
-    """With alpha that is 0 where the pixel has the transparent colour of chunk tRNS, which is given at `depth` bits."""
+def _add_alpha(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) -> Pixels:
+    """Adds alpha that is 0 where the pixel has the transparent colour `key` of chunk tRNS, given at `depth` bits."""
     if key is None:
         return pixels
     colours = pixels if pixels.ndim == 3 else pixels[..., np.newaxis]
@@ -75,7 +72,7 @@ def _keyed(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) -> Pix
     return np.concatenate([colours, np.where(clear, 0, top).astype(pixels.dtype)], axis=2)
 
 
-def _pixel_chunks(data: bytes, name: str) -> bytes:
+def _keep_pixel_chunks(data: bytes, name: str) -> bytes:
     """The PNG without the chunks that hold no pixels: texts and profiles are compressed, and swell on reading."""
     kept, offset = [SIGNATURE], len(SIGNATURE)
     while offset + 12 <= len(data):

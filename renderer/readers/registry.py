@@ -178,7 +178,7 @@ def identify(name: str, data: bytes) -> Format:
         what = "text" if _is_text(data) else "binary data"
         raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
     if by_name not in {None, by_content}:
-        what = f"the name says {by_name.name if by_name else ''} but the content is {by_content.name}"
+        what = f"the suffix is of {by_name.name if by_name else ''} but the content is of {by_content.name}"
         raise UnsupportedType(f"{clean_text(name)}: {what}; rename it, or give one of {READ}")
     return by_content
 

@@ -22,7 +22,7 @@ COLOURS: dict[int, int] = {
     tifffile.PHOTOMETRIC.MINISWHITE: 1,
     tifffile.PHOTOMETRIC.RGB: 3,
 }
-"""The kinds that are read, and their channels without alpha."""
+"""The colour spaces that are read, and their channels without alpha."""
 COMPRESSIONS: tuple[int, ...] = (
     tifffile.COMPRESSION.NONE,
     tifffile.COMPRESSION.LZW,
@@ -35,14 +35,14 @@ COMPRESSIONS: tuple[int, ...] = (
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
     """Pixels as stored (black is 0), and the orientation, 1 to 8.
 
-    `check_size(height, width)` is called before anything of that size is allocated. Raises `UnsupportedType` for other
-    kinds of TIFF, `Unreadable` where strips or tiles are missing, `TooLarge` where tiles dwarf the picture.
+    Raises `UnsupportedType` for other kinds of TIFF, `Unreadable` where strips or tiles are missing, `TooLarge` where
+    tiles are much larger than the picture.
     """
     with tifffile.TiffFile(io.BytesIO(data)) as file:
         page = file.pages.first
         sides = (page.imagelength, page.imagewidth, page.tilelength, page.tilewidth, page.rowsperstrip)
         if not all(isinstance(side, int) for side in sides):
-            raise Unreadable(f"{name}: the TIFF's tags of its size are no single numbers; save the picture anew")
+            raise Unreadable(f"{name}: the TIFF's size is not given as single numbers; save the picture again")
         check_size(page.imagelength, page.imagewidth)
         if len(file.pages) > 1:
             raise UnsupportedType(f"{name}: a TIFF of {len(file.pages)} pages; save each as a file of its own")
@@ -52,12 +52,12 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         if page.axes == "SYX":
             pixels = np.moveaxis(pixels, 0, -1)
         if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
-            pixels = _inverted(pixels, page.samplesperpixel)
+            pixels = _invert_grey(pixels, page.samplesperpixel)
         return pixels, int(page.tags.valueof(ORIENTATION, 1))
 
 
-def _inverted(pixels: Pixels, samples: int) -> Pixels:
-    """Grey of which 0 is white, with black as 0; alpha stays."""
+def _invert_grey(pixels: Pixels, samples: int) -> Pixels:
+    """Turns grey of which 0 is white into grey of which 0 is black; alpha stays."""
     return np.invert(pixels) if samples == 1 else np.stack([np.invert(pixels[..., 0]), pixels[..., 1]], axis=-1)
 
 
@@ -84,7 +84,7 @@ def _check_kind(page: tifffile.TiffPage, name: str) -> None:
 
 
 def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None:
-    """Every strip or tile lies in the file, or tifffile would fill it with zeros; tiles are no way to a huge array."""
+    """Checks that tiles are small and that all lie in the file: tifffile fills missing ones with zeros."""
     whole = len(page.dataoffsets) == len(page.databytecounts) == int(np.prod(page.chunked)) and all(
         size > 0 and offset + size <= file_bytes
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)

@@ -1,4 +1,4 @@
-"""A set of pictures, one for each view, to a light field."""
+"""Reads a set of pictures, one for each view, as a light field."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
 
-# What lies beside the views in the sets that people pass around: notes, calibration, depth, our own report.
 SIDE_FILES = frozenset({
     "", ".cfg", ".csv", ".db", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm", ".ply",
     ".txt", ".url", ".xml", ".yaml", ".yml",
 })  # fmt: skip
+"""Suffixes of files beside the views that are ignored: notes, calibration, depth, reports."""
 
 # out_RR_CC_Y_X; focal length and sensor size may follow
 STANFORD = re.compile(r"out_(\d{1,9})_(\d{1,9})(?:_-?[\d.]+)*_?")
@@ -46,19 +46,17 @@ def read(
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 
-    A file's name tells the view's row v and column u, counted from 0 or from 1, or
-    from further on where the set is a part of a larger one, which is noted: `view_VV_UU` (ours), `out_RR_CC_Y_X`
-    (Stanford), `input_CamNNN` (HCI, row-major) and anything that ends with `_R_C`. Where names don't tell, the pictures
-    in natural order fill `grid` = (pixels_v, pixels_u) row by row, or a square where no grid is given. Hidden files and
-    side files (`SIDE_FILES`) are left out. One picture alone is a 1x1 light field.
+    A file's name holds the view's row v and column u: `view_VV_UU` (ours), `out_RR_CC_Y_X` (Stanford), `input_CamNNN`
+    (HCI, row-major), or anything that ends with `_R_C`. Both are counted from 0 or 1; a set that starts later is taken
+    as a part of a larger one, with a note. Without such names the pictures fill `grid` = (pixels_v, pixels_u), or a
+    square, row by row in natural order. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light field.
 
-    Views keep the order that their names tell. Stanford's gantry turns as `LensArray` does (with u growing, far points
-    move left past near ones). Sets named as HCI's run opposite to that geometry in v and in u, so that there d grows
-    towards the viewer: their order is kept too, and nothing is turned round.
+    Views keep the order of their names. Stanford's gantry moves as `LensArray` does (as u grows, far points move left
+    past near ones). HCI's cameras run opposite to that in v and in u: their order is kept too.
 
-    Raises `InvalidOption` where there is no full grid of views or `grid` doesn't fit the names, `UnsupportedType` where
-    a file is no picture that is read, `Unreadable` where pictures are missing, corrupt or differ in size, channels or
-    depth, `TooLarge` over `limits`.
+    Raises `InvalidOption` where the grid of views is not full or `grid` doesn't fit the names, `UnsupportedType` for a
+    file that is not a picture, `Unreadable` where pictures are missing, corrupt or differ in size, channels or depth,
+    `TooLarge` over `limits`.
     """
     names = _picture_names(files, name)
     if len(names) > limits.views:
@@ -92,7 +90,7 @@ def read(
 
 
 def _notes(order: Sequence[str]) -> tuple[str, ...]:
-    """Where the views' names start further on: whether rows or columns are missing before them can't be told."""
+    """A note where the names start after (1, 1): rows or columns before them may be missing."""
     match = next((m for pattern in (STANFORD, ROW_COLUMN) if (m := pattern.fullmatch(_stem(order[0])))), None)
     if match is None or len(order) == 1 or min(int(match[1]), int(match[2])) < 2:
         return ()
@@ -103,7 +101,7 @@ def _notes(order: Sequence[str]) -> tuple[str, ...]:
 
 
 def _cores() -> int:
-    """The cores that this process may use: in a container fewer than there are."""
+    """The cores that this process may use, which a container can limit."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -115,15 +113,15 @@ def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
             continue
         if not is_picture(file):
             raise UnsupportedType(
-                f"{name}: {clean_text(file)} is no picture that is read (.png, .jpg, .tif); convert it or take it out"
+                f"{name}: {clean_text(file)} is not a picture that is read; convert it or take it out"
             )
         names.append(file)
     if not names:
         raise Unreadable(f"{name}: no pictures in it; give a set of views as .png, .jpg or .tif files")
-    return sorted(names, key=_natural)
+    return sorted(names, key=_sort_key)
 
 
-def _natural(file: str) -> list[tuple[int, str]]:
+def _sort_key(file: str) -> list[tuple[int, str]]:
     """Numbers by value, the rest by letter: `view_2` before `view_10`."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", file.lower())]
 
@@ -140,7 +138,7 @@ def _arrange(names: Sequence[str], name: str, grid: tuple[int, int] | None) -> t
     side = math.isqrt(len(names))
     if grid is None and side * side != len(names):
         raise InvalidOption(
-            f"{name}: {len(names)} pictures whose names don't tell their place, and no square of them; "
+            f"{name}: {len(names)} pictures without rows and columns in their names, and not a square number; "
             "give pixels ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
         )
     grid = grid or (side, side)
@@ -153,7 +151,7 @@ def _arrange(names: Sequence[str], name: str, grid: tuple[int, int] | None) -> t
 
 
 def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[tuple[int, int], str]:
-    """Which file stands at which (row, column) as its name tells it; empty where no name fits the pattern."""
+    """The file at each (row, column) by its name; empty where no name fits the pattern."""
     places: dict[tuple[int, int], str] = {}
     others = []
     for file in names:
@@ -179,9 +177,7 @@ def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[t
 def _full_grid(
     places: Mapping[tuple[int, int], str], name: str, grid: tuple[int, int] | None
 ) -> tuple[list[str], tuple[int, int]]:
-    """The files row by row, where they fill a rectangle: one that starts at 0 or at 1, or a part cut out of a larger
-    set, which starts further on along both sides.
-    """
+    """The files row by row, and their grid: a full rectangle that starts at 0 or 1, or later in rows and in columns."""
     base = 0 if any(0 in place for place in places) else 1
     starts = [min(counts) for counts in zip(*places, strict=True)]
     first_row, first_column = starts if min(starts) > 1 else (base, base)
@@ -198,14 +194,14 @@ def _full_grid(
     found = (last_row + 1 - first_row, last_column + 1 - first_column)
     if grid not in (None, found):
         raise InvalidOption(
-            f"pixels: {grid[0]}x{grid[1]} is not the {found[0]}x{found[1]} grid of views that {name}'s names tell; "
+            f"pixels: {grid[0]}x{grid[1]} is not the {found[0]}x{found[1]} grid of views in the names of {name}; "
             "leave the option out or rename the pictures"
         )
     return order, found
 
 
 def _check_cameras(names: Sequence[str], name: str) -> None:
-    """HCI's cameras have no gaps and no strangers among them; natural order is theirs then."""
+    """Checks that HCI's cameras have no gaps and no other files among them, so that natural order is theirs."""
     numbers = [int(match[1]) if (match := HCI.fullmatch(_stem(file))) else -1 for file in names]
     if max(numbers) < 0:
         return

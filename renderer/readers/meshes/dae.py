@@ -45,7 +45,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     with refuse_malformed(name, "DAE"):
         document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
         if document.errors:
-            resolver.note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
+            resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
         if document.scene is None:
             raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
         upright = np.array(_UPRIGHT.get(document.assetInfo.upaxis, np.eye(4)), np.float64)
@@ -78,7 +78,7 @@ def _instances(
         elif isinstance(node, (GeometryNode, ControllerNode)):
             geometry = node.geometry if isinstance(node, GeometryNode) else getattr(node.controller, "geometry", None)
             if isinstance(node, ControllerNode):
-                resolver.note("a skinned mesh is drawn as it was modelled, without its skeleton")
+                resolver.add_note("a skinned mesh is drawn as it was modelled, without its skeleton")
             if geometry is not None:
                 yield geometry, {material.symbol: material.target for material in node.materials}, matrix
 
@@ -93,7 +93,7 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
             raise Unreadable(f"{name}: its polygons have more corners than it lists; export it again")
         primitive = primitive.triangleset()
     if not isinstance(primitive, TriangleSet):
-        resolver.note("lines are left out: only polygons are drawn")
+        resolver.add_note("lines are left out: only polygons are drawn")
         return None
     if not len(primitive) or primitive.vertex is None:
         return None
@@ -103,9 +103,9 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
     normals = None if primitive.normal is None else primitive.normal[primitive.normal_index].reshape(-1, 3)
     uv = primitive.texcoordset[0][primitive.texcoord_indexset[0]].reshape(-1, 2) if primitive.texcoordset else None
     color, picture = _material(materials.get(primitive.material))
-    texture = None if picture is None else resolver.texture(picture, opaque=True)
+    texture = None if picture is None else resolver.load_texture(picture, opaque=True)
     if texture is not None and uv is None:
-        resolver.note("a texture without texture coordinates is left out")
+        resolver.add_note("a texture without texture coordinates is left out")
         texture = None
     colors = None if texture is not None else _vertex_colors(primitive)
     return Surface(

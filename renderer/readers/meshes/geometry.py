@@ -18,19 +18,19 @@ MAX_NODES = 20_000
 """Most nodes in the scene of a mesh file, each counted as often as it is instanced."""
 
 
-def numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
-    """The numbers that `tokens` spell, `(n,)`; `ValueError` where one is none.
+def parse_numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
+    """Parses numbers, `(n,)`, one by one: an array of bytes would make every cell as wide as the longest token.
 
-    One by one: an array of bytes would make every cell as wide as the longest token.
+    Raises `ValueError` where a token is not a number.
     """
     return np.fromiter(map(float, tokens), np.float64)
 
 
-def fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangles `(m, 3)`, each polygon a fan about its first corner, and the polygon `(m,)` that each comes from.
+def triangulate_fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Splits polygons into fans about their first corners: triangles `(m, 3)`, and the polygon `(m,)` of each.
 
-    `lengths` `(n,)`: how many corners each polygon has. A triangle's corners are places in the list of all corners of
-    all polygons, one polygon after the other. Polygons of fewer than three corners have no triangle.
+    `lengths` `(n,)`: the number of corners of each polygon. A triangle's corners are indices into the list of the
+    corners of all polygons. Polygons of fewer than three corners have no triangle.
     """
     counts = np.maximum(lengths - 2, 0)
     source = np.repeat(np.arange(len(lengths)), counts)
@@ -39,11 +39,8 @@ def fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.in
     return np.stack([first, first + step + 1, first + step + 2], axis=1), source
 
 
-def normalised(values: NDArray[Any]) -> NDArray[Any]:
-    """Integers that stand for [0, 1], or for [-1, 1] where they are signed, as float32; floats as they are.
-
-    As in glTF 2.0, section 3.6.2.2: over the most that the type holds, and never below -1.
-    """
+def normalise(values: NDArray[Any]) -> NDArray[Any]:
+    """Scales integers to [0, 1], signed ones to [-1, 1], as float32 (glTF 2.0, section 3.6.2.2); floats are kept."""
     if values.dtype.kind == "f":
         return values
     scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, np.float32(-1.0))
@@ -51,9 +48,7 @@ def normalised(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
-    """The surface in world coordinates. Normals go through the inverse transpose, taken from cofactors: a flattened
-    axis has no inverse.
-    """
+    """Transforms a surface by a 4x4 matrix, normals by its cofactors: a flattened axis has no inverse."""
     linear = matrix[:3, :3]
     cofactors = np.stack(
         [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(linear[0], linear[1])]
@@ -63,7 +58,7 @@ def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
     return replace(
         surface,
         vertices=surface.vertices @ linear.T + matrix[:3, 3],
-        # Winding and cofactors both turn with a mirror: what is outside stays outside.
+        # A mirror reverses both winding and cofactors: the outside remains the outside.
         faces=surface.faces[:, ::-1] if mirrored else surface.faces,
         normals=None if normals is None else (normals @ cofactors.T) * (-1.0 if mirrored else 1.0),
     )

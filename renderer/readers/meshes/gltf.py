@@ -1,8 +1,8 @@
 """glTF 2.0 files: the container, the JSON in it, the buffers, and which extensions can be decoded here.
 
-Read by this project's own code and not by trimesh 5.2, which never reads a sampler's wraps or a texture's transform,
-sets the vertex colours of textured meshes aside, reads on past required extensions that it doesn't know, and makes
-zeros of accessors without data, each without a word (format: Khronos glTF 2.0, sections 3 and 4).
+Read by this project's own code and not by trimesh 5.2, which without an error ignores a sampler's wraps, a texture's
+transform, the vertex colours of textured meshes and required extensions that it doesn't know, and takes accessors
+without data as zeros (format: Khronos glTF 2.0, sections 3 and 4).
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 ELEMENTS = 15
 """Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
-texture coordinates and indices of the largest. One that stands for zeros costs a file nothing."""
+texture coordinates and indices of the largest. An accessor without data adds none to the file's size."""
 
 
 @dataclass(eq=False)
 class Document:
-    """A glTF file's JSON and what it points at."""
+    """A glTF file's JSON and the data that it refers to."""
 
     name: str
     json: dict[str, Any]
-    """As it stands in the file: nothing in it has been checked but that it is an object."""
+    """As in the file: unchecked, but that it is an object."""
     binary: bytes | None
     """The GLB's second chunk."""
     resolver: Resolver
     max_elements: int
-    """In all accessors that are read."""
+    """Most elements in all accessors that are read."""
     buffers: dict[int, bytes] = field(default_factory=dict)
-    """Buffers that were read already."""
+    """Buffers that were read, by index."""
     elements: int = 0
-    """In all accessors that were read."""
+    """Elements in all accessors that were read."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
-        """`json[kind][index]`, an object; `Unreadable` where the file has no such thing."""
+        """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""
         items = self.json.get(kind, [])
         if not isinstance(index, int) or not isinstance(items, list) or not 0 <= index < len(items):
             raise Unreadable(
@@ -68,7 +68,7 @@ class Document:
         return item
 
     def buffer(self, index: int) -> bytes:
-        """The bytes of a buffer, at least as many as it says."""
+        """The bytes of a buffer, at least `byteLength` of them."""
         if index not in self.buffers:
             self.buffers[index] = self._buffer(index)
         return self.buffers[index]
@@ -81,11 +81,11 @@ class Document:
             if data is None:
                 raise Unreadable(f"{self.name}: buffer {index} has no data; export it again")
         else:
-            data = _embedded(uri, self.name)
+            data = _decode_data_uri(uri, self.name)
             if data is None:
-                data = self.resolver.get(unquote(uri))
+                data = self.resolver.find(unquote(uri))
             if data is None:
-                why, remedy = self.resolver.why_not(unquote(uri))
+                why, remedy = self.resolver.explain_missing(unquote(uri))
                 raise Unreadable(
                     f"{self.name}: buffer {clean_text(unquote(uri))} {why}; {remedy}, or export one .glb file"
                 )
@@ -103,20 +103,20 @@ class Document:
         return memoryview(data)[start : start + length]
 
     def image(self, entry: dict[str, Any]) -> bytes | None:
-        """The bytes of an entry of `images`; None with a note where its file is not there."""
+        """The bytes of an entry of `images`; None with a note where its file is missing."""
         if "bufferView" in entry:
             return bytes(self.view(entry["bufferView"]))
-        data = _embedded(entry["uri"], self.name)
-        return self.resolver.find(unquote(entry["uri"]), "texture") if data is None else data
+        data = _decode_data_uri(entry["uri"], self.name)
+        return self.resolver.find_or_note(unquote(entry["uri"]), "texture") if data is None else data
 
 
 def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> Document:
-    """A `.glb` or `.gltf` file's bytes as a document; the extensions that it requires can all be decoded.
+    """Parses a `.glb` or `.gltf` file, and checks that its required extensions can be decoded.
 
     Raises `Unreadable` where the container or its JSON is malformed, `UnsupportedType` for other versions of glTF and
     for required extensions that are not decoded here.
     """
-    text, binary = _chunks(data, name) if data.startswith(b"glTF") else (data, None)
+    text, binary = _split_chunks(data, name) if data.startswith(b"glTF") else (data, None)
     try:
         document = json.loads(text.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -131,8 +131,8 @@ def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> 
     return Document(name, document, binary, resolver, ELEMENTS * max_triangles)
 
 
-def _embedded(uri: str, name: str) -> bytes | None:
-    """The data that a URI holds in itself; None where it names a file."""
+def _decode_data_uri(uri: str, name: str) -> bytes | None:
+    """The data of a data URI; None where the URI names a file."""
     if not uri.startswith("data:"):
         return None
     header, _, payload = uri.partition(",")
@@ -145,14 +145,14 @@ def _check_extension(extension: str, name: str, resolver: Resolver) -> None:
     if extension in DECODED:
         return
     if extension.startswith("KHR_materials_") or extension in {"KHR_lights_punctual", "KHR_animation_pointer"}:
-        resolver.note(f"{clean_text(extension)} has no part in a view-independent picture and is ignored")
+        resolver.add_note(f"{clean_text(extension)} has no effect on a view-independent picture and is ignored")
         return
     raise UnsupportedType(
         f"{name}: requires the extension {clean_text(extension)}, which is not decoded here; export it again without it"
     )
 
 
-def _chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
+def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
     if len(data) < 20:
         raise Unreadable(f"{name}: a GLB of {len(data)} bytes is cut short; export it again")
     version, length = struct.unpack_from("<II", data, 4)

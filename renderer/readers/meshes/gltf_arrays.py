@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers.meshes.geometry import fans, normalised
+from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -20,10 +20,10 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def accessor(document: Document, index: object) -> NDArray[Any]:
+def read_accessor(document: Document, index: object) -> NDArray[Any]:
     """An accessor as `(count, width)`: its own integers, or float32 where it holds floats or is normalised.
 
-    Raises `Unreadable` where it says more than the file holds, `TooLarge` over `Document.max_elements` in all.
+    Raises `Unreadable` where it needs more data than the file holds, `TooLarge` over `Document.max_elements` in all.
     """
     entry = document.item("accessors", index)
     dtype = np.dtype(_TYPES[entry["componentType"]]).newbyteorder("<")
@@ -39,7 +39,7 @@ def accessor(document: Document, index: object) -> NDArray[Any]:
         )
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])
-        values = _strided(
+        values = _read_strided(
             document.view(entry["bufferView"]),
             dtype,
             (count, width),
@@ -50,19 +50,19 @@ def accessor(document: Document, index: object) -> NDArray[Any]:
     else:
         values = np.zeros((count, width), dtype)
     if "sparse" in entry:
-        values = _with_sparse(document, entry["sparse"], values, f"{document.name}: accessor {index}")
-    return normalised(values) if entry.get("normalized") else values
+        values = _replace_sparse(document, entry["sparse"], values, f"{document.name}: accessor {index}")
+    return normalise(values) if entry.get("normalized") else values
 
 
-def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
-    """The triangles `(m, 3)` that the indices `(n,)` of a primitive of `mode` 4, 5 or 6 stand for."""
+def make_triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
+    """The triangles `(m, 3)` of the indices `(n,)` of a primitive of `mode` 4, 5 or 6."""
     flat = indices.astype(np.int64).ravel()
     if mode == _TRIANGLES:
         return flat[: len(flat) // 3 * 3].reshape(-1, 3)
     if len(flat) < 3:
         return np.empty((0, 3), np.int64)
     if mode == _FAN:
-        return flat[fans(np.array([len(flat)]))[0]]
+        return flat[triangulate_fans(np.array([len(flat)]))[0]]
     if mode != _STRIP:
         raise ValueError(f"primitive mode {mode}")
     strip = np.stack([flat[:-2], flat[1:-1], flat[2:]], axis=1)
@@ -70,7 +70,7 @@ def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     return strip
 
 
-def draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+def decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
     """A Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses.
 
     Raises `Unreadable` where it is corrupt; `UnsupportedType` where the decoder is not installed.
@@ -92,7 +92,7 @@ def draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int
     return faces, {str(name): stored[unique] for name, unique in extension["attributes"].items()}
 
 
-def _strided(
+def _read_strided(
     data: memoryview, dtype: np.dtype[Any], shape: tuple[int, int], offset: int, stride: int, *, what: str
 ) -> NDArray[Any]:
     count, width = shape
@@ -103,13 +103,13 @@ def _strided(
     return np.ndarray(shape, dtype, data, offset, (stride, dtype.itemsize))
 
 
-def _with_sparse(document: Document, sparse: dict[str, Any], values: NDArray[Any], what: str) -> NDArray[Any]:
+def _replace_sparse(document: Document, sparse: dict[str, Any], values: NDArray[Any], what: str) -> NDArray[Any]:
     count = int(sparse["count"])
     at, new = sparse["indices"], sparse["values"]
     dtype = np.dtype(_TYPES[at["componentType"]]).newbyteorder("<")
     offsets = int(at.get("byteOffset", 0)), int(new.get("byteOffset", 0))
-    rows = _strided(document.view(at["bufferView"]), dtype, (count, 1), offsets[0], 0, what=what)[:, 0]
+    rows = _read_strided(document.view(at["bufferView"]), dtype, (count, 1), offsets[0], 0, what=what)[:, 0]
     replaced = values.copy()
     shape = (count, values.shape[1])
-    replaced[rows] = _strided(document.view(new["bufferView"]), values.dtype, shape, offsets[1], 0, what=what)
+    replaced[rows] = _read_strided(document.view(new["bufferView"]), values.dtype, shape, offsets[1], 0, what=what)
     return replaced

@@ -1,4 +1,4 @@
-"""A glTF document's nodes, primitives and materials to surfaces (Khronos glTF 2.0, sections 3.5 to 3.9)."""
+"""Reads a glTF file's nodes, primitives and materials as surfaces (Khronos glTF 2.0, sections 3.5 to 3.9)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import gltf, gltf_arrays
-from ciir.renderer.readers.meshes.geometry import MAX_NODES, normalised, place_surface
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, normalise, place_surface
 from ciir.renderer.shading import encode_srgb
 from ciir.renderer.surface import Surface, check_size
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _BLEND_CUTOFF = 0.5
 MAX_PRIMITIVES = 200_000
-"""Most primitives in all nodes together: a file of a few bytes can name one mesh of many again and again."""
+"""Most primitives in all nodes together: many nodes can share one mesh of many primitives."""
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
@@ -64,7 +64,7 @@ def build_surfaces(document: Document, limits: Limits) -> list[Surface]:
                 continue
             triangles += len(surface.faces)
             vertices += len(surface.vertices)
-            # Here too: a file of a few bytes can name one mesh, or one buffer, again and again.
+            # Many nodes can share one mesh, and many meshes one buffer.
             check_size(document.name, triangles, vertices, limits.triangles)
             found.append(place_surface(surface, matrix))
     return found
@@ -94,7 +94,7 @@ def _nodes(document: Document) -> Iterator[tuple[dict[str, Any], NDArray[np.floa
 
 
 def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
-    """A node's own 4x4 matrix: as it stands in the file (column-major), or translation x rotation x scale."""
+    """A node's own 4x4 matrix: from the file (column-major), or translation x rotation x scale."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), np.float64)
@@ -116,16 +116,16 @@ def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
 def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
     mode = primitive.get("mode", 4)
     if mode not in {4, 5, 6}:
-        document.resolver.note("points and lines are left out: they have no surface")
+        document.resolver.add_note("points and lines are left out: they have no surface")
         return None
     arrays: dict[str, NDArray[Any]] = {}
     compressed = primitive.get("extensions", {}).get("KHR_draco_mesh_compression")
     if compressed is not None:
-        faces, arrays = gltf_arrays.draco(document, compressed)
+        faces, arrays = gltf_arrays.decode_draco(document, compressed)
         for name in arrays:
             entry = document.item("accessors", primitive["attributes"][name])
             if entry.get("normalized"):
-                arrays[name] = normalised(arrays[name])
+                arrays[name] = normalise(arrays[name])
     material = _Material(document, primitive.get("material"))
     attributes = primitive["attributes"]
     wanted = [name for name in ("POSITION", "NORMAL", "COLOR_0", material.texcoord) if name in attributes]
@@ -135,14 +135,14 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
         arrays["POSITION"] = _stored(document, attributes["POSITION"], "positions")
     for name in wanted:
         if name not in arrays:
-            arrays[name] = gltf_arrays.accessor(document, attributes[name])
+            arrays[name] = gltf_arrays.read_accessor(document, attributes[name])
     position = arrays["POSITION"].astype(np.float64).reshape(-1, 3)
     count = len(position)
     if compressed is None:
         indices = (
             _stored(document, primitive["indices"], "indices") if "indices" in primitive else np.arange(count)[:, None]
         )
-        faces = gltf_arrays.triangles(indices, mode)
+        faces = gltf_arrays.make_triangles(indices, mode)
     if any(len(values) != count for values in arrays.values()):
         raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
     color_0 = arrays.get("COLOR_0")
@@ -152,7 +152,7 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
         faces=faces,
         normals=arrays["NORMAL"].astype(np.float64).reshape(-1, 3) if "NORMAL" in arrays else None,
         color=material.color,
-        colors=None if color_0 is None else display_colors(color_0),
+        colors=None if color_0 is None else to_display_colors(color_0),
         uv=uv,
         texture=texture,
         alpha_cutoff=material.alpha_cutoff,
@@ -161,15 +161,15 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
 
 
 def _stored(document: Document, index: object, what: str) -> NDArray[Any]:
-    """An accessor that has data: without any it would stand for zeros, of which no surface can be made."""
+    """An accessor that has data: one without would be zeros, which make no surface."""
     if "bufferView" not in document.item("accessors", index):
         raise Unreadable(f"{document.name}: accessor {index}, of {what}, has no data; export it again")
-    return gltf_arrays.accessor(document, index)
+    return gltf_arrays.read_accessor(document, index)
 
 
-def display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
-    """glTF's linear vertex colours `(n, 3 or 4)` as display-referred RGBA `(n, 4)`; alpha stays as it is."""
-    values = normalised(color_0)
+def to_display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
+    """Converts linear vertex colours `(n, 3 or 4)` to display-referred RGBA `(n, 4)`; alpha is kept."""
+    values = normalise(color_0)
     rgba = np.ones((len(values), 4), np.float32)
     rgba[:, :3] = encode_srgb(values[:, :3])
     if values.shape[1] == 4:
@@ -178,7 +178,7 @@ def display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
 
 
 class _Material:
-    """What a primitive's material says about colour."""
+    """The colour of a primitive's material."""
 
     def __init__(self, document: Document, index: int | None) -> None:
         entry = {} if index is None else document.item("materials", index)
@@ -202,7 +202,7 @@ class _Material:
         if mode == "MASK":
             return min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
         if mode == "BLEND":
-            self._document.resolver.note(
+            self._document.resolver.add_note(
                 f"see-through materials are drawn solid where alpha is {_BLEND_CUTOFF} or more, and not at all below"
             )
             return _BLEND_CUTOFF
@@ -213,26 +213,26 @@ class _Material:
         if self._texture is None:
             return None, None
         if self.texcoord not in arrays:
-            self._document.resolver.note("a texture without texture coordinates is left out")
+            self._document.resolver.add_note("a texture without texture coordinates is left out")
             return None, None
-        uv = normalised(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
+        uv = normalise(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
         texture = self._read()
         if texture is None:
             return None, None
-        uv = _transformed(uv, self._transform)
+        uv = _transform_uv(uv, self._transform)
         return texture, np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
     def _read(self) -> Texture | None:
         document = self._document
         entry = document.item("textures", self._texture["index"])
         if "source" not in entry:
-            document.resolver.note("a texture that is neither PNG nor JPEG is left out; export it as one of them")
+            document.resolver.add_note("a texture that is neither PNG nor JPEG is left out; export it as one of them")
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
         image = document.item("images", entry["source"])
         uri = image.get("uri", "")
         embedded = "bufferView" in image or uri.startswith("data:")
-        return document.resolver.decoded(
+        return document.resolver.decode_texture(
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
             name=f"image {entry['source']}" if embedded else uri,
@@ -242,20 +242,20 @@ class _Material:
         )
 
 
-def _transformed(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:
+def _transform_uv(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:
     """KHR_texture_transform on glTF's own coordinates (origin at the upper left): offset + rotation x scale x uv."""
     scaled = uv * np.array(transform.get("scale", (1, 1)), np.float64)
     angle = float(transform.get("rotation", 0.0))
-    # Counter-clockwise where v goes down, as the sample models and the viewers turn; the extension's own GLSL turns the
-    # other way (KhronosGroup/glTF issue 1563).
+    # Counter-clockwise where v goes down, as sample models and viewers have it; the extension's GLSL is clockwise
+    # (KhronosGroup/glTF issue 1563).
     rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     turned: NDArray[np.float64] = scaled @ rotation.T + np.array(transform.get("offset", (0, 0)), np.float64)
     return turned
 
 
 def _note_unsupported(document: Document, node: dict[str, Any], mesh: dict[str, Any]) -> None:
-    """`mesh` is the node's the first time that one names it, and empty after that."""
+    """Adds notes of what is not drawn. `mesh` is empty where another node has it already."""
     if "skin" in node:
-        document.resolver.note("a skinned mesh is drawn as it was modelled, without its skeleton")
+        document.resolver.add_note("a skinned mesh is drawn as it was modelled, without its skeleton")
     if any(node.get("weights", [])) or any(mesh.get("weights", [])):
-        document.resolver.note("morph targets are left at zero")
+        document.resolver.add_note("morph targets are left at zero")

@@ -1,4 +1,4 @@
-"""MTL: the materials of a Wavefront OBJ."""
+"""Reads MTL, the materials of a Wavefront OBJ."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Texture, Wrap
 
 CONTINUED = re.compile(rb"\\\r?\n")
-"""A line break that ends no line."""
+"""A line break within a line."""
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
 _CUTOFF = 0.5
@@ -22,7 +22,7 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Material:
-    """What a material means here."""
+    """The colour of a material."""
 
     color: Color = DEFAULT_COLOR
     """RGBA in [0, 1], display-referred."""
@@ -30,8 +30,8 @@ class Material:
     alpha_cutoff: float | None = None
 
 
-def entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
-    """An MTL file's materials: for each the rest of the line after each word, words in lower case."""
+def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
+    """Parses an MTL file: for each material its keywords, in lower case, and the rest of their lines."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
     entry: dict[bytes, bytes] = {}
     for line in CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf")).splitlines():
@@ -43,16 +43,16 @@ def entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
     return entries
 
 
-def material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
-    """A material from its lines; what is left out of it becomes a note of `resolver`."""
+def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
+    """Reads a material from its lines; `resolver` gets a note of what is left out."""
     texture, cutoff = None, None
     if b"map_kd" in entry:
         file_name, wrap = _map(entry[b"map_kd"])
         masked = b"map_d" in entry and _map(entry[b"map_d"])[0] == file_name
-        texture = resolver.texture(file_name, opaque=not masked, wrap_u=wrap, wrap_v=wrap)
+        texture = resolver.load_texture(file_name, opaque=not masked, wrap_u=wrap, wrap_v=wrap)
         cutoff = _CUTOFF if masked and texture is not None else None
     if b"map_d" in entry and cutoff is None:
-        resolver.note("a map of opacity is left out: the material is drawn solid")
+        resolver.add_note("a map of opacity is left out: the material is drawn solid")
     if b"kd" in entry:
         words = entry[b"kd"].split()
         red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
@@ -60,13 +60,13 @@ def material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
     else:
         color = (1.0, 1.0, 1.0, 1.0) if texture else DEFAULT_COLOR
     if texture is not None and not any(color[:3]):
-        resolver.note("a textured material has a black Kd, as some exporters write it: taken as white")
+        resolver.add_note("a textured material has a black Kd, as some exporters write it: taken as white")
         color = (1.0, 1.0, 1.0, 1.0)
     return Material(color, texture, cutoff)
 
 
 def _map(line: bytes) -> tuple[str, Wrap]:
-    """The file name, spaces and all, after a map's options; and how it goes on beyond its edges."""
+    """The file name after a map's options, which may hold spaces, and how the texture wraps."""
     wrap: Wrap = "repeat"
     words, start = line.split(b" "), 0
     while start < len(words) and (option := words[start].lower()) in _OPTIONS:
@@ -76,15 +76,15 @@ def _map(line: bytes) -> tuple[str, Wrap]:
         while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end])):
             end += 1
         start = end
-    return text(b" ".join(words[start:]).strip()), wrap
+    return decode_name(b" ".join(words[start:]).strip()), wrap
 
 
 def _is_number(word: bytes) -> bool:
     return re.fullmatch(rb"[-+]?[\d.]+(?:[eE][-+]?\d+)?", word) is not None
 
 
-def text(name: bytes) -> str:
-    """A name in UTF-8, or else in Latin-1."""
+def decode_name(name: bytes) -> str:
+    """Decodes a name as UTF-8, or else as Latin-1."""
     try:
         return name.decode("utf-8")
     except UnicodeDecodeError:

@@ -1,8 +1,8 @@
-"""Wavefront OBJ to surfaces, one for each texture; its materials are read by `renderer.readers.meshes.mtl`.
+"""Reads Wavefront OBJ as surfaces, one for each texture; `renderer.readers.meshes.mtl` reads its materials.
 
-Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file and not
-back from where they stand, so that real files come out as other shapes without a word; says nothing of a missing MTL,
-material or texture; and opens textures of any kind and size that Pillow knows.
+Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file, not from
+their own line, so that real files get other shapes without an error; does not report a missing MTL, material
+or texture; and opens textures of any format and size that Pillow knows.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.geometry import fans, numbers
+from ciir.renderer.readers.meshes.geometry import parse_numbers, triangulate_fans
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import Surface, check_size
 
@@ -34,7 +34,7 @@ MAX_MATERIALS = 65_536
 
 @dataclass
 class _Lines:
-    """The file's lines by their first word, and the number of the line that each stands in."""
+    """The file's lines by keyword, and the line number of each."""
 
     words: dict[bytes, list[bytes]] = field(default_factory=dict)
     numbers: dict[bytes, list[int]] = field(default_factory=dict)
@@ -42,12 +42,12 @@ class _Lines:
     def count(self, word: bytes) -> int:
         return len(self.words.get(word, []))
 
-    def before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
-        """How many lines of `word` stand before each of `lines`."""
+    def count_before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
+        """How many lines of `word` come before each of `lines`."""
         return np.searchsorted(np.array(self.numbers.get(word, []), np.int64), lines)
 
     def array(self, word: bytes, least: int, most: int) -> NDArray[np.float64]:
-        """The numbers after `word` as `(lines, least to most)`: as many columns as all of the lines have."""
+        """The numbers after `word` as `(lines, least to most)`, with the columns that all of the lines have."""
         lines = self.words.get(word, [])
         if not lines:
             return np.empty((0, least))
@@ -57,16 +57,16 @@ class _Lines:
             number = self.numbers[word][widths.index(width)]
             raise Unreadable(f"line {number + 1}: {clean_text(word.decode())} needs {least} numbers and has {width}")
         width = min(width, most)
-        return numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
+        return parse_numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
     """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
-    Raises `TooLarge` over `limits`; `Unreadable` or one of `meshes.PARSE_ERRORS` where the text isn't what OBJ says.
+    Raises `TooLarge` over `limits`; `Unreadable` or one of `meshes.PARSE_ERRORS` where the text is malformed.
     """
-    lines = _sorted(data, name, limits.triangles)
+    lines = _sort_lines(data, name, limits.triangles)
     try:
         positions = lines.array(b"v", 3, 7)
         texture_coordinates = lines.array(b"vt", 1, 2)
@@ -76,7 +76,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         raise Unreadable(f"{name}: {error}; export it again") from error
     for word, what in _LEFT_OUT.items():
         if word in lines.words:
-            resolver.note(f"{what} are left out: only polygons are drawn")
+            resolver.add_note(f"{what} are left out: only polygons are drawn")
     if texture_coordinates.shape[1] == 1:
         texture_coordinates = np.pad(texture_coordinates, ((0, 0), (0, 1)))
     materials, material_of = _materials(lines, face_lines, name, resolver)
@@ -89,11 +89,11 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
             materials=materials,
             material_of=material_of[chosen],
         )
-        for chosen in _alike(corners, materials, material_of, resolver)
+        for chosen in _group_triangles(corners, materials, material_of, resolver)
     ]
 
 
-def _sorted(data: bytes, name: str, max_triangles: int) -> _Lines:
+def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
     lines = _Lines()
     most = dict.fromkeys((b"v", b"vt", b"vn", b"usemtl", b"mtllib"), 3 * max_triangles) | {b"f": max_triangles}
     text = mtl.CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
@@ -115,13 +115,13 @@ def _sorted(data: bytes, name: str, max_triangles: int) -> _Lines:
 
 def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
-    line `(m,)` that each triangle stands in, in the order of the file.
+    line number `(m,)` of each triangle, in the order of the file.
     """
     faces, line_of = lines.words.get(b"f", []), np.array(lines.numbers.get(b"f", []), np.int64)
     lengths = np.array([len(face.split()) for face in faces], np.int64)
     slashes = np.array([face.count(b"/") for face in faces], np.int64)
     gaps = np.array([b"//" in face for face in faces], bool)
-    lengths[lengths < 3] = 0  # no surface: counted with the triangles of zero area would be a guess at what was meant
+    lengths[lengths < 3] = 0  # no surface
     odd = (lengths > 0) & (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths)
     if odd.any():
         raise Unreadable(f"line {line_of[odd.argmax()] + 1}: a face whose corners are written in different ways")
@@ -138,7 +138,7 @@ def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np
             raw[rows, column] = value
     for column, word in enumerate((b"v", b"vt", b"vn")):
         written = raw[:, column]
-        index = np.where(written < 0, written + np.repeat(lines.before(word, line_of), lengths), written - 1)
+        index = np.where(written < 0, written + np.repeat(lines.count_before(word, line_of), lengths), written - 1)
         wrong = ((written != 0) | (column == 0)) & ((index < 0) | (index >= lines.count(word)))
         if wrong.any():
             corner = int(wrong.argmax())
@@ -147,49 +147,49 @@ def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np
                 f"but there are {lines.count(word):,}"
             )
         raw[:, column] = np.where(written == 0, -1, index)
-    triangles, face_of = fans(lengths)
+    triangles, face_of = triangulate_fans(lengths)
     return raw[triangles], line_of[face_of]
 
 
 def _materials(
     lines: _Lines, face_lines: NDArray[np.int64], name: str, resolver: Resolver
 ) -> tuple[list[mtl.Material], NDArray[np.intp]]:
-    """The distinct materials that triangles are made of, and the number of its material for each triangle."""
+    """The distinct materials of the triangles, and the number of each triangle's material."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
     libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
     if len(libraries) > MAX_LIBRARIES:
         raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
-    files: dict[bytes, None] = {}  # each where it is named last: many names may lead to one file
+    files: dict[bytes, None] = {}  # in the order of their last names: several names may be of one file
     for library in libraries:
-        data = resolver.find(mtl.text(library), "material file")
+        data = resolver.find_or_note(mtl.decode_name(library), "material file")
         if data is not None:
             files.pop(data, None)
             files[data] = None
     for data in files:
-        entries |= mtl.entries(data)
+        entries |= mtl.parse_entries(data)
     names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
     if (count := len(set(names))) > MAX_MATERIALS:
         raise TooLarge(f"{name}: {count:,} materials; at most {MAX_MATERIALS:,} are read; join them")
-    current = lines.before(b"usemtl", face_lines)
+    current = lines.count_before(b"usemtl", face_lines)
     numbers_of: dict[mtl.Material, int] = {}
     by_name: dict[bytes, int] = {}
     missing = []
     for used in dict.fromkeys(names[i] for i in np.unique(current)):
-        material = mtl.material(entries[used], resolver) if used in entries else mtl.Material()
+        material = mtl.read_material(entries[used], resolver) if used in entries else mtl.Material()
         if used and used not in entries:
-            missing.append(clean_text(mtl.text(used)))
+            missing.append(clean_text(mtl.decode_name(used)))
         by_name[used] = numbers_of.setdefault(material, len(numbers_of))
     if missing:
         listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")
         many = f"material {listed} is" if len(missing) == 1 else f"{len(missing):,} materials ({listed}) are"
-        resolver.note(f"{many} missing: drawn light grey")
+        resolver.add_note(f"{many} missing: drawn light grey")
     return list(numbers_of), np.array([by_name.get(used, 0) for used in names])[current]
 
 
-def _alike(
+def _group_triangles(
     corners: NDArray[np.int64], materials: list[mtl.Material], material_of: NDArray[np.intp], resolver: Resolver
 ) -> list[NDArray[np.intp]]:
-    """The triangles that one surface can hold: of one texture, whose materials all have what others of it have."""
+    """Groups triangles into surfaces: by texture, and by whether texture coordinates and normals are complete."""
     incomplete = np.zeros((len(materials), 3), bool)  # whether a corner lacks (position,) texture coordinate, normal
     for column in (1, 2):
         incomplete[material_of[(corners[:, :, column] < 0).any(axis=1)], column] = True
@@ -197,7 +197,7 @@ def _alike(
     group_of = []
     for material, lacks in zip(materials, incomplete, strict=True):
         if material.texture is not None and lacks[1]:
-            resolver.note("a texture is left out of a material that has corners without texture coordinates")
+            resolver.add_note("a texture is left out of a material that has corners without texture coordinates")
         key = (material.texture, material.alpha_cutoff, material.texture is not None and lacks[1], lacks[2])
         group_of.append(groups.setdefault(key, len(groups)))
     group = np.array(group_of, np.intp)[material_of]

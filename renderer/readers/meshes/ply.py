@@ -1,7 +1,7 @@
 """PLY, ASCII and binary, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
 
-It casts 16-bit colours modulo 256, takes binary faces of different lengths for one length, and reads on where a file is
-cut short. Format: Turk, "The PLY Polygon File Format", 1994.
+It casts 16-bit colours modulo 256, takes binary faces of different lengths for one length, and accepts files that
+are cut short. Format: Turk, "The PLY Polygon File Format", 1994.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import fans, normalised
+from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
 from ciir.renderer.readers.meshes.trimesh_formats import WHITE, refuse_malformed
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
@@ -53,17 +53,17 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     else:
         lengths, corners = np.fromiter(map(len, polygons), np.int64, len(polygons)), np.concatenate(polygons)
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex["length"], limits.triangles)
-    triangles, face_of = fans(lengths)
+    triangles, face_of = triangulate_fans(lengths)
     surface = Surface(
         vertices=_stack(vertex, "x", "y", "z").astype(np.float64),
         faces=corners.astype(np.int64)[triangles],
         normals=_stack(vertex, "nx", "ny", "nz").astype(np.float64) if "nx" in vertex["properties"] else None,
         color=DEFAULT_COLOR,
     )
-    texture = None if picture is None else resolver.texture(picture, opaque=True)
-    colored = _colored(surface, vertex, face, face_of, texture)
+    texture = None if picture is None else resolver.load_texture(picture, opaque=True)
+    colored = _add_colors(surface, vertex, face, face_of, texture)
     if texture is not None and colored.uv is None:
-        resolver.note("a texture without texture coordinates is left out")
+        resolver.add_note("a texture without texture coordinates is left out")
     return [colored]
 
 
@@ -92,7 +92,7 @@ def _check_count(name: str, kind: str, count: int, max_triangles: int) -> None:
 
 
 def _parse_ascii(elements: dict[str, Any], file: io.BytesIO, name: str) -> None:
-    """Fills in the columns of `elements`, and checks that each row has as many numbers as its header and lists say."""
+    """Fills in the columns of `elements`, and checks that each row has the numbers that header and lists ask for."""
     from trimesh.exchange.ply import _ply_ascii
 
     lines = file.getvalue()[file.tell() :].decode().splitlines()
@@ -170,7 +170,7 @@ def _stack(element: dict[str, Any], *keys: str) -> NDArray[Any]:
     return np.concatenate([np.asarray(_column(element, key)) for key in keys], axis=1)
 
 
-def _colored(
+def _add_colors(
     surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64], texture: Texture | None
 ) -> Surface:
     """The surface with the first of these that the file has: texture, vertex colours, face colours."""
@@ -178,7 +178,7 @@ def _colored(
         uv = _column(face, "texcoord")
         if np.shape(uv) == (len(surface.faces), 6):  # u and v of three corners: the faces are triangles
             uv = np.asarray(uv, np.float64).reshape(-1, 2)
-            return replace(_with_own_corners(surface), uv=uv, texture=texture, color=WHITE)
+            return replace(_split_corners(surface), uv=uv, texture=texture, color=WHITE)
     if texture is not None:
         for pair in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
             if set(pair) <= vertex["properties"].keys():
@@ -188,18 +188,18 @@ def _colored(
         if set(names) <= vertex["properties"].keys():
             return replace(surface, colors=_rgba(vertex, names), color=WHITE)
         if set(names) <= face["properties"].keys():
-            return replace(_with_own_corners(surface), colors=_rgba(face, names)[np.repeat(face_of, 3)], color=WHITE)
+            return replace(_split_corners(surface), colors=_rgba(face, names)[np.repeat(face_of, 3)], color=WHITE)
     return surface
 
 
 def _rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32]:
     """Colours `(rows, 4)` in [0, 1]: floats as they are, integers over the most that their type holds."""
     rgba = np.ones((element["length"], 4), np.float32)
-    rgba[:, :3] = normalised(_stack(element, *names))
+    rgba[:, :3] = normalise(_stack(element, *names))
     return rgba
 
 
-def _with_own_corners(surface: Surface) -> Surface:
+def _split_corners(surface: Surface) -> Surface:
     """The surface with three vertices of its own for each triangle."""
     index = surface.faces.ravel()
     if len(index) and not 0 <= index.min() <= index.max() < len(surface.vertices):

@@ -1,4 +1,4 @@
-"""The files that a mesh refers to, looked up in its bundle alone, and pictures among them made textures."""
+"""Finds the files that a mesh refers to in its bundle, and decodes textures."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_SIDE = 16_384
-"""Most pixels along one side of a texture: what OpenGL takes on every machine that this was tried on."""
+"""Most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
 MAX_NOTES = 50
 _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
 
 class Resolver:
-    """Files by the names that a mesh uses for them, relative to the folder of the mesh's own file `main`.
+    """Finds files by the names in a mesh, relative to the folder of the mesh's own file `main`.
 
-    Never raises for a name: what isn't there, or would be outside, is None with a line in `notes`.
+    A file that is missing or outside the bundle is None with a line in `notes`, never an error.
     """
 
     def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> None:
@@ -40,48 +40,50 @@ class Resolver:
 
     @property
     def notes(self) -> list[str]:
-        """What was left out or replaced, each once, in the order in which it was found."""
+        """What was left out or replaced, each once, in the order of the file."""
         return list(self._notes)
 
-    def note(self, line: str) -> None:
-        """Add a line to `notes` unless it is there already, or `MAX_NOTES` are."""
+    def add_note(self, line: str) -> None:
+        """Adds a line to `notes` unless it is there already, or `MAX_NOTES` are."""
         self._notes.setdefault(line if len(self._notes) < MAX_NOTES else _FULL)
 
-    def get(self, name: str) -> bytes | None:
-        """The bytes of the file called `name`; None where it is not in reach."""
+    def find(self, name: str) -> bytes | None:
+        """The bytes of the file called `name`; None where it is missing or outside the bundle."""
         name = _portable(name)
-        # Exporters keep the path of the machine that they ran on; the file itself travels beside the mesh.
+        # Exporters write paths of their own machine; the file itself lies beside the mesh.
         for candidate in (resolve_key(name, self._folder), resolve_key(posixpath.basename(name), self._folder)):
             if candidate is not None and candidate in self._files:
                 return self._files[candidate]
         return None
 
-    def why_not(self, name: str) -> tuple[str, str]:
-        """Why there is no file called `name`, and what helps."""
+    def explain_missing(self, name: str) -> tuple[str, str]:
+        """Why there is no file called `name`, and the remedy."""
         if resolve_key(_portable(name), self._folder) is None:
             return "is outside what was given", "put it beside the mesh"
         return "is missing", "give a zip or a folder that holds it"
 
-    def find(self, name: str, what: str) -> bytes | None:
-        """As `get`; `what` it is stands in the note where there is none."""
-        data = self.get(name)
+    def find_or_note(self, name: str, what: str) -> bytes | None:
+        """As `find`, with a note where there is none, in which `what` names the kind of file."""
+        data = self.find(name)
         if data is None:
-            why, remedy = self.why_not(name)
-            self.note(f"{what} {clean_text(name)} {why} and is left out; {remedy}")
+            why, remedy = self.explain_missing(name)
+            self.add_note(f"{what} {clean_text(name)} {why} and is left out; {remedy}")
         return data
 
-    def texture(self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat") -> Texture | None:
+    def load_texture(
+        self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat"
+    ) -> Texture | None:
         """The picture file called `name` as a texture; `opaque` sets its alpha to 255 throughout."""
-        return self.decoded(
-            lambda: self.find(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
+        return self.decode_texture(
+            lambda: self.find_or_note(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
         )
 
-    def decoded(
+    def decode_texture(
         self, load: Callable[[], bytes | None], *, key: str, name: str, opaque: bool, wrap_u: Wrap, wrap_v: Wrap
     ) -> Texture | None:
-        """The picture whose bytes `load` gives as a texture; None with a note where it can't be read.
+        """A texture of the picture whose bytes `load` returns; None with a note where it can't be read.
 
-        `key` says where the bytes come from: they are loaded and decoded once for each. `name` stands in the notes.
+        Pictures of the same `key` are loaded and decoded once. `name` is for notes.
         """
         if (key, opaque) not in self._decoded:
             self._decoded[key, opaque] = self._pixels(load, name, opaque=opaque)
@@ -99,32 +101,32 @@ class Resolver:
                     f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {self._max_pixels:,} "
                     "for all textures; scale them down"
                 )
-            # Before it is decoded: failing is as much work. And what is long was copied and searched, however small.
+            # Charged before decoding: a picture that fails costs as much, and so do long files of few pixels.
             self._pixels_left -= max(height * width, len(data or b"") // 64)
 
         if self._pixels_left <= 0:
-            self.note(f"textures over {self._max_pixels:,} pixels in all are left out; scale them down")
+            self.add_note(f"textures over {self._max_pixels:,} pixels in all are left out; scale them down")
             return None
         data = load()
         if data is None:
             return None
         try:
-            return rgba8(
+            return to_rgba8(
                 pictures.decode(data, name=clean_text(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
             )
         except InputError as error:
             self._pixels_left -= len(data) // 64
-            self.note(f"texture {clean_text(name)} is left out: {error}")
+            self.add_note(f"texture {clean_text(name)} is left out: {error}")
             return None
 
 
 def _portable(name: str) -> str:
-    """The name with `/`, where a Windows exporter wrote it."""
+    """The name with `/` in place of Windows' separators."""
     return name.replace("\\", "/").removeprefix("./")
 
 
-def rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:
-    """Pixels `(h, w, 1 to 4)` of 8 or 16 bit as `(h, w, 4)` RGBA of 8 bit; 65535 goes to 255, rounded."""
+def to_rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:
+    """Converts pixels `(h, w, 1 to 4)` of 8 or 16 bit to RGBA `(h, w, 4)` of 8 bit, rounded; `opaque` ignores alpha."""
     if pixels.dtype == np.uint16:
         pixels = ((pixels.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
     channels = pixels.shape[2]

@@ -1,6 +1,6 @@
 """STL and OFF, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
 
-It drops the colours of COFF, reads on where a file is cut short, and finds the keywords of STL in the names of solids.
+It drops the colours of COFF, accepts files that are cut short, and finds the keywords of STL in the names of solids.
 It is given bytes in memory whose counts are within the limits, and no means to open another file.
 """
 
@@ -118,7 +118,7 @@ def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex_count, limits.triangles)
     for number, (face, length) in enumerate(zip(faces, lengths, strict=True)):
         if not 0 <= length < len(face.split()):
-            raise Unreadable(f"{name}: OFF face {number} has fewer corners than it says; export it again")
+            raise Unreadable(f"{name}: OFF face {number} has fewer corners than its count; export it again")
     with refuse_malformed(name, "OFF"):
         loaded = load_off(io.BytesIO(text))
     surface = Surface(loaded["vertices"], loaded["faces"].reshape(-1, 3), color=DEFAULT_COLOR)

@@ -20,7 +20,7 @@ def zipped(files: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> 
     return out.getvalue()
 
 
-def test_a_file_reaches_what_lies_beside_and_below_it(tmp_path: Path) -> None:
+def test_files_beside_and_below_a_file_are_found(tmp_path: Path) -> None:
     (tmp_path / "textures").mkdir()
     (tmp_path / "a.obj").write_bytes(OBJ)
     (tmp_path / "a b.mtl").write_bytes(b"newmtl x")
@@ -33,7 +33,7 @@ def test_a_file_reaches_what_lies_beside_and_below_it(tmp_path: Path) -> None:
     assert "nothing.png" not in bundle.files
 
 
-def test_a_file_reaches_nothing_outside_its_folder(tmp_path: Path) -> None:
+def test_files_outside_its_folder_are_not_found(tmp_path: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
     (tmp_path / "secret.mtl").write_bytes(b"secret")

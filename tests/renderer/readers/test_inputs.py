@@ -121,7 +121,7 @@ def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-def test_an_upload_of_the_mesh_alone_says_what_it_misses() -> None:
+def test_an_upload_of_the_mesh_alone_has_a_note_of_missing_files() -> None:
     data = (SHARED / "data" / "meshes" / "fuze" / "fuze.obj").read_bytes()
     scene = inputs.read(Bundle.from_upload("fuze.obj", data), lenses=None, pixels=None)
     assert isinstance(scene, Scene)

@@ -140,7 +140,7 @@ def test_jpeg_orientation_is_undone_as_pillow_does(orientation: int) -> None:
 
 
 @pytest.mark.parametrize("body", [b"", b"II*\0", b"MM\0*\xff\xff\xff\xff", b"II*\0\x08\0\0\0\xff\xff\x12"])
-def test_a_malformed_exif_block_is_silently_upright(body: bytes) -> None:
+def test_a_malformed_exif_block_is_silently_turn_upright(body: bytes) -> None:
     data = saved(Image.fromarray(noise(8, 8, 3)), "JPEG")
     block = b"Exif\0\0" + body
     data = data[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(block)) + block + data[2:]
@@ -181,7 +181,7 @@ def test_tiff_layouts(compression: str | None, dtype: type, layout: str) -> None
     assert np.array_equal(read, pixels)
 
 
-def test_tiff_where_0_is_white_is_inverted() -> None:
+def test_tiff_where_0_is_white_is_invert_grey() -> None:
     pixels = noise(5, 4)
     read = pictures.decode(tiff(pixels, photometric="miniswhite"), name="x")
     assert np.array_equal(read[..., 0], 255 - pixels)
@@ -194,7 +194,7 @@ def test_tiff_orientation_is_undone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "expected"),
     [
         (tiff(noise(4, 4).astype(np.float32)), "32-bit IEEEFP"),
         (tiff(noise(4, 4).astype(np.int16)), "16-bit INT"),
@@ -209,8 +209,8 @@ def test_tiff_orientation_is_undone() -> None:
         (b"", "PNG, JPEG, TIFF"),
     ],
 )
-def test_kinds_that_are_not_read(data: bytes, words: str) -> None:
-    with pytest.raises(UnsupportedType, match=words) as caught:
+def test_kinds_that_are_not_read(data: bytes, expected: str) -> None:
+    with pytest.raises(UnsupportedType, match=expected) as caught:
         pictures.decode(data, name="views/a.png")
     assert str(caught.value).startswith("views/a.png: ")
     assert "\n" not in str(caught.value)
@@ -280,7 +280,7 @@ def test_a_huge_tiff_header_is_refused() -> None:
         pictures.decode(data, name="x")
 
 
-def test_a_tiff_tag_of_control_characters_is_told_in_one_line() -> None:
+def test_a_tiff_tag_of_control_characters_is_reported_in_one_line() -> None:
     data = bytearray(encode(np.zeros((4, 4, 3), np.uint8), ".tif"))
     tag = data.index(struct.pack("<HHI", 259, 3, 1))  # compression, a number
     data[tag : tag + 12] = struct.pack("<HHI4s", 259, 2, 2, b"\1\n")  # text
@@ -337,7 +337,7 @@ def test_importing_loads_no_decoder() -> None:
     assert ran.stdout.strip() == "set()"
 
 
-def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     from ciir.renderer.readers import png
 
     def full(*args: object) -> None:
@@ -348,7 +348,7 @@ def test_memory_that_runs_out_is_told_in_one_line(monkeypatch: pytest.MonkeyPatc
         pictures.decode(WHOLE["png"], name="x")
 
 
-def test_a_cause_that_says_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cause_without_text_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     from ciir.renderer.readers import png
 
     def broken(*args: object) -> None:

@@ -61,7 +61,7 @@ def test_suffixes_are_of_one_format_each() -> None:
     assert len(SUFFIXES) == sum(len(entry.suffixes) for entry in FORMATS)
 
 
-def test_suffixes_tell_meshes_and_pictures() -> None:
+def test_suffixes_of_meshes_and_pictures() -> None:
     assert is_mesh("a.GLB")
     assert not is_mesh("a.png")
     assert not is_mesh("a.mtl")
@@ -70,8 +70,8 @@ def test_suffixes_tell_meshes_and_pictures() -> None:
     assert not is_picture("a")
 
 
-def test_a_name_that_says_otherwise_is_refused_with_both_kinds_named() -> None:
-    with pytest.raises(UnsupportedType, match=r"duck\.glb: the name says GLB but the content is PNG; rename it"):
+def test_a_suffix_of_another_format_is_refused_with_both_formats_named() -> None:
+    with pytest.raises(UnsupportedType, match=r"duck\.glb: the suffix is of GLB but the content is of PNG; rename it"):
         identify("duck.glb", CONTENTS["a.png"][0])
 
 
@@ -118,7 +118,7 @@ def test_no_bytes_at_all() -> None:
         identify("a.obj", b"")
 
 
-def test_a_binary_stl_that_is_cut_short_is_left_to_its_reader() -> None:
+def test_a_binary_stl_that_is_cut_short_is_identified_by_suffix() -> None:
     assert identify("a.stl", BINARY_STL[:-7]) is SUFFIXES[".stl"]
 
 

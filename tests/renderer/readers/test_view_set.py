@@ -51,7 +51,7 @@ NAMES: dict[str, Callable[[int, int], str]] = {
 
 @pytest.mark.parametrize("style", NAMES)
 @pytest.mark.parametrize("grid", [None, (3, 12)])
-def test_names_tell_row_and_column(style: str, grid: tuple[int, int] | None) -> None:
+def test_row_and_column_in_names(style: str, grid: tuple[int, int] | None) -> None:
     files = {NAMES[style](v, u): picture(v, u) for u in range(12) for v in range(3)}
     assert_in_order(read(files, grid), 3, 12)
 
@@ -99,8 +99,8 @@ def test_side_files_are_left_out_and_others_are_not() -> None:
     files = {"0_0.png": picture(0, 0), "0_1.png": picture(0, 1)}
     beside = dict.fromkeys(("report.json", ".DS_Store", "__MACOSX/._0_0.png", "LICENSE", "a/readme.TXT"), b"?")
     assert_in_order(read(files | beside), 1, 2)
-    assert "clip.mp4 is no picture" in message(files | {"clip.mp4": b"?"}, UnsupportedType)
-    assert "0_2.bmp is no picture" in message(files | {"0_2.bmp": b"?"}, UnsupportedType)
+    assert "clip.mp4 is not a picture" in message(files | {"clip.mp4": b"?"}, UnsupportedType)
+    assert "0_2.bmp is not a picture" in message(files | {"0_2.bmp": b"?"}, UnsupportedType)
 
 
 def test_a_folder_without_pictures() -> None:
@@ -138,7 +138,7 @@ def test_two_files_for_one_view() -> None:
     assert "a/view_0_0.png and b/view_0_0.png are both view (0, 0)" in message(files, InvalidOption)
 
 
-def test_a_stranger_among_named_views() -> None:
+def test_an_unnamed_picture_among_named_views() -> None:
     files = {f"view_{v}_{u}.png": b"" for v in range(2) for u in range(2)} | {"mask.png": b""}
     assert "mask.png is not" in message(files, InvalidOption)
     cameras = {f"input_Cam{i:03}.png": b"" for i in range(8)} | {"mask.png": b""}
@@ -159,16 +159,16 @@ def test_a_grid_that_does_not_fit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("odd", "words"),
+    ("odd", "expected"),
     [
         (encode(np.zeros((3, 3, 3), np.uint8), ".png"), "3x3 pixels of 3 x 8 bit"),
         (encode(np.zeros((2, 3, 1), np.uint8), ".png"), "2x3 pixels of 1 x 8 bit"),
         (encode(np.zeros((2, 3, 3), np.uint16), ".png"), "2x3 pixels of 3 x 16 bit"),
     ],
 )
-def test_the_picture_that_differs_is_named(odd: bytes, words: str) -> None:
+def test_the_picture_that_differs_is_named(odd: bytes, expected: str) -> None:
     files = {f"{v}_{u}.png": picture(v, u) for v in range(3) for u in range(3)} | {"1_1.png": odd}
-    assert message(files, Unreadable).startswith(f"set: 1_1.png is {words} but 0_0.png is 2x3 pixels of 3 x 8 bit; ")
+    assert message(files, Unreadable).startswith(f"set: 1_1.png is {expected} but 0_0.png is 2x3 pixels of 3 x 8 bit; ")
 
 
 def test_the_corrupt_picture_is_named() -> None:
@@ -217,7 +217,7 @@ def test_knights_as_views_and_as_an_eia_are_the_same(knights: LightField) -> Non
     assert np.array_equal(LightField.from_eia(eia, rows=64, cols=48).views, corner.views)
 
 
-def test_knights_turn_as_the_lens_array_says(knights: LightField) -> None:
+def test_knights_move_as_the_lens_array_does(knights: LightField) -> None:
     # d grows towards the wall at the top of the picture, and a point moves by -delta*d/pitch along x and along y from
     # one view to the next (design: Geometry). Slopes by least squares over the brightness of neighbouring views.
     grey = knights.views[7:10, 7:10].astype(float).mean(axis=-1)

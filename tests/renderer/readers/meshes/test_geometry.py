@@ -3,34 +3,34 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from ciir.renderer.readers.meshes.geometry import fans, normalised, numbers
+from ciir.renderer.readers.meshes.geometry import normalise, parse_numbers, triangulate_fans
 
 
 def test_fans_keep_order_and_source() -> None:
     corners = np.array([4, 5, 6, 7, 1, 2, 1, 2, 3, 0, 1, 2, 3, 4])
-    faces, source = fans(np.array([4, 2, 3, 5]))
+    faces, source = triangulate_fans(np.array([4, 2, 3, 5]))
     assert corners[faces].tolist() == [[4, 5, 6], [4, 6, 7], [1, 2, 3], [0, 1, 2], [0, 2, 3], [0, 3, 4]]
     assert source.tolist() == [0, 0, 2, 3, 3, 3]
 
 
 def test_fans_of_nothing() -> None:
-    faces, source = fans(np.empty(0, np.int64))
+    faces, source = triangulate_fans(np.empty(0, np.int64))
     assert faces.shape == (0, 3)
     assert source.shape == (0,)
 
 
 def test_numbers_cost_no_more_for_one_long_one() -> None:
     tracemalloc.start()
-    found = numbers([b"1.5", b"9" * 10_000, *[b"-2"] * 1000])
+    found = parse_numbers([b"1.5", b"9" * 10_000, *[b"-2"] * 1000])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert found[:3].tolist() == [1.5, np.inf, -2]
     assert peak < 1_000_000
     with pytest.raises(ValueError, match="convert"):
-        numbers([b"1e"])
+        parse_numbers([b"1e"])
 
 
 def test_normalised() -> None:
-    assert normalised(np.array([0, 255], np.uint8)).tolist() == [0, 1]
-    assert normalised(np.array([-32768, -32767, 32767], np.int16)).tolist() == [-1, -1, 1]
-    assert normalised(np.array([0.5, 3.0])).tolist() == [0.5, 3.0]
+    assert normalise(np.array([0, 255], np.uint8)).tolist() == [0, 1]
+    assert normalise(np.array([-32768, -32767, 32767], np.int16)).tolist() == [-1, -1, 1]
+    assert normalise(np.array([0.5, 3.0])).tolist() == [0.5, 3.0]

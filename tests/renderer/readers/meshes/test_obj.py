@@ -95,8 +95,8 @@ def test_two_libraries() -> None:
 
 def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    entries = mtl.entries
-    monkeypatch.setattr(mtl, "entries", lambda data: made.append(data) or entries(data))
+    entries = mtl.parse_entries
+    monkeypatch.setattr(mtl, "parse_entries", lambda data: made.append(data) or entries(data))
     names = b"".join(b"mtllib folder%d/a.mtl\n" % i for i in range(98)) + b"mtllib b.mtl\n"
     files = {"m/a.mtl": b"newmtl m\nKd 1 0 0", "m/b.mtl": b"newmtl m\nKd 0 0 1"}
     (part,) = read_with(names + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
