@@ -26,7 +26,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import Options
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
-from ciir.training.evaluation.pictures import upscaler
+from ciir.training.evaluation.pictures import load_model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -49,7 +49,7 @@ def main(argv: list[str] | None = None) -> int:
     sources |= {path.stem: Bundle.from_path(path) for path in given.mesh}
     names = given.model or [entry.name for entry in catalogue.list_entries() if given.scale in entry.scales]
     fields = {entry.name for entry in catalogue.list_entries() if entry.is_light_field}
-    models = {name: None if name in fields else upscaler(name, scale=given.scale) for name in names}
+    models = {name: None if name in fields else load_model(name, scale=given.scale) for name in names}
     wide = max(12, *(len(Path(name).stem) + 2 for name in models))
     lenses, pixels = (given.lenses, given.lenses), (15, 15)
 

@@ -82,10 +82,10 @@ def of(pair: Pair, at: Sequence[tuple[int, int]]) -> dict[tuple[int, int], NDArr
 def captured(folder: Path, row: Row) -> None:
     """A light field made small: the middle of the grid, and its corners."""
     for count in GRIDS:
-        views = light_fields.read(folder, grid=(count, count))
+        views = light_fields.read_views(folder, grid=(count, count))
         middle, last = count // 2, count - 1
         for kind in degrade.KINDS:
-            pair = light_fields.degraded(views, kind, 2)
+            pair = light_fields.degrade_views(views, kind, 2)
             row(f"{folder.name} {count}x{count} {kind}, inner", pair.low, of(pair, [(middle, middle)]))
             row(f"{folder.name} {count}x{count} {kind}, corners", pair.low, of(pair, [(0, 0), (0, last), (last, last)]))
 
@@ -104,10 +104,10 @@ def meshes(files: Sequence[Path], row: Row) -> None:
 
 def harm(folder: Path, row: Row) -> None:
     """What a network must not fall for."""
-    views = light_fields.read(folder, grid=(5, 5))
+    views = light_fields.read_views(folder, grid=(5, 5))
     random = np.random.default_rng(0)
     for kind in ("bicubic", "point"):
-        low, high = light_fields.degraded(views, kind, 2)
+        low, high = light_fields.degrade_views(views, kind, 2)
         truth = {(2, 2): high[2, 2]}
         strange = np.ascontiguousarray(low[:, :, ::-1, ::-1])
         mixed = strange.copy()
@@ -121,7 +121,7 @@ def harm(folder: Path, row: Row) -> None:
         for sigma in SIGMAS:
             noisy = np.clip(low + random.normal(0, sigma, low.shape), 0, 255).round().astype(np.uint8)
             row(f"{kind}, noise of {sigma} levels", noisy, truth)
-    white = light_fields.degraded(random.integers(0, 256, views.shape).astype(np.uint8), "bicubic", 2)
+    white = light_fields.degrade_views(random.integers(0, 256, views.shape).astype(np.uint8), "bicubic", 2)
     row("nothing but noise", white.low, of(white, [(2, 2)]))
 
 
@@ -137,9 +137,9 @@ def moved(low: Views, shift: int) -> Views:
 
 def parallax(folder: Path, models: Sequence[str], write: Callable[[str], object]) -> None:
     """Median and 90 % quantile of how far disparity is off, over textured patches, right and down of the middle."""
-    views = light_fields.read(folder, grid=(7, 7))
+    views = light_fields.read_views(folder, grid=(7, 7))
     for kind in degrade.KINDS:
-        low, high = light_fields.degraded(views, kind, 2)
+        low, high = light_fields.degrade_views(views, kind, 2)
         for model in models:
             far: list[NDArray[np.float64]] = []
             for axis, other in ((0, (4, 3)), (1, (3, 4))):
@@ -158,7 +158,7 @@ def times(models: Sequence[str], folder: Path, write: Callable[[str], object]) -
     """Milliseconds for the middle view of a light field from pixels to pixels, on one core and on all; in brackets over
     those of `quality`.
     """
-    views = light_fields.read(folder, grid=(5, 5))
+    views = light_fields.read_views(folder, grid=(5, 5))
     for threads in (1, None):
         for size in SIZES:
             part = np.ascontiguousarray(views[:, :, :size, :size])

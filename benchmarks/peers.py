@@ -33,13 +33,13 @@ from ciir.models.cards import Sizes
 from ciir.models.catalogue import BASELINES
 from ciir.models.sessions import open_session
 from ciir.models.upscaler import clip_output
-from ciir.training.evaluation.pictures import evaluate
+from ciir.training.evaluation.pictures import score
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
 from ciir.training.loop.interrupt import Stopped
+from ciir.training.loop.run import Run
 from ciir.training.loop.train import train
-from ciir.training.loop.trainer import Run
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 from ciir.training.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class Whole:
 
     def __init__(self, name: str, network: nn.Module) -> None:
         self.name, self.scale = name, SCALE
-        self.session = open_session(to_onnx.convert(network, SCALE), os.cpu_count() or 1)
+        self.session = open_session(to_onnx.convert_network(network, SCALE), os.cpu_count() or 1)
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`."""
@@ -135,11 +135,11 @@ class Whole:
 def accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
     """Scores of a finished run on `sets`, through its ONNX file and card, which stay beside the checkpoint."""
     if PEERS[name].large:
-        network = export.plain(export.from_checkpoint(checkpoints.read(checkpoint)))
-        return tuple(evaluate(Whole(name, network), folder) for folder in sets)
+        network = export.simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))
+        return tuple(score(Whole(name, network), folder) for folder in sets)
     card = checkpoint.with_name(f"{name}.json")
     if not card.exists() or card.stat().st_mtime < checkpoint.stat().st_mtime:
-        export.export(checkpoint, card.parent, accuracy_on=sets)
+        export.export_network(checkpoint, card.parent, accuracy_on=sets)
     return cards.read_card(card).accuracy
 
 
@@ -175,8 +175,8 @@ def time_views(names: Sequence[str], rounds: int) -> dict[str, list[float]]:
         if name in BASELINES:
             upscaler = BASELINES[name](SCALE)
             return lambda: upscaler(view)
-        network = export.plain(make(PEERS[name].network, PEERS[name].options).eval())
-        session = open_session(to_onnx.convert(network, SCALE), 1)
+        network = export.simplify_network(make_network(PEERS[name].network, PEERS[name].options).eval())
+        session = open_session(to_onnx.convert_network(network, SCALE), 1)
         return lambda: session.run(None, {to_onnx.INPUT: view})
 
     return take_turns("views", {name: job(name) for name in names}, rounds)
@@ -187,9 +187,9 @@ def figures(name: str, scores: Sequence[Accuracy], updates: int) -> Figures:
     if name in BASELINES:
         return Figures(name, f"{name} interpolation", accuracy=tuple(scores))
     peer = PEERS[name]
-    network = export.plain(make(peer.network, peer.options).eval())
-    multiply_adds = measure.macs_per_output_pixel(network, Sizes()) * 1280 * 720 / 1e9
-    learnt = measure.parameters(network)
+    network = export.simplify_network(make_network(peer.network, peer.options).eval())
+    multiply_adds = measure.count_macs(network, Sizes()) * 1280 * 720 / 1e9
+    learnt = measure.count_parameters(network)
     return Figures(name, peer.label, tuple(scores), updates if scores else 0, learnt, multiply_adds)
 
 
@@ -217,7 +217,7 @@ def main(argv: list[str] | None = None) -> int:
     for name in names:
         scores: Sequence[Accuracy] = ()
         if name in BASELINES:
-            scores = [evaluate(BASELINES[name](SCALE), folder) for folder in sets]
+            scores = [score(BASELINES[name](SCALE), folder) for folder in sets]
         elif not PEERS[name].large or given.all or torch.cuda.is_available():
             sys.stderr.write(f"{name}: {given.updates} updates\n")
             try:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from ciir.models.sessions import count_available_cores
-from ciir.training.loop.trainer import commit
+from ciir.training.loop.run import find_commit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -98,7 +98,7 @@ def write(
     }
     same = {key: value for key, value in asdict(recipe).items() if key not in ("name", "network", "options")}
     found = {
-        "commit": commit(),
+        "commit": find_commit(),
         "machine": machine,
         "recipe": same,
         "networks": {name: asdict(row) for name, row in rows.items()},

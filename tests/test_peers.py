@@ -16,7 +16,7 @@ from PIL import Image
 from ciir.benchmarks import peers
 from ciir.benchmarks.peers_tables import Figures, table
 from ciir.models.cards import Accuracy
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 
 TINY = {
     "lite-6": peers.Peer("lite", "lite", {"blocks": 1, "channels": 4, "batch_norm": True}),
@@ -95,7 +95,7 @@ def test_all_have_one_budget():
     same = [{key: r[key] for key in r if key not in ("name", "network", "options")} for r in recipes]
     assert all(other == same[0] for other in same)
     for each in recipes:
-        assert make(each["network"], each["options"]).scale == each["scale"]
+        assert make_network(each["network"], each["options"]).scale == each["scale"]
 
 
 @pytest.mark.parametrize(("name", "published"), [("srcnn", 63.8), ("lite-6", 146.4), ("fsrcnn", 5.6)])

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DEVICES = ("auto", "cpu", "cuda")
-FREE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
+CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
 """Fields that a run may change when it goes on: none of them changes what is learnt."""
 
 
-WANTED = {
+TYPE_NAMES = {
     bool: "true or false",
     int: "a whole number",
     float: "a number",
@@ -131,7 +131,7 @@ class Recipe:
             raise ValueError(f"device is {self.device!r}; give one of {', '.join(DEVICES)}")
 
 
-def read(path: Path) -> Recipe:
+def read_recipe(path: Path) -> Recipe:
     """The recipe in `path`. Raises `ValueError` where it is no TOML, or a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -151,18 +151,18 @@ def read(path: Path) -> Recipe:
         if not isinstance(value, (float, int) if wanted is float else wanted) or (
             isinstance(value, bool) and wanted is not bool
         ):
-            raise ValueError(f"{path}: {name} is {value!r}; give {WANTED[wanted]}")
+            raise ValueError(f"{path}: {name} is {value!r}; give {TYPE_NAMES[wanted]}")
     try:
         return Recipe(**table)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
+def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
     """The first field in which a checkpoint's recipe is another than `recipe`, as `steps is 5 there and 9 here`.
 
-    Empty where a run can go on: `FREE` fields may differ, and a field that `saved` is too old to have counts as its
-    default, which is how the run was.
+    Empty where the run can continue: `CHANGEABLE` fields may differ, and a field that an older checkpoint lacks has its
+    default.
     """
     defaults = {
         f.name: f.default_factory() if f.default_factory is not MISSING else f.default
@@ -171,7 +171,7 @@ def difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
     }
     there, here = defaults | dict(saved), asdict(recipe)
     for name in dict.fromkeys([*here, *there]):
-        if name not in FREE and _ordered(there.get(name)) != _ordered(here.get(name)):
+        if name not in CHANGEABLE and _ordered(there.get(name)) != _ordered(here.get(name)):
             return f"{name} is {there.get(name)!r} there and {here.get(name)!r} here"
     return ""
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from ciir.benchmarks.stress.case import Case, Effort
     from ciir.training.data.crops import Crops
-    from ciir.training.loop.trainer import Run
+    from ciir.training.loop.run import Run
     from ciir.training.recipe import Recipe
 
 DESIGNS = {"fast": "fast", "quality": "quality", "paper": "paper", "gan": "gan", "paper's adversary": "paper-vgg"}
@@ -52,7 +52,7 @@ def _skipped(what: str) -> Iterator[Skipped]:
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
     """The design's recipe from random weights on small crops, on the CPU, at a step size that hardly falls."""
     folder = Path(recipes.__file__).parent / "recipes"
-    given = recipes.read(folder / f"{DESIGNS[design]}.toml")
+    given = recipes.read_recipe(folder / f"{DESIGNS[design]}.toml")
     return replace(
         given,
         initial="",
@@ -127,7 +127,7 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
     yield from (skipped := list(_skipped("200 updates")))
     if skipped:
         return
-    from ciir.training.loop.trainer import Run
+    from ciir.training.loop.run import Run
 
     updates = QUICK_UPDATES if effort.quick else UPDATES
     for design in ("gan",) if effort.quick else DESIGNS:
@@ -138,7 +138,7 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
                 run = Run(recipe)
                 try:
                     for step in range(updates):
-                        updated = _update(run, *crops.at(step))
+                        updated = _update(run, *crops.make_batch(step))
                         loss, norm = max(loss, updated.loss), max(norm, updated.norm)
                 except FloatingPointError as error:
                     loss = norm = math.nan
@@ -157,12 +157,12 @@ def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
     yield from (skipped := list(_skipped("bfloat16 against float32")))
     if skipped:
         return
-    from ciir.training.loop.trainer import Run
+    from ciir.training.loop.run import Run
 
     for design in ("fast",) if effort.quick else DESIGNS:
         recipe = _recipe(design)
         with _crops(recipe) as crops:
-            low, high = crops.at(0)
+            low, high = crops.make_batch(0)
         half, single = (_update(Run(replace(recipe, bfloat16=short)), low, high) for short in (True, False))
         apart = Updated(0.0, [one - other for one, other in zip(half.gradient, single.gradient, strict=True)])
         # Each layer's weights and outputs are rounded on the way forward; independent errors add as a root. Backward
@@ -179,11 +179,11 @@ def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a cas
         return
     import torch
 
-    from ciir.training.loop.trainer import Run
+    from ciir.training.loop.run import Run
 
     recipe = _recipe("gan")
     with _crops(recipe) as crops:
-        low, high = crops.at(0)
+        low, high = crops.make_batch(0)
     far = torch.full_like(high, 1e16)  # its loss is still a number, the square of its gradient's norm is not
     run = Run(replace(recipe, loss="mse"))
     yield Found(

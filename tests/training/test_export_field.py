@@ -21,7 +21,7 @@ from ciir.training.data.layered_scenes import TEXTURE
 from ciir.training.evaluation import light_fields
 from ciir.training.export import calibration, qdq, to_onnx
 from ciir.training.export import inputs as examples
-from ciir.training.export.export import compare, export, export_int8, from_checkpoint, plain
+from ciir.training.export.export import compare_with_torch, export_int8, export_network, load_network, simplify_network
 from ciir.training.loop import checkpoints
 from ciir.training.networks.light_field import LightFieldGenerator
 
@@ -37,7 +37,7 @@ def checkpoint(tmp_path_factory):
     recipe = {"name": "near", "network": "light_field", "options": OPTIONS, "scale": 2, "seed": 0, "light_field": True}
     state = dict.fromkeys(checkpoints.KEYS, 0) | {"recipe": recipe, "commit": "none", "step": 7}
     path = tmp_path_factory.mktemp("run") / "checkpoint.pt"
-    checkpoints.save(path, state | {"network": LightFieldGenerator(**OPTIONS).state_dict()})
+    checkpoints.save_checkpoint(path, state | {"network": LightFieldGenerator(**OPTIONS).state_dict()})
     return path
 
 
@@ -54,7 +54,7 @@ def views(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def exported(checkpoint, views, tmp_path_factory):
-    return export(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[views])
+    return export_network(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[views])
 
 
 def test_the_card(exported, views):
@@ -80,12 +80,12 @@ def test_the_file_has_the_inputs_that_the_card_tells(exported):
         assert (value.name, tuple(dims)) == (tensor.name, tensor.shape)
 
 
-@pytest.mark.parametrize("place", examples.PLACES)
+@pytest.mark.parametrize("place", examples.WINDOWS)
 def test_what_ships_equals_torch(exported, checkpoint, place):
-    network = plain(from_checkpoint(checkpoints.read(checkpoint)))
-    inputs = examples.make(network, 2, 13, 21, place=place)
+    network = simplify_network(load_network(checkpoints.read_checkpoint(checkpoint)))
+    inputs = examples.make_examples(network, 2, 13, 21, place=place)
     with torch.no_grad():
-        wanted, doubt = network.with_doubt(*inputs)
+        wanted, doubt = network.forward_with_uncertainty(*inputs)
     made, told = LightFieldNetwork(exported)(*(part.numpy() for part in inputs))
     np.testing.assert_allclose(made, wanted.clamp(0, 1).numpy(), atol=1e-5)  # float32's rounding, in another order
     np.testing.assert_allclose(told, doubt.numpy(), atol=1e-5)
@@ -95,17 +95,17 @@ def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
     """Off by a view at the lower border alone, which one of the places shows."""
 
     class Off(LightFieldGenerator):
-        def with_doubt(self, image, around, rows, cols):
+        def forward_with_uncertainty(self, image, around, rows, cols):
             rows = rows.clone()
             rows[3] *= rows[0] + 1 - rows[4]
-            return super().with_doubt(image, around, rows, cols)
+            return super().forward_with_uncertainty(image, around, rows, cols)
 
-    network = plain(from_checkpoint(checkpoints.read(checkpoint)))
+    network = simplify_network(load_network(checkpoints.read_checkpoint(checkpoint)))
     weights = exported.with_suffix(".onnx").read_bytes()
-    assert compare(network, weights) <= 1e-5
+    assert compare_with_torch(network, weights) <= 1e-5
     network.__class__ = Off
     with pytest.raises(ValueError, match="differs from torch"):
-        compare(network, weights)
+        compare_with_torch(network, weights)
 
 
 def test_nothing_runs_slower_than_it_need(exported, tmp_path):
@@ -139,7 +139,7 @@ def test_a_view_alone_is_the_same_to_the_bit_as_among_others(exported):
 
 def test_the_kernels_of_the_sweep_stay_in_float(exported):
     model = onnx.load(exported.with_suffix(".onnx"))
-    names = [layer.name for layer in qdq.layers(model)]
+    names = [layer.name for layer in qdq.find_layers(model)]
     layers = ("compare.0", "compare.2", "choose", "single.body.0", "merged", "single.body.4", "single.tail")
     assert names == [f"network.{layer}.weight" for layer in layers]
 
@@ -147,8 +147,8 @@ def test_the_kernels_of_the_sweep_stay_in_float(exported):
 @suited
 def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "SCENES", ["vase"])
-    monkeypatch.setattr(calibration, "FIELDS", 1)
-    monkeypatch.setattr(calibration, "DRAWN", 1)
+    monkeypatch.setattr(calibration, "LIGHT_FIELDS", 1)
+    monkeypatch.setattr(calibration, "BATCHES", 1)
     monkeypatch.setattr(calibration, "SIDE", 32)
     path = export_int8(checkpoint, tmp_path, calibrate=[views], accuracy_on=[views])
     card, twin = cards.read_card(path), cards.read_card(exported)

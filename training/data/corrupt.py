@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Spoil:
+class Corruption:
     """The most that may be done; each picture draws its own share. Raises `ValueError` for what is out of range."""
 
     noise: float = 0.0
@@ -45,15 +45,15 @@ class Spoil:
         """These rows and columns of `(H, W, 3)`, spoilt. What lies around them only bleeds in with the blur."""
         values = picture.astype(np.float64)
         if self.blur:
-            values = blurred(values, random.uniform(0, self.blur))
+            values = blur_picture(values, random.uniform(0, self.blur))
         values = values[rows, cols]
         if self.noise:
             values += random.uniform(0, self.noise) * random.standard_normal(values.shape)
         spoilt = values.round().clip(0, 255).astype(np.uint8)
-        return through_jpeg(spoilt, int(random.integers(self.jpeg, 101))) if self.jpeg else spoilt
+        return compress_jpeg(spoilt, int(random.integers(self.jpeg, 101))) if self.jpeg else spoilt
 
 
-def blurred(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """`(H, W, C)` under a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma; edges are repeated."""
     radius = _radius(sigma)
     if radius == 0:
@@ -67,7 +67,7 @@ def blurred(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     return picture
 
 
-def through_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
     """8-bit RGB `(H, W, 3)` as it comes back from a JPEG of this quality, 1 to 100, chroma at half size (4:2:0)."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, subsampling="4:2:0")

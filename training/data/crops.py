@@ -14,7 +14,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from ciir.training.data import degrade
-from ciir.training.data.corrupt import Spoil
+from ciir.training.data.corrupt import Corruption
 from ciir.training.data.pictures import MEMORY, Pictures
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ciir.training.data.pictures import Picture
-    from ciir.training.data.rendered import Seen
+    from ciir.training.data.rendered import ViewPair
 
 RENDERED = ("pinhole", "lenslet")
 """What kinds of array see of random scenes and of meshes: see `training.data.rendered` and
@@ -40,7 +40,7 @@ class Pair(Protocol):
         """Rows and columns of LR."""
         ...
 
-    def part(self, rows: slice, cols: slice) -> degrade.Pair:
+    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
         """These LR rows and columns, `(3, h, w)`, and the HR they stand for, 8 bit."""
         ...
 
@@ -57,20 +57,20 @@ class Photograph:
     @property
     def size(self) -> tuple[int, int]:
         """See `Pair`."""
-        covered = degrade.cell(self.kind, self.scale)
+        covered = degrade.cell_size(self.kind, self.scale)
         height, width = self.among.sizes[self.index]
         return height // covered, width // covered
 
-    def part(self, rows: slice, cols: slice) -> degrade.Pair:
+    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
         """See `Pair`; to the bit what degrading the whole picture gives."""
         pixels = torch.from_numpy(self.among[self.index]).permute(2, 0, 1)
-        return degrade.part(self.kind, pixels, self.scale, rows, cols)
+        return degrade.make_crop(self.kind, pixels, self.scale, rows, cols)
 
 
 class Rendered:
     """A view and its truth, kept in memory."""
 
-    def __init__(self, seen: Seen) -> None:
+    def __init__(self, seen: ViewPair) -> None:
         self.low, self.high = (torch.from_numpy(view).permute(2, 0, 1) for view in seen)
 
     @property
@@ -78,9 +78,9 @@ class Rendered:
         """See `Pair`."""
         return self.low.shape[1], self.low.shape[2]
 
-    def part(self, rows: slice, cols: slice) -> degrade.Pair:
+    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
         """See `Pair`."""
-        return degrade.cut(self.low, self.high, self.high.shape[1] // self.low.shape[1], rows, cols)
+        return degrade.crop_pair(self.low, self.high, self.high.shape[1] // self.low.shape[1], rows, cols)
 
 
 class Crops:
@@ -107,19 +107,18 @@ class Crops:
         jpeg: int = 0,
         memory: int = MEMORY,
     ) -> None:
-        """`folder`: see `training.data.pictures.find`; pictures smaller than the crop are left out, with a note.
+        """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
         `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of
-        `training.data.degrade.KINDS`
-        and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`,
-        `jpeg`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; more makes `at` faster, never
-        different.
+        `training.data.degrade.KINDS` and,
+        with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`, `jpeg`: see
+        `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed only.
 
-        Raises `ValueError` where one of these or the folder is at fault.
+        Raises `ValueError` where one of these or the folder is wrong.
         """
-        check(crop, scale, degradations, rendered=bool(scenes or meshes))
+        check_degradations(crop, scale, degradations, rendered=bool(scenes or meshes))
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
-        self.spoil = Spoil(noise, blur, jpeg)
+        self.spoil = Corruption(noise, blur, jpeg)
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
             kind: [Photograph(photographs, index, kind, scale) for index in range(len(photographs))]
@@ -127,15 +126,15 @@ class Crops:
             if kind in degradations
         }
         if scenes or meshes:
-            seen = list(_rendered(photographs, scenes, meshes, scale=scale, crop=crop, seed=seed))
+            seen = list(_render_pairs(photographs, scenes, meshes, scale=scale, crop=crop, seed=seed))
             pairs |= {kind: [Rendered(of[i]) for of in seen] for i, kind in enumerate(RENDERED)}
             if BICUBIC_VIEW in degradations:
-                pairs[BICUBIC_VIEW] = [Rendered(_bicubic(truth, scale)) for (_, truth), _ in seen]
-        self.groups = [_large_enough(folder, kind, pairs[kind], crop, scale) for kind in degradations]
+                pairs[BICUBIC_VIEW] = [Rendered(_degrade_truth(truth, scale)) for (_, truth), _ in seen]
+        self.groups = [_drop_small(folder, kind, pairs[kind], crop, scale) for kind in degradations]
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
 
-    def at(self, step: int) -> tuple[Tensor, Tensor]:
+    def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
         """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
         spoiling = np.random.default_rng((self.seed, step, 1))  # of its own, so that the crops stay the same
@@ -147,26 +146,26 @@ class Crops:
             pair = group[random.integers(len(group))]
             y, x = (int(random.integers(length - side + 1)) for length in pair.size)
             turns, mirror = int(random.integers(4)), bool(random.integers(2))
-            low, high = self._part(pair, y, x, spoiling)
+            low, high = self._corrupt_crop(pair, y, x, spoiling)
             for picture, into in ((low, lows), (high, highs)):
                 turned = torch.rot90(picture, turns, (1, 2))
                 into.append(turned.flip(2) if mirror else turned)
         return torch.stack(lows).float().div(255.0), torch.stack(highs).float().div(255.0)
 
-    def _part(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
+    def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
         """The crop whose first LR sample is `(y, x)`, spoilt."""
         side, margin = self.crop // self.scale, self.spoil.margin
         if not self.spoil:
-            return pair.part(slice(y, y + side), slice(x, x + side))
+            return pair.crop(slice(y, y + side), slice(x, x + side))
         top, left = max(0, y - margin), max(0, x - margin)
         rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)
         around = (slice(top, min(pair.size[0], y + side + margin)), slice(left, min(pair.size[1], x + side + margin)))
-        low, high = pair.part(*around)
+        low, high = pair.crop(*around)
         spoilt = self.spoil(low.permute(1, 2, 0).numpy(), rows, cols, random)
-        return torch.from_numpy(spoilt).permute(2, 0, 1), degrade.cut(low, high, self.scale, rows, cols)[1]
+        return torch.from_numpy(spoilt).permute(2, 0, 1), degrade.crop_pair(low, high, self.scale, rows, cols)[1]
 
 
-def check(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
+def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
     """Raises `ValueError` where these can't be; `rendered`: whether there are views of scenes or meshes."""
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
@@ -185,29 +184,29 @@ def check(crop: int, scale: int, degradations: Mapping[str, float], *, rendered:
         raise ValueError(f"degradations: scenes and meshes are of no use without {' or '.join(RENDERED)}; add a share")
 
 
-def _rendered(
+def _render_pairs(
     photographs: Pictures, scenes: int, meshes: Sequence[str | Path], *, scale: int, crop: int, seed: int
-) -> Iterator[tuple[Seen, Seen]]:
+) -> Iterator[tuple[ViewPair, ViewPair]]:
     """What a pinhole array and a lenslet array see of random scenes, with photographs as textures, and of meshes."""
     from ciir.training.data import mesh_views, rendered
 
     if crop > scale * rendered.SIDE:
         raise ValueError(f"scenes and meshes are rendered for crops up to {scale * rendered.SIDE} pixels, not {crop}")
-    models = [mesh_views.read(path) for path in meshes]
+    models = [mesh_views.read_mesh(path) for path in meshes]
     tqdm.write(f"rendering {scenes} scenes and {len(models)} meshes: minutes for hundreds", file=sys.stderr)
     for index in tqdm(range(scenes), disable=None, desc="rendering", unit="scene"):
-        yield rendered.pairs(photographs, seed=seed, index=index, scale=scale)
+        yield rendered.render_pairs(photographs, seed=seed, index=index, scale=scale)
     for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):
         for index in range(mesh_views.PICTURES):
-            yield mesh_views.pairs(model, seed=seed, index=number * mesh_views.PICTURES + index, scale=scale)
+            yield mesh_views.render_pairs(model, seed=seed, index=number * mesh_views.PICTURES + index, scale=scale)
 
 
-def _bicubic(truth: Picture, scale: int) -> Seen:
-    low, high = degrade.pair("bicubic", torch.from_numpy(truth).permute(2, 0, 1), scale)
+def _degrade_truth(truth: Picture, scale: int) -> ViewPair:
+    low, high = degrade.make_pair("bicubic", torch.from_numpy(truth).permute(2, 0, 1), scale)
     return low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()
 
 
-def _large_enough(folder: Path, kind: str, pairs: Sequence[Pair], crop: int, scale: int) -> list[Pair]:
+def _drop_small(folder: Path, kind: str, pairs: Sequence[Pair], crop: int, scale: int) -> list[Pair]:
     large = [pair for pair in pairs if min(pair.size) * scale >= crop]
     what = f"smaller than the crop of {crop}x{crop} pixels ({kind})"
     if not large:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Pair = tuple["Tensor", "Tensor"]
 """LR `(C, h, w)` and HR `(C, scale*h, scale*w)`, 8 bit."""
 KINDS = ("bicubic", "box", "point")
-"""What `pair` makes of a photograph."""
+"""What `make_pair` makes of a photograph."""
 MARGINS = {"bicubic": 2, "box": 0, "point": 0}
 """LR samples around a part of a picture that its LR still depends on: the bicubic kernel ends 2 LR samples away."""
 
@@ -33,7 +33,7 @@ def bicubic(image: Tensor, scale: int) -> Tensor:
     Raises `ValueError` where the size is not a multiple of `scale`.
     """
     height, width = image.shape[-2:]
-    _check(height, width, scale)
+    _check_multiple(height, width, scale)
     small = functional.interpolate(
         image, size=(height // scale, width // scale), mode="bicubic", align_corners=False, antialias=True
     )
@@ -42,7 +42,7 @@ def bicubic(image: Tensor, scale: int) -> Tensor:
 
 def box(image: Tensor, scale: int) -> Tensor:
     """The mean over each `scale x scale` cell: what a lenslet sees. Shapes, range and errors as `bicubic`'s."""
-    _check(image.shape[-2], image.shape[-1], scale)
+    _check_multiple(image.shape[-2], image.shape[-1], scale)
     return _to_8_bit(functional.avg_pool2d(image, scale))
 
 
@@ -56,7 +56,7 @@ def point(image: Tensor, scale: int) -> Tensor:
     return _to_8_bit(cells[:, :, :, middle, :, middle].mean((3, 5)))
 
 
-def cell(kind: str, scale: int) -> int:
+def cell_size(kind: str, scale: int) -> int:
     """How many pixels of a photograph an LR sample covers along each side.
 
     A point must be smaller than a pixel of the truth: so for `point` the HR picture is the photograph at half its size.
@@ -64,14 +64,14 @@ def cell(kind: str, scale: int) -> int:
     return 2 * scale if kind == "point" else scale
 
 
-def pair(kind: str, photograph: Tensor, scale: int) -> Pair:
+def make_pair(kind: str, photograph: Tensor, scale: int) -> Pair:
     """LR and HR of a photograph `(C, H, W)`, 8 bit, cut to whole cells.
 
     Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell.
     """
     if kind not in KINDS:
         raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
-    covered = cell(kind, scale)
+    covered = cell_size(kind, scale)
     if min(photograph.shape[-2:]) < covered:
         height, width = photograph.shape[-2:]
         raise ValueError(f"a picture of {height}x{width} is smaller than the {covered}x{covered} of one LR pixel")
@@ -83,18 +83,20 @@ def pair(kind: str, photograph: Tensor, scale: int) -> Pair:
     return _as_bytes(low[0]), _as_bytes(high[0])
 
 
-def part(kind: str, photograph: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
-    """These LR rows and columns of `pair`, and the HR they stand for, to the bit, without degrading all the rest."""
-    margin, covered = MARGINS[kind], cell(kind, scale)
+def make_crop(kind: str, photograph: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
+    """Crops LR and HR as `make_pair` computes them, bit for bit, and degrades only what the crop needs."""
+    margin, covered = MARGINS[kind], cell_size(kind, scale)
     height, width = (side // covered for side in photograph.shape[-2:])
     top, left = max(0, rows.start - margin), max(0, cols.start - margin)
     bottom, right = min(height, rows.stop + margin), min(width, cols.stop + margin)
-    low, high = pair(kind, photograph[:, top * covered : bottom * covered, left * covered : right * covered], scale)
+    low, high = make_pair(
+        kind, photograph[:, top * covered : bottom * covered, left * covered : right * covered], scale
+    )
     inside = (slice(rows.start - top, rows.stop - top), slice(cols.start - left, cols.stop - left))
-    return cut(low, high, scale, *inside)
+    return crop_pair(low, high, scale, *inside)
 
 
-def cut(low: Tensor, high: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
+def crop_pair(low: Tensor, high: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
     """These rows and columns of an LR picture, and the HR they stand for."""
     tall, wide = slice(rows.start * scale, rows.stop * scale), slice(cols.start * scale, cols.stop * scale)
     return low[:, rows, cols], high[:, tall, wide]
@@ -107,11 +109,11 @@ def _as_bytes(image: Tensor) -> Tensor:
 def _cells(image: Tensor, scale: int) -> Tensor:
     """`(N, C, H, scale, W, scale)`."""
     count, channels, height, width = image.shape
-    _check(height, width, scale)
+    _check_multiple(height, width, scale)
     return image.reshape(count, channels, height // scale, scale, width // scale, scale)
 
 
-def _check(height: int, width: int, scale: int) -> None:
+def _check_multiple(height: int, width: int, scale: int) -> None:
     if height % scale or width % scale:
         raise ValueError(f"a picture of {height}x{width} is not a multiple of the scale {scale}: crop it first")
 

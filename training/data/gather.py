@@ -22,7 +22,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from tqdm import tqdm
 
-from ciir.training.data.pictures import find, read_rgb
+from ciir.training.data.pictures import find_pictures as find_files
+from ciir.training.data.pictures import read_rgb
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,7 +48,7 @@ PACKED = ".rcc"
 """Qt's resource files: WebP pictures lie in them as they are."""
 
 
-def pictures(folder: Path) -> Iterator[Place]:
+def find_pictures(folder: Path) -> Iterator[Place]:
     """File, first byte and number of bytes of each picture anywhere in `folder`, in the order of their names."""
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file():
@@ -61,7 +62,7 @@ def pictures(folder: Path) -> Iterator[Place]:
                     yield path, at, struct.unpack_from("<I", content, at + 4)[0] + 8
 
 
-def made(content: bytes) -> NDArray[np.uint8] | None:
+def load_picture(content: bytes) -> NDArray[np.uint8] | None:
     """8-bit RGB `(H, W, 3)`, made smaller; None where there is no picture, or a small one.
 
     What is transparent lies over a plain colour, which depends on the content alone.
@@ -83,14 +84,14 @@ def made(content: bytes) -> NDArray[np.uint8] | None:
     return np.asarray(below.convert("RGB").resize((size[0], size[1]), Image.Resampling.LANCZOS))
 
 
-def tiles(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+def cut_tiles(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     """Equal tiles of at most `SIDE` pixels, without the flat ones."""
     rows, cols = (np.linspace(0, length, -(-length // SIDE) + 1).astype(int) for length in picture.shape[:2])
     cut = [picture[a:b, c:d] for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(cols)]
     return [tile for tile in cut if np.abs(np.diff(tile.mean(axis=2), axis=1)).mean() >= FLAT]
 
 
-def thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+def make_thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
     """16x16 grey levels as one vector of mean 0 and length 1, by which pictures are compared."""
     small = Image.fromarray(picture).convert("L").resize((16, 16), Image.Resampling.BOX)
     levels = np.asarray(small, float).ravel()
@@ -98,7 +99,7 @@ def thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
     return levels / max(float(np.linalg.norm(levels)), 1e-9)
 
 
-def batched(places: Sequence[Place], size: int) -> Iterator[Sequence[Place]]:
+def _split(places: Sequence[Place], size: int) -> Iterator[Sequence[Place]]:
     """In parts of `size`, so that not all are read where few are wanted."""
     return (places[at : at + size] for at in range(0, len(places), size))
 
@@ -107,11 +108,11 @@ def _load(place: Place) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
     path, first, length = place
     with path.open("rb") as file:
         file.seek(first)
-        picture = made(file.read(length))
-    return None if picture is None else (picture, thumbnail(picture))
+        picture = load_picture(file.read(length))
+    return None if picture is None else (picture, make_thumbnail(picture))
 
 
-def gather(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[Path] = ()) -> int:
+def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[Path] = ()) -> int:
     """Writes the tiles of up to `at_most` different pictures of each folder as PNG into `out`; how many tiles.
 
     `apart`: folders of test pictures; what looks like one of them is left out. Which pictures are taken depends on the
@@ -119,23 +120,23 @@ def gather(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[
     """
     Image.MAX_IMAGE_PIXELS = 2**29
     out.mkdir(parents=True, exist_ok=True)
-    tested = [path for of in apart for path in find(of) if not path.name.endswith("_LR.png")]
-    known = [thumbnail(read_rgb(path)) for path in tested]
+    tested = [path for of in apart for path in find_files(of) if not path.name.endswith("_LR.png")]
+    known = [make_thumbnail(read_rgb(path)) for path in tested]
     if len({folder.resolve().name for folder in folders}) < len(folders):
         raise ValueError("two folders have the same name, after which tiles are called; rename one")
     written = 0
     for folder in folders:
-        places = list(pictures(folder))
+        places = list(find_pictures(folder))
         np.random.default_rng(0).shuffle(places)
         taken = alike = 0
         with ProcessPoolExecutor() as pool:
-            loading = (loaded for part in batched(places, 64) for loaded in pool.map(_load, part, chunksize=8))
+            loading = (loaded for part in _split(places, 64) for loaded in pool.map(_load, part, chunksize=8))
             for picture, small in tqdm(filter(None, loading), disable=None, desc=folder.name, unit="picture"):
                 if known and float((np.stack(known) @ small).max()) > SAME:
                     alike += 1
                     continue
                 known.append(small)
-                kept = tiles(picture)
+                kept = cut_tiles(picture)
                 taken += bool(kept)
                 for number, tile in enumerate(kept):
                     Image.fromarray(tile).save(out / f"{folder.name}-{taken:04}-{number:02}.png", compress_level=1)
@@ -161,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not folder.is_dir():
             parser.error(f"{folder}: no such folder; name one that holds pictures")
     try:
-        gather(given.folders, given.out, at_most=given.at_most, apart=given.apart)
+        gather_pictures(given.folders, given.out, at_most=given.at_most, apart=given.apart)
     except ValueError as fault:
         sys.exit(f"gather: {fault}")
 

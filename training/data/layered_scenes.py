@@ -57,7 +57,7 @@ FOLDED = 0.6
 LUMA = (0.299, 0.587, 0.114)
 
 
-def scenes(
+def make_scenes(
     random: np.random.Generator,
     pictures: SupportsLenAndGetItem[Picture],
     count: int,
@@ -78,7 +78,7 @@ def scenes(
         return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
 
     most = LAYERS[1]
-    disparity, slope = _places(uniform, count, side)
+    disparity, slope = _draw_disparities(uniform, count, side)
     angle, size = (
         uniform(0, 2 * math.pi, count, most),
         torch.exp(uniform(math.log(TEXELS[0]), math.log(TEXELS[1]), count, most)),
@@ -102,25 +102,25 @@ def scenes(
         seen, colour = torch.zeros(()), torch.zeros(())
         for layer in range(int(numbers[scene])):
             sheet = disparity[scene, layer], slope[scene, layer]
-            at = planes.meet(offsets, *sheet)
-            texture = _texture(random, pictures)
+            at = planes.intersect_layer(offsets, *sheet)
+            texture = _draw_texture(random, pictures)
             if layer == 0 and random.random() < PLAIN:
                 texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
             place = at.then(turn[scene, layer], begin[scene, layer]).of(along)
-            new = _sample((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
-            new_colour = _sample(texture, place[own : own + 1], "reflection")[0]
+            new = _sample_picture((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
+            new_colour = _sample_picture(texture, place[own : own + 1], "reflection")[0]
             if layer == 0:
                 seen, colour = new, new_colour
                 continue
-            mask, normal = _mask(random)
+            mask, normal = _draw_mask(random)
             if normal is not None and random.random() < FOLDED:
                 edge = float(threshold[scene, layer]) * MASK_REACH * side * (MASK - 1) / MASK
-                shade = _texture(random, pictures).mean((1, 2))[:, None, None]
-                there = planes.fold(random, normal, edge).seen(along, offsets, *sheet)
+                shade = _draw_texture(random, pictures).mean((1, 2))[:, None, None]
+                there = planes.make_fold(random, normal, edge).seen(along, offsets, *sheet)
                 seen = seen + there * ((shade * weights).sum() - seen)
                 colour = colour + there[own] * (shade - colour)
                 steepness[scene, layer] = STEEPNESS[1]
-            alpha = _sample(mask, at.then(to_mask, to_mask.new_zeros(2)).of(along), "border")[:, 0]
+            alpha = _sample_picture(mask, at.then(to_mask, to_mask.new_zeros(2)).of(along), "border")[:, 0]
             alpha = ((alpha - threshold[scene, layer]) * steepness[scene, layer] + 0.5).clamp(0, 1)
             seen, colour = seen + alpha * (new - seen), colour + alpha[own] * (new_colour - colour)
         views.append(seen)
@@ -128,7 +128,7 @@ def scenes(
     return torch.stack(views), torch.stack(colours)
 
 
-def _places(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
+def _draw_disparities(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
     """Disparity of each sheet in the middle of the picture `(count, layers)`, and its slope `(count, layers, 2)` in LR
     pixels of disparity for each LR pixel. Sheets follow one another from back to front; near may be either sign.
     """
@@ -146,13 +146,13 @@ def _places(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
     return disparity * factor[:, None], slope * factor[:, None, None].clamp(max=1)
 
 
-def _sample(picture: Tensor, place: Tensor, beyond: str) -> Tensor:
+def _sample_picture(picture: Tensor, place: Tensor, beyond: str) -> Tensor:
     """`(C, h, w)` at `(V, H, W, 2)`, x and y in [-1, 1], bilinearly -> `(V, C, H, W)`."""
     every = picture[None].expand(len(place), -1, -1, -1)
     return functional.grid_sample(every, place, padding_mode=beyond, align_corners=False)
 
 
-def _texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Tensor:
+def _draw_texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Tensor:
     """A part of a picture, `(3, TEXTURE, TEXTURE)` in [0, 1], or its mean colour."""
     picture = pictures[int(random.integers(len(pictures)))]
     y, x = (int(random.integers(length - TEXTURE + 1)) for length in picture.shape[:2])
@@ -160,7 +160,7 @@ def _texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pictur
     return part.mean((1, 2), keepdim=True).expand_as(part) if random.random() < FLAT else part
 
 
-def _mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
+def _draw_mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
     """A smooth random landscape `(1, MASK, MASK)`: what lies above a threshold is there. Some are a straight edge,
     whose normal `(2,)` comes with it.
     """

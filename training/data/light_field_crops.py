@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.data import degrade, layered_scenes
-from ciir.training.data.crops import RENDERED, check
+from ciir.training.data.crops import RENDERED, check_degradations
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_sample import Inputs
 from ciir.training.data.pictures import MEMORY, Pictures
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from ciir.training.data.light_field_sample import Field
+    from ciir.training.data.light_field_sample import MeshLightField
     from ciir.training.data.pictures import Picture
 
-USES = 6
+STEPS_PER_BLOCK = 6
 """Steps that take their crops from the same scenes, at other places, turned and degraded otherwise."""
-BLOCKS = 3
-"""Blocks of so many steps whose scenes are kept: `2 * USES + 1` steps in the making at once lie in no more."""
-ROOM = 12
+KEPT_BLOCKS = 3
+"""Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prepared at once."""
+MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.5), (1, 9, 0.14), (0, 9, 0.18), (1, 3, 0.09), (0, 3, 0.09))
 """The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
-STRANGE = 0.04
+MISMATCHED = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = (0.01, 0.1)
 """Share of crops under heavy noise, in each view another, and its standard deviation. Its loss is far above others'."""
@@ -53,7 +53,7 @@ class Window(NamedTuple):
     cols: Tensor
 
 
-class ViewCrops:
+class LightFieldCrops:
     """Random crops of light fields with their truth. The batch of step `s` depends only on the seed and `s`."""
 
     def __init__(
@@ -85,48 +85,48 @@ class ViewCrops:
         for kind in degradations:
             if kind not in known:
                 raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")
-        check(crop, scale, degradations, rendered=bool(meshes))
+        check_degradations(crop, scale, degradations, rendered=bool(meshes))
         self.side, self.batch, self.seed = crop // scale, batch, seed
         self.eased = eased
-        self.pictures = _Large(Pictures(folder, memory=memory))
+        self.pictures = _LargePictures(Pictures(folder, memory=memory))
         self.kinds = list(degradations)
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
-        self.meshes = _rendered(meshes, seed, self.side)
+        self.meshes = _render_meshes(meshes, seed, self.side)
         self._lock = threading.Lock()
         self._blocks: dict[int, tuple[Tensor, Tensor]] = {}
 
-    def at(self, step: int) -> tuple[Inputs, Tensor]:
+    def make_batch(self, step: int) -> tuple[Inputs, Tensor]:
         """The inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
         rendered = [kind for kind in self.kinds if kind in RENDERED]
         share = sum(self.shares[self.kinds.index(kind)] for kind in rendered)
         if random.random() < share:
-            image, around, high = self._of_meshes(random)
+            image, around, high = self._crop_meshes(random)
         else:
-            image, around, high = self._of_scenes(random, step)
+            image, around, high = self._crop_scenes(random, step)
         ease = min(1.0, step / self.eased) if self.eased else 1.0
-        window = _window(random) if random.random() < ease else _window(random, GRIDS[:1])
-        image, around = _spoilt(random, image, around, ease)
-        return _turned(random, image, around, high, window)
+        window = _draw_window(random) if random.random() < ease else _draw_window(random, GRIDS[:1])
+        image, around = _corrupt(random, image, around, ease)
+        return _augment(random, image, around, high, window)
 
-    def _of_scenes(self, random: np.random.Generator, step: int) -> tuple[Tensor, Tensor, Tensor]:
-        views, colours = self._made(step // USES)
+    def _crop_scenes(self, random: np.random.Generator, step: int) -> tuple[Tensor, Tensor, Tensor]:
+        views, colours = self._made(step // STEPS_PER_BLOCK)
         kinds = [kind for kind in self.kinds if kind not in RENDERED]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in kinds])
         crops = []
         for scene in range(self.batch):
-            y, x = (layered_scenes.FINE * int(random.integers(ROOM + 1)) for _ in range(2))
+            y, x = (layered_scenes.FINE * int(random.integers(MARGIN + 1)) for _ in range(2))
             extent = layered_scenes.FINE * self.side
             part = (slice(None), slice(y, y + extent), slice(x, x + extent))
             kind = kinds[int(random.choice(len(kinds), p=shares / shares.sum()))]
-            around, _ = _small(kind, views[scene][part])
-            image, high = _small(kind, colours[scene][part])
+            around, _ = _degrade(kind, views[scene][part])
+            image, high = _degrade(kind, colours[scene][part])
             crops.append((image, around, high))
         image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
         return image, around, high
 
-    def _of_meshes(self, random: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def _crop_meshes(self, random: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
         rendered = [kind for kind in self.kinds if kind in RENDERED]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in rendered])
         crops = []
@@ -135,7 +135,7 @@ class ViewCrops:
             field = self.meshes[int(random.integers(len(self.meshes)))]
             y, x = (int(random.integers(length - self.side + 1)) for length in field.views[kind].shape[1:])
             rows, cols = slice(y, y + self.side), slice(x, x + self.side)
-            around, high = degrade.cut(field.views[kind], field.high, 2, rows, cols)
+            around, high = degrade.crop_pair(field.views[kind], field.high, 2, rows, cols)
             crops.append((field.colours[kind][:, rows, cols], around, high))
         image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
         return image, around, high
@@ -145,16 +145,16 @@ class ViewCrops:
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
-                made = layered_scenes.scenes(
-                    random, self.pictures, self.batch, side=self.side + ROOM, window=WINDOW_SIDE
+                made = layered_scenes.make_scenes(
+                    random, self.pictures, self.batch, side=self.side + MARGIN, window=WINDOW_SIDE
                 )
                 views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
-                last = sorted(self._blocks)[1 - BLOCKS :]
+                last = sorted(self._blocks)[1 - KEPT_BLOCKS :]
                 self._blocks = {**{number: self._blocks[number] for number in last}, block: (views, colours)}
             return self._blocks[block]
 
 
-class _Large:
+class _LargePictures:
     """The pictures that a sheet's texture can be cut from."""
 
     def __init__(self, pictures: Pictures) -> None:
@@ -172,26 +172,26 @@ class _Large:
         return self._pictures[self._large[index]]
 
 
-def _window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]] = GRIDS) -> Window:
+def _draw_window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]] = GRIDS) -> Window:
     """Which of the views around are there, by the shares of `grids`."""
     shares = np.array([share for _, _, share in grids])
     rows, cols = (select_axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
     return Window(torch.from_numpy(rows.present), torch.from_numpy(cols.present))
 
 
-def _small(kind: str, fine: Tensor) -> degrade.Pair:
+def _degrade(kind: str, fine: Tensor) -> degrade.Pair:
     """LR and truth of what was sampled `layered.FINE` times as finely as LR, 8 bit `(C, H, W)`."""
     if kind == "point":
-        return degrade.pair(kind, fine, 2)
+        return degrade.make_pair(kind, fine, 2)
     high = degrade.box(fine[None].float().div(255), layered_scenes.FINE // 2)[0]
-    return degrade.pair(kind, high.mul(255).round().byte(), 2)
+    return degrade.make_pair(kind, high.mul(255).round().byte(), 2)
 
 
-def _luma(image: Tensor) -> Tensor:
+def _compute_luma(image: Tensor) -> Tensor:
     return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
 
 
-def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, ease: float) -> tuple[Tensor, Tensor]:
+def _corrupt(random: np.random.Generator, image: Tensor, around: Tensor, ease: float) -> tuple[Tensor, Tensor]:
     """Some crops with the views of another, some noisy, some grainy; the view itself stays the same in both.
 
     `ease`: how much of the shares, up to 1.
@@ -203,7 +203,7 @@ def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, ease: fl
     def normal(like: Tensor) -> Tensor:
         return torch.from_numpy(random.standard_normal(like.shape, np.float32))
 
-    around = torch.where(share(STRANGE * ease), around.roll(1, 0), around)
+    around = torch.where(share(MISMATCHED * ease), around.roll(1, 0), around)
     seldom, strong = NOISE
     noisy = share(seldom * ease)
     image = torch.where(noisy, (image + strong * normal(image)).clamp(0, 1), image)
@@ -213,11 +213,11 @@ def _spoilt(random: np.random.Generator, image: Tensor, around: Tensor, ease: fl
     image = (image + grain * normal(image)).clamp(0, 1)
     around = (around + grain * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
     around = around.clone()
-    around[:, WINDOW_SIDE * WINDOW_SIDE // 2] = _luma(image)[:, 0]
+    around[:, WINDOW_SIDE * WINDOW_SIDE // 2] = _compute_luma(image)[:, 0]
     return image, around
 
 
-def _turned(
+def _augment(
     random: np.random.Generator, image: Tensor, around: Tensor, high: Tensor, window: Window
 ) -> tuple[Inputs, Tensor]:
     """All crops of a batch upside down, left to right, and with rows for columns, each half of the time."""
@@ -233,9 +233,8 @@ def _turned(
     return Inputs(image.contiguous(), around.flatten(1, 2).contiguous(), rows, cols), high.contiguous()
 
 
-def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]:
-    """Light fields of the meshes in files, as `training.data.mesh_views.window` makes them, of at least `side` LR
-    pixels.
+def _render_meshes(meshes: Sequence[str | Path], seed: int, side: int) -> list[MeshLightField]:
+    """Renders the light fields of mesh files that have at least `side` LR pixels: see `mesh_views.render_window`.
 
     Raises `ValueError` where none is as large.
     """
@@ -248,12 +247,12 @@ def _rendered(meshes: Sequence[str | Path], seed: int, side: int) -> list[Field]
         raise ValueError(
             f"meshes are rendered for crops of up to {2 * largest} pixels, not {2 * side}; set a smaller one"
         )
-    models = [mesh_views.read(path) for path in meshes]
+    models = [mesh_views.read_mesh(path) for path in meshes]
     tqdm.write(f"rendering light fields of {len(models)} meshes: minutes for ten", file=sys.stderr)
     made = []
     for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):
         for index in range(mesh_views.PICTURES):
-            seen = mesh_views.window(model, seed=seed, index=number * mesh_views.PICTURES + index)
+            seen = mesh_views.render_window(model, seed=seed, index=number * mesh_views.PICTURES + index)
             if min(seen.high.shape[1:]) >= 2 * side:
                 made.append(seen)
     rendered = len(models) * mesh_views.PICTURES

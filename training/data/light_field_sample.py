@@ -17,7 +17,7 @@ class Inputs(NamedTuple):
     cols: Tensor
 
 
-class Field(NamedTuple):
+class MeshLightField(NamedTuple):
     """A mesh's light field, 8 bit: for each kind of array the luma of all views of a window `(25, h, w)` and the middle
     one in colour `(3, h, w)`; and its truth `(3, 2*h, 2*w)`.
     """

@@ -29,7 +29,7 @@ class Pair(NamedTuple):
     high: NDArray[np.uint8]
 
 
-def read(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+def read_views(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """The views in `folder`, `(V, U, H, W, 3)` 8-bit RGB; the middle ones where `grid` = (V, U) asks for fewer.
 
     Raises `ValueError` where there is no full grid of pictures of one size, or it is smaller than `grid`, or they are
@@ -66,10 +66,10 @@ def read(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[np.uin
     return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], 3)).astype(np.uint8))
 
 
-def degraded(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
-    """Each view made small by `training.data.degrade.pair`. Raises `ValueError` as that does."""
+def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
+    """Each view made small by `training.data.degrade.make_pair`. Raises `ValueError` as that does."""
     flat = [torch.from_numpy(view).permute(2, 0, 1) for view in views.reshape(-1, *views.shape[2:])]
-    made = [degrade.pair(kind, view, scale) for view in flat]
+    made = [degrade.make_pair(kind, view, scale) for view in flat]
     low, high = (
         np.stack([part[side].permute(1, 2, 0).numpy() for part in made]).reshape(*views.shape[:2], *size, 3)
         for side, size in ((0, made[0][0].shape[1:]), (1, made[0][1].shape[1:]))

@@ -24,14 +24,14 @@ from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import MeshFormat
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_sample import Field
-from ciir.training.data.rendered import SAMPLES, SIDE, seen
+from ciir.training.data.light_field_sample import MeshLightField
+from ciir.training.data.rendered import SAMPLES, SIDE, render_views
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.scene import Scene
-    from ciir.training.data.rendered import Seen
+    from ciir.training.data.rendered import ViewPair
 
 PICTURES = 24
 """Pictures of each mesh: a third of them for each of `LENSES`."""
@@ -46,7 +46,7 @@ TILT = 0.6
 """Largest angle of a mesh's own up direction to the vertical, radians."""
 
 
-def read(path: str | Path) -> Scene:
+def read_mesh(path: str | Path) -> Scene:
     """The mesh in the file, folder or zip at `path`, and what it refers to. What was left out of it is told.
 
     Raises `ValueError` where there is none, or it can't be read.
@@ -62,7 +62,7 @@ def read(path: str | Path) -> Scene:
     return scene
 
 
-def turned(random: np.random.Generator) -> NDArray[np.float64]:
+def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
     """A 4x4 rotation: any angle about the vertical, then tilted by up to `TILT`."""
     turn, tilt = random.uniform(0, 2 * np.pi), random.uniform(-TILT, TILT)
     about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
@@ -72,7 +72,7 @@ def turned(random: np.random.Generator) -> NDArray[np.float64]:
     return matrix
 
 
-def pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Seen, Seen]:
+def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[ViewPair, ViewPair]:
     """Picture number `index`: (LR, truth) as pinhole arrays see the mesh, and as lenslet arrays do.
 
     LR is `(96, 96, 3)`, 1, 4 or 16 views that lie side by side; the truth is `scale` times as large.
@@ -81,24 +81,24 @@ def pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Seen, Seen
     side = LENSES[index % len(LENSES)]
     across = SIDE // side
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transform(turned(random))
+    placed = mesh.transform(draw_rotation(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
     placed = placed.transform(nearer @ frame_scene(placed, array))
     views = [(int(v), int(u)) for v, u in random.integers(0, PIXELS, (across**2, 2))]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
-    all_seen = seen(placed, array, views, background=(red, green, blue), scale=scale)
-    pinhole, lenslet, truth = (_side_by_side(np.stack(of)) for of in zip(*all_seen, strict=True))
+    all_seen = render_views(placed, array, views, background=(red, green, blue), scale=scale)
+    pinhole, lenslet, truth = (_join_views(np.stack(of)) for of in zip(*all_seen, strict=True))
     return (pinhole, truth), (lenslet, truth)
 
 
-def window(mesh: Scene, *, seed: int, index: int) -> Field:
+def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
     """Light field number `index`: what arrays of 48x48 and 96x96 lenses see of the mesh by 5x5 neighbouring pixels, and
     the truth of the middle one.
     """
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transform(turned(random))
+    placed = mesh.transform(draw_rotation(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
     placed = placed.transform(nearer @ frame_scene(placed, array))
     top, left = (int(number) for number in random.integers(0, PIXELS - WINDOW_SIDE + 1, 2))
@@ -116,10 +116,10 @@ def window(mesh: Scene, *, seed: int, index: int) -> Field:
         placed, array.refine(2), [views[middle]], samples=SAMPLES, background=(red, green, blue)
     )
     high = torch.from_numpy(next(fine)[..., :3].copy()).permute(2, 0, 1)
-    return Field(lumas, colours, high)
+    return MeshLightField(lumas, colours, high)
 
 
-def _side_by_side(views: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _join_views(views: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """`(n*n, h, w, 3)` -> `(n*h, n*w, 3)`, row by row."""
     count, height, width, channels = views.shape
     across = round(count**0.5)

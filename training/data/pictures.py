@@ -24,7 +24,7 @@ VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
 """Where VOC2012's pictures lie in the folder that its archive unpacks to, and in those above."""
 
 
-def find(folder: Path) -> list[Path]:
+def find_pictures(folder: Path) -> list[Path]:
     """The pictures in `folder`, or in VOC2012 where `folder` is or holds it, sorted by name.
 
     Other files, hidden ones and folders are ignored. Raises `ValueError` where there is no folder, or no picture in it.
@@ -42,7 +42,7 @@ def find(folder: Path) -> list[Path]:
     return files
 
 
-def read(path: Path) -> Picture:
+def read_picture(path: Path) -> Picture:
     """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB, turned as its orientation tag says.
 
     16 bits are rounded to 8, palettes become RGB, and what is transparent lies over black, as views do.
@@ -59,8 +59,8 @@ def read(path: Path) -> Picture:
 
 
 def read_rgb(path: Path) -> Picture:
-    """`read`, with grey as three equal channels: `(H, W, 3)`."""
-    pixels = read(path)
+    """`read_picture`, with grey as three equal channels: `(H, W, 3)`."""
+    pixels = read_picture(path)
     return pixels if pixels.shape[2] == 3 else np.repeat(pixels, 3, axis=2)
 
 
@@ -72,8 +72,8 @@ class Pictures:
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:
-        """Raises `ValueError` as `find` and `read` do."""
-        self.files = find(folder)
+        """Raises `ValueError` as `find_pictures` and `read_picture` do."""
+        self.files = find_pictures(folder)
         self.sizes: list[tuple[int, int]] = []
         """Height and width of each."""
         self._kept: list[Picture] = []

@@ -25,15 +25,15 @@ EDGE_ON = 0.02
 """Share of its width below which it is too thin to be seen."""
 
 
-class Places(NamedTuple):
+class AffineMap(NamedTuple):
     """Of each view, `matrix @ p + shift` for a pixel p: `(V, n, 2)` and `(V, n)`."""
 
     matrix: Tensor
     shift: Tensor
 
-    def then(self, matrix: Tensor, shift: Tensor) -> Places:
+    def then(self, matrix: Tensor, shift: Tensor) -> AffineMap:
         """`matrix @ . + shift` of it, `(m, n)` and `(m,)`."""
-        return Places(matrix @ self.matrix, self.shift @ matrix.T + shift)
+        return AffineMap(matrix @ self.matrix, self.shift @ matrix.T + shift)
 
     def of(self, along: Tensor) -> Tensor:
         """For pixels at `along` down and across, `(side,)`: `(V, side, side, n)`."""
@@ -42,11 +42,11 @@ class Places(NamedTuple):
         return down[:, :, None] + across[:, None]
 
 
-def meet(offsets: Tensor, disparity: Tensor, slope: Tensor) -> Places:
+def intersect_layer(offsets: Tensor, disparity: Tensor, slope: Tensor) -> AffineMap:
     """The point q of a sheet that each pixel of the views at `offsets` `(V, 2)` sees. `slope`: `(2,)`."""
     beside = offsets[:, :, None] * slope / (1 + offsets @ slope)[:, None, None]
     matrix = torch.eye(2, dtype=offsets.dtype) - beside  # the inverse of I + offset slope^T (Sherman and Morrison)
-    return Places(matrix, -disparity * (matrix @ offsets[:, :, None])[:, :, 0])
+    return AffineMap(matrix, -disparity * (matrix @ offsets[:, :, None])[:, :, 0])
 
 
 class Fold(NamedTuple):
@@ -68,13 +68,13 @@ class Fold(NamedTuple):
 
     def seen(self, along: Tensor, offsets: Tensor, disparity: Tensor, slope: Tensor) -> Tensor:
         """How much of each pixel it fills, `(V, side, side)` in [0, 1]. `disparity` and `slope` are the sheet's;
-        `along` as in `Places.of`, evenly spaced: a pixel's width is the distance of the first two.
+        `along` as in `AffineMap.of`, evenly spaced: a pixel's width is the distance of the first two.
         """
         slope = slope + self.change * self.normal
         ahead = 1 + offsets @ slope  # how wide a pixel of the middle view is seen; below 0 from behind: not at all
         visible = ahead > EDGE_ON
         ahead = torch.where(visible, ahead, torch.ones_like(ahead))
-        found = meet(torch.where(visible[:, None], offsets, 0.0), disparity - self.change * self.edge, slope)
+        found = intersect_layer(torch.where(visible[:, None], offsets, 0.0), disparity - self.change * self.edge, slope)
         inwards = found.then(self.normal[None], torch.tensor([-self.edge])).of(along)[..., 0]
         pixel = float(along[1] - along[0]) / ahead[:, None, None]
         there = ((inwards + self.width) / pixel + 0.5).clamp(0, 1)
@@ -82,7 +82,7 @@ class Fold(NamedTuple):
         return there * (1.5 - inwards / pixel).clamp(0, 1) * visible[:, None, None]
 
 
-def fold(random: np.random.Generator, normal: Tensor, edge: float) -> Fold:
+def make_fold(random: np.random.Generator, normal: Tensor, edge: float) -> Fold:
     """One along an edge: see there."""
     low, high = CHANGE
     change = math.exp(random.uniform(math.log(low), math.log(high))) * (1 if random.random() < 0.5 else -1)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
     from ciir.training.data.pictures import Picture
 
-    Seen = tuple[Picture, Picture]
+    ViewPair = tuple[Picture, Picture]
     """LR `(h, w, 3)` and its truth `(scale*h, scale*w, 3)`, 8 bit."""
 
 SIDE = 96
@@ -35,7 +35,7 @@ TEXELS = (0.4, 4.0)
 """Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
 
 
-def polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
+def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
     """One flat polygon of 3 to 24 corners, thin or round, somewhere in front of the array, turned and tilted."""
     corners = int(random.choice([3, 4, 4, 5, 7, 24]))
     angle = np.sort(random.uniform(0, 2 * np.pi, corners)) if corners < 24 else np.linspace(0, 2 * np.pi, 25)[:-1]
@@ -60,20 +60,22 @@ def polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture
     return Part(vertices, faces, colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
 
 
-def pairs(pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2) -> tuple[Seen, Seen]:
+def render_pairs(
+    pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
+) -> tuple[ViewPair, ViewPair]:
     """Scene number `index`: (LR, truth) as a pinhole array sees it, and as a lenslet array does.
 
     `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
     """
     random = np.random.default_rng((seed, index))
-    scene = Scene(tuple(polygon(random, pictures) for _ in range(random.integers(8, 28))))
+    scene = Scene(tuple(make_polygon(random, pictures) for _ in range(random.integers(8, 28))))
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
     array = LensArray(SIDE, SIDE, 1, 1)
-    ((pinhole, lenslet, truth),) = seen(scene, array, [(0, 0)], background=(red, green, blue), scale=scale)
+    ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=(red, green, blue), scale=scale)
     return (pinhole, truth), (lenslet, truth)
 
 
-def seen(
+def render_views(
     scene: Scene, array: LensArray, views: list[View], *, background: tuple[int, int, int], scale: int
 ) -> list[tuple[Picture, Picture, Picture]]:
     """Each of `views` of a scene in front of `array`: by pinholes and by lenslets `(rows, cols, 3)`, and their truth.
@@ -83,9 +85,9 @@ def seen(
     backend = RaytraceBackend()
     by = ((array, 1), (array, SAMPLES), (array.refine(scale), SAMPLES))
     pictures = [backend.render_views(scene, lenses, views, samples=n, background=background) for lenses, n in by]
-    return list(zip(*(map(_opaque, of) for of in pictures), strict=True))
+    return list(zip(*(map(_drop_alpha, of) for of in pictures), strict=True))
 
 
-def _opaque(view: NDArray[np.uint8]) -> Picture:
+def _drop_alpha(view: NDArray[np.uint8]) -> Picture:
     """RGBA without A, the share that the scene covers."""
     return np.ascontiguousarray(view[..., :3])

@@ -58,9 +58,8 @@ def score(
 ) -> Accuracy:
     """Mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
 
-    Each view is made small by `training.data.degrade.pair` and upscaled with the help of no others than those of the
-    grid,
-    as in BasicLFSR. This differs from its protocol in that LR and output are RGB of 8 bits, where BasicLFSR makes Y
+    Each view is degraded as `training.data.degrade.make_pair` does and upscaled with only the views of the grid, as in
+    BasicLFSR. This differs from its protocol in that LR and output are RGB of 8 bits, where BasicLFSR makes Y
     small and never rounds it, and in that a border of `scale` pixels is cut, as it is for pictures.
 
     Raises `ValueError` where there is no full grid of views of one size, or it is smaller than `grid`, or the views are
@@ -71,7 +70,7 @@ def score(
             f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
             "those, or another model"
         )
-    low, high = light_fields.degraded(light_fields.read(folder, grid=grid), degradation, network.scale)
+    low, high = light_fields.degrade_views(light_fields.read_views(folder, grid=grid), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
     psnrs, ssims = [], []

@@ -34,18 +34,18 @@ PROTOCOL = (
 )
 
 
-def evaluate(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
+def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
     """Mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
 
     Without a `degradation` over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
-    `*_HR.png`, or else over all its pictures (see `training.data.pictures.find`), with LR made by
-    `training.data.degrade.pair`.
+    `*_HR.png`, or else over all its pictures (see `training.data.pictures.find_pictures`), with LR made by
+    `training.data.degrade.make_pair`.
 
     Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
     picture is missing or not `scale` times as large as its LR; `ModuleNotFoundError` where a degradation wants torch.
     """
     psnrs, ssims = [], []
-    for file, low, high in _degraded(folder, degradation, upscaler.scale) if degradation else _supplied(folder):
+    for file, low, high in _degrade_pairs(folder, degradation, upscaler.scale) if degradation else _read_pairs(folder):
         picture = upscale_pixels(upscaler, low[np.newaxis])[0]
         if picture.shape != high.shape:
             raise ValueError(
@@ -62,12 +62,12 @@ def evaluate(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accu
     return Accuracy(name, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
 
 
-def evaluate_folder(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
-    """`evaluate` for `upscaler(model, scale=scale)`. Raises as both do."""
-    return evaluate(upscaler(model, scale=scale), folder, degradation=degradation)
+def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
+    """`score` for `load_model(model, scale=scale)`. Raises as both do."""
+    return score(load_model(model, scale=scale), folder, degradation=degradation)
 
 
-def upscaler(model: str, *, scale: int = 2) -> Upscaler:
+def load_model(model: str, *, scale: int = 2) -> Upscaler:
     """A model by its name in the catalogue, or any exported network by the path of its card.
 
     Raises `ciir.errors.ModelError` where there is no such model.
@@ -75,7 +75,7 @@ def upscaler(model: str, *, scale: int = 2) -> Upscaler:
     return SingleImageNetwork(Path(model)) if model.endswith(".json") else load_upscaler(model, scale=scale)
 
 
-def low_files(folder: Path) -> list[Path]:
+def find_low_files(folder: Path) -> list[Path]:
     """The `*_LR.png` in `folder`, sorted by name. Raises `ValueError` where there is none."""
     files = sorted(folder.glob("*_LR.png"))
     if not files:
@@ -85,27 +85,27 @@ def low_files(folder: Path) -> list[Path]:
     return files
 
 
-def _supplied(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
+def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
     """Each HR file, and the pixels of its LR and of itself."""
-    for low_file in tqdm(low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
+    for low_file in tqdm(find_low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
         high_file = low_file.with_name(low_file.name.replace("_LR.png", "_HR.png"))
         if not high_file.is_file():
             raise ValueError(f"{high_file}: missing; each *_LR.png needs its *_HR.png")
-        yield high_file, pictures.read(low_file), pictures.read(high_file)
+        yield high_file, pictures.read_picture(low_file), pictures.read_picture(high_file)
 
 
-def _degraded(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
+def _degrade_pairs(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
     """Each HR file, and the pixels of LR made of it and of HR, `(H, W, 1 or 3)`."""
     import torch
 
     from ciir.training.data import degrade
 
-    files = pictures.find(folder)
+    files = pictures.find_pictures(folder)
     files = [file for file in files if file.name.endswith("_HR.png")] or files
     for file in tqdm(files, desc=folder.name, disable=None, unit="picture", leave=False):
-        photograph = torch.from_numpy(pictures.read(file)).permute(2, 0, 1)
+        photograph = torch.from_numpy(pictures.read_picture(file)).permute(2, 0, 1)
         try:
-            low, high = (made.permute(1, 2, 0).numpy() for made in degrade.pair(kind, photograph, scale))
+            low, high = (made.permute(1, 2, 0).numpy() for made in degrade.make_pair(kind, photograph, scale))
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from error
         yield file, low, high

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-def average(paths: Sequence[Path], out: Path) -> None:
+def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
     """Writes a checkpoint with the mean of the networks of `paths`; all else is the first's.
 
     Its recipe says `averaged` and names them, so it can be exported and started from, and no run goes on in its place.
@@ -30,7 +30,7 @@ def average(paths: Sequence[Path], out: Path) -> None:
     """
     if len(paths) < 2:
         raise ValueError(f"{len(paths)} checkpoint given; give two or more")
-    states = [checkpoints.read(path) for path in paths]
+    states = [checkpoints.read_checkpoint(path) for path in paths]
     first = states[0]
     for path, state in zip(paths[1:], states[1:], strict=True):
         designs = [(of["recipe"]["network"], of["recipe"]["options"]) for of in (first, state)]
@@ -39,7 +39,7 @@ def average(paths: Sequence[Path], out: Path) -> None:
     mean = {key: _mean([state["network"][key] for state in states]) for key in first["network"]}
     recipe: dict[str, Any] = {**first["recipe"], "averaged": [path.as_posix() for path in paths]}
     out.parent.mkdir(parents=True, exist_ok=True)
-    checkpoints.save(out, {**first, "network": mean, "raw": mean, "recipe": recipe})
+    checkpoints.save_checkpoint(out, {**first, "network": mean, "raw": mean, "recipe": recipe})
 
 
 def _mean(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, help="checkpoint to write")
     given = parser.parse_args(arguments)
     try:
-        average(given.checkpoints, given.out)
+        average_checkpoints(given.checkpoints, given.out)
     except (ValueError, FloatingPointError) as fault:
         sys.exit(f"average: {fault}")
 

@@ -11,7 +11,7 @@ from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
 from ciir.training.data import degrade, light_field_crops, mesh_views, pictures
 from ciir.training.data.light_field_sample import Inputs
-from ciir.training.export.inputs import FURTHER, IMAGE
+from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.training.data.light_field_sample import Field
+    from ciir.training.data.light_field_sample import MeshLightField
     from ciir.training.data.pictures import Picture
 
 
@@ -38,69 +38,71 @@ SIDE = 128
 """Longest side of an LR view of a picture: its middle."""
 VIEWS = 3
 """Turned views of each built-in scene, one for each size of array in `mesh_views.LENSES`."""
-DRAWN, TOGETHER = 8, 4
+BATCHES, SCENES_PER_BATCH = 8, 4
 """Batches of layered scenes with the pictures of a folder as textures, and how many scenes are in a batch."""
-FIELDS = 2
+LIGHT_FIELDS = 2
 """Light fields of each built-in scene: of an array of 48x48 lenses and of one of 96x96."""
 
 
-def pairs(folders: Sequence[Path], scale: int) -> list[Example]:
+def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
     """Of each folder's pictures, degraded in turn by each of `degrade.KINDS`, and of the built-in scenes' views.
 
     Raises `ValueError` where a folder has no picture, or one can't be read or is smaller than one LR pixel.
     """
     found: list[Example] = []
     for folder in folders:
-        files = [file for file in pictures.find(folder) if not file.name.endswith("_LR.png")]
+        files = [file for file in pictures.find_pictures(folder) if not file.name.endswith("_LR.png")]
         chosen = files[:: max(1, len(files) // PICTURES)][:PICTURES]
         for index, file in enumerate(chosen):
             photograph = torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1)
             kind = degrade.KINDS[index % len(degrade.KINDS)]
             try:
-                low, high = degrade.pair(kind, _middle(photograph, SIDE * degrade.cell(kind, scale)), scale)
+                low, high = degrade.make_pair(
+                    kind, _crop_middle(photograph, SIDE * degrade.cell_size(kind, scale)), scale
+                )
             except ValueError as error:
                 raise ValueError(f"{file}: {error}; take it out of the folder") from error
-            found.append(_of_picture(low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()))
+            found.append(_make_picture_example(low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()))
     for name in SCENES:
         for index in range(VIEWS):
-            made = mesh_views.pairs(load_scene(name), seed=0, index=index, scale=scale)
-            found.extend(_of_picture(low, high) for low, high in made)
+            made = mesh_views.render_pairs(load_scene(name), seed=0, index=index, scale=scale)
+            found.extend(_make_picture_example(low, high) for low, high in made)
     return found
 
 
-def fields(folders: Sequence[Path], scale: int) -> list[Example]:
+def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Example]:
     """For a light-field network: layered scenes of each folder's pictures, as late in training, with windows at
     the border of the grid among them, and built-in scenes' views.
 
-    Raises `ValueError` as `training.data.light_field_crops.ViewCrops` does.
+    Raises `ValueError` as `training.data.light_field_crops.LightFieldCrops` does.
     """
     found: list[Example] = []
     for folder in folders:
         kinds = dict.fromkeys(degrade.KINDS, 1.0)
-        crops = light_field_crops.ViewCrops(
-            folder, crop=SIDE * scale, scale=scale, batch=TOGETHER, seed=0, degradations=kinds
+        crops = light_field_crops.LightFieldCrops(
+            folder, crop=SIDE * scale, scale=scale, batch=SCENES_PER_BATCH, seed=0, degradations=kinds
         )
-        for number in range(DRAWN):
-            inputs, high = crops.at(number * light_field_crops.USES)
-            found.extend(_of_views(inputs, high))
+        for number in range(BATCHES):
+            inputs, high = crops.make_batch(number * light_field_crops.STEPS_PER_BLOCK)
+            found.extend(_split_batch(inputs, high))
     for name in SCENES:
-        for index in range(FIELDS):
-            found.extend(_of_mesh(mesh_views.window(load_scene(name), seed=0, index=index)))
+        for index in range(LIGHT_FIELDS):
+            found.extend(_make_mesh_examples(mesh_views.render_window(load_scene(name), seed=0, index=index)))
     return found
 
 
-def as_input(low: Picture) -> NDArray[np.float32]:
+def to_input(low: Picture) -> NDArray[np.float32]:
     """`(h, w, 3)` 8 bit as a network takes it: `(1, 3, h, w)` float32 in [0, 1]."""
     return np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
 
 
-def _of_picture(low: Picture, high: Picture) -> Example:
-    return Example({IMAGE.name: as_input(low)}, high)
+def _make_picture_example(low: Picture, high: Picture) -> Example:
+    return Example({IMAGE.name: to_input(low)}, high)
 
 
-def _of_views(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
+def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
     """Each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
-    names = [IMAGE.name, *(tensor.name for tensor in FURTHER)]
+    names = [IMAGE.name, *(tensor.name for tensor in LIGHT_FIELD_INPUTS)]
     truths = high.mul(255).round().byte().permute(0, 2, 3, 1).numpy()
     for number, truth in enumerate(truths):
         one = slice(number, number + 1)
@@ -108,15 +110,15 @@ def _of_views(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
         yield Example({name: part.numpy() for name, part in zip(names, parts, strict=True)}, truth)
 
 
-def _of_mesh(field: Field) -> Iterator[Example]:
+def _make_mesh_examples(field: MeshLightField) -> Iterator[Example]:
     """What each kind of array sees of a mesh."""
     middle = torch.from_numpy(select_axis(WINDOW_SIDE // 2, WINDOW_SIDE).present)
     for kind, views in field.views.items():
         image, around = (part[None].float().div(255) for part in (field.colours[kind], views))
-        yield from _of_views(Inputs(image, around, middle, middle), field.high[None].float().div(255))
+        yield from _split_batch(Inputs(image, around, middle, middle), field.high[None].float().div(255))
 
 
-def _middle(photograph: torch.Tensor, side: int) -> torch.Tensor:
+def _crop_middle(photograph: torch.Tensor, side: int) -> torch.Tensor:
     height, width = photograph.shape[-2:]
     top, left = max(0, height - side) // 2, max(0, width - side) // 2
     return photograph[:, top : top + side, left : left + side]

@@ -25,11 +25,11 @@ from ciir.training.evaluation import light_fields, pictures
 from ciir.training.export import inputs as examples
 from ciir.training.export import measure, to_onnx
 from ciir.training.loop import checkpoints
-from ciir.training.loop.trainer import as_tuple
-from ciir.training.networks import make
-from ciir.training.networks.batch_norm import fold
+from ciir.training.loop.run import as_tuple
+from ciir.training.networks import make_network
+from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
-from ciir.training.networks.light_field import LightFieldGenerator, WithDoubt, merge
+from ciir.training.networks.light_field import LightFieldGenerator, WithUncertainty, merge_layers
 from ciir.training.networks.separable import separate
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ INT8 = "-int8"
 """What an int8 twin has after the float network's name."""
 
 
-def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
     """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name`, or else the recipe's.
 
     `checkpoint`: of `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or for a
@@ -57,23 +57,23 @@ def export(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence
 
     Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
     """
-    weights, card = from_torch(checkpoint, name)
-    return ship(weights, card, out, accuracy_on=accuracy_on)
+    weights, card = convert_checkpoint(checkpoint, name)
+    return write_network(weights, card, out, accuracy_on=accuracy_on)
 
 
 def export_int8(
     checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
 ) -> Path:
-    """As `export`, but of the network's int8 twin, `NAME-int8`. `calibrate`: folders of pictures, see
+    """As `export_network`, but of the network's int8 twin, `NAME-int8`. `calibrate`: folders of pictures, see
     `training.export.calibration`.
 
-    Raises `ValueError` as `export` does, where the pictures can't be used, or where int8 costs too much accuracy.
+    Raises `ValueError` as `export_network`, and where the pictures can't be used or int8 costs too much accuracy.
     """
     from ciir.training.export import calibration, quantise
 
-    weights, card = from_torch(checkpoint, name)
-    examples_of = calibration.fields if card.is_light_field else calibration.pairs
-    weights, kept = quantise.quantise(weights, examples_of(calibrate, card.scale))
+    weights, card = convert_checkpoint(checkpoint, name)
+    examples_of = calibration.make_light_field_examples if card.is_light_field else calibration.make_picture_examples
+    weights, kept = quantise.quantise_network(weights, examples_of(calibrate, card.scale))
     how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
     twin = dataclasses.replace(
         card,
@@ -82,30 +82,30 @@ def export_int8(
         float_twin=card.name,
         training=dataclasses.replace(card.training, recipe=card.training.recipe | {"int8": how}),
     )
-    return ship(weights, twin, out, accuracy_on=accuracy_on)
+    return write_network(weights, twin, out, accuracy_on=accuracy_on)
 
 
-def from_torch(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
-    """The float network of a checkpoint as ONNX, and its card but for what `ship` fills in. Raises as `export`.
+def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
+    """Converts a checkpoint's network to float ONNX and makes its card, without what `write_network` fills in.
 
-    `name`: in place of the recipe's.
+    `name`: in place of the recipe's. Raises as `export_network`.
     """
-    state = checkpoints.read(checkpoint)
+    state = checkpoints.read_checkpoint(checkpoint)
     recipe = state["recipe"]
     name = name or str(recipe["name"])
     check_name(name)
-    trained = from_checkpoint(state)
-    network = plain(trained)
+    trained = load_network(state)
+    network = simplify_network(trained)
     sizes = Sizes()
-    weights = to_onnx.convert(network, int(recipe["scale"]))
-    compare(network, weights)
-    radius = measure.receptive_radius(network, int(recipe["scale"]))
-    card = card_of(
+    weights = to_onnx.convert_network(network, int(recipe["scale"]))
+    compare_with_torch(network, weights)
+    radius = measure.find_receptive_radius(network, int(recipe["scale"]))
+    card = make_card(
         network,
         name=name,
         kind=_first_line(sys.modules[type(trained).__module__].__doc__) + _losses(recipe),
         scale=int(recipe["scale"]),
-        radius=measure.tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
+        radius=measure.find_tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
         sizes=sizes,
         training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
     )
@@ -118,7 +118,7 @@ def check_name(name: str) -> None:
         raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
 
-def card_of(
+def make_card(
     network: nn.Module,
     *,
     name: str,
@@ -129,7 +129,7 @@ def card_of(
     training: cards.Training,
 ) -> cards.Card:
     """The card of a float network, with a hash of zeros and no accuracy."""
-    inputs = examples.inputs(network)
+    inputs = examples.list_inputs(network)
     return cards.Card(
         name=name,
         kind=kind,
@@ -139,19 +139,19 @@ def card_of(
         input=inputs[0],
         output=to_onnx.output(scale),
         radius=radius,
-        parameters=measure.parameters(network),
-        macs_per_output_pixel=measure.macs_per_output_pixel(network, sizes),
+        parameters=measure.count_parameters(network),
+        macs_per_output_pixel=measure.count_macs(network, sizes),
         training=training,
         protocol=light_fields.PROTOCOL if inputs[1:] else pictures.PROTOCOL,
         command="",
         accuracy=(),
         sizes=sizes,
         further=inputs[1:],
-        further_outputs=examples.outputs(network),
+        further_outputs=examples.list_outputs(network),
     )
 
 
-def ship(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
+def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
     """Writes a network and its card into `out`, hash and accuracy filled in; both or, where one fails, neither.
 
     Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
@@ -182,46 +182,46 @@ def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
     """Those of the network in `path` on each folder; of a light-field network, on each made small in every way."""
     if not cards.read_card(path).is_light_field:
         upscaler = SingleImageNetwork(path)
-        return tuple(pictures.evaluate(upscaler, folder) for folder in folders)
+        return tuple(pictures.score(upscaler, folder) for folder in folders)
     network = LightFieldNetwork(path)
     tries = itertools.product(folders, degrade.KINDS)
     return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
 
 
-def from_checkpoint(state: dict[str, Any]) -> nn.Module:
+def load_network(state: dict[str, Any]) -> nn.Module:
     """The network of a checkpoint in evaluation mode, as it was trained."""
     recipe = state["recipe"]
-    network = make(recipe["network"], recipe["options"])
+    network = make_network(recipe["network"], recipe["options"])
     network.load_state_dict(state["network"])
     return network.eval()
 
 
 @torch.no_grad()
-def plain(network: nn.Module) -> nn.Module:
+def simplify_network(network: nn.Module) -> nn.Module:
     """The network as it runs: branches and batch normalisation folded, interpolation along one side at a time, weights
     under `SMALLEST` set to zero.
     """
-    network = separate(collapse(fold(network)))
+    network = separate(collapse(fold_batch_norm(network)))
     if isinstance(network, LightFieldGenerator):
-        merge(network)
+        merge_layers(network)
     for weight in network.parameters():
         weight[weight.abs() < SMALLEST] = 0.0
     return network.eval()
 
 
 @torch.no_grad()
-def compare(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
-    """The largest difference between torch and onnxruntime over `SHAPES` and `examples.places`, on noise in [0, 1].
+def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
+    """Returns the largest difference between torch and onnxruntime over `SHAPES` and all windows, on noise in [0, 1].
 
     Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
     """
     session = open_session(weights, threads=count_available_cores())
-    names = [tensor.name for tensor in examples.inputs(network)]
-    whole = WithDoubt(network) if isinstance(network, LightFieldGenerator) else network
+    names = [tensor.name for tensor in examples.list_inputs(network)]
+    whole = WithUncertainty(network) if isinstance(network, LightFieldGenerator) else network
     largest = 0.0
-    for place, (count, channels, height, width) in itertools.product(examples.places(network), SHAPES):
+    for place, (count, channels, height, width) in itertools.product(examples.list_windows(network), SHAPES):
         shape = (count, channels, *sizes.fitted(height, width))
-        inputs = examples.make(network, count, *shape[2:], place=place)
+        inputs = examples.make_examples(network, count, *shape[2:], place=place)
         try:
             made = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})
             wished = [part.numpy() for part in as_tuple(whole(*inputs))]

@@ -30,13 +30,13 @@ UNUSED = ("InterpolationMode", "normalize", "rotate")
 and RestoreFormer (faces)."""
 
 
-class Foreign(nn.Module):
+class ExternalNetwork(nn.Module):
     """A network that spandrel made: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
 
     def __init__(self, descriptor: Any) -> None:
         """`descriptor`: a `spandrel.ImageModelDescriptor`."""
         super().__init__()
-        self.network: nn.Module = _folded(descriptor.model.float()).requires_grad_(True)
+        self.network: nn.Module = _fold_branches(descriptor.model.float()).requires_grad_(True)
         self.scale = int(descriptor.scale)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -46,18 +46,18 @@ class Foreign(nn.Module):
         return picture
 
 
-def _folded(network: nn.Module) -> nn.Module:
+def _fold_branches(network: nn.Module) -> nn.Module:
     """SPAN's Conv3XC folds its branches anew in every call, which can't be traced: once is enough."""
     modules: Iterable[Any] = network.modules()
     for module in modules:
         if hasattr(module, "update_params") and hasattr(module, "eval_conv"):
             module.update_params()
-            module.update_params = _nothing
+            module.update_params = _do_nothing
             del module.conv, module.sk
     return network
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     """In place of what needs to be done no more."""
 
 
@@ -71,33 +71,35 @@ def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Seq
     """
     name = name or weights.stem
     export.check_name(name)
-    descriptor = _described(weights)
-    network, sizes = Foreign(descriptor).eval(), _sizes(descriptor.size_requirements)
+    descriptor = _load_descriptor(weights)
+    network, sizes = ExternalNetwork(descriptor).eval(), _convert_sizes(descriptor.size_requirements)
     _check_call(network, descriptor, sizes)
-    made = to_onnx.convert(network, network.scale, sizes)
-    export.compare(network, made, sizes)
-    card = export.card_of(
+    made = to_onnx.convert_network(network, network.scale, sizes)
+    export.compare_with_torch(network, made, sizes)
+    card = export.make_card(
         network,
         name=name,
         kind=f"{descriptor.architecture.name} ({', '.join(descriptor.tags)}), trained by others".replace(" ()", ""),
         scale=network.scale,
-        radius=measure.tile_overlap(network, network.scale, sizes),
+        radius=measure.find_tile_overlap(network, network.scale, sizes),
         sizes=sizes,
-        training=cards.Training(_origin(weights), "unknown", 0, 0),
+        training=cards.Training(_describe_file(weights), "unknown", 0, 0),
     )
-    return export.ship(made, card, out, accuracy_on=accuracy_on)
+    return export.write_network(made, card, out, accuracy_on=accuracy_on)
 
 
-def _origin(weights: Path) -> dict[str, Any]:
+def _describe_file(weights: Path) -> dict[str, Any]:
     return {"weights": weights.name, "sha256": hashlib.sha256(weights.read_bytes()).hexdigest()}
 
 
-def _described(weights: Path) -> Any:
+def _load_descriptor(weights: Path) -> Any:
     """spandrel's descriptor of the network in a file."""
     with without_torchvision():
         import spandrel
     try:
-        descriptor = spandrel.ModelLoader().load_from_state_dict(spandrel.canonicalize_state_dict(_read(weights)))
+        descriptor = spandrel.ModelLoader().load_from_state_dict(
+            spandrel.canonicalize_state_dict(_read_weights(weights))
+        )
     except spandrel.UnsupportedModelError as error:
         raise ValueError(
             f"{weights}: spandrel {spandrel.__version__} knows no network with such weights; give one of its list"
@@ -114,7 +116,7 @@ def _described(weights: Path) -> Any:
     return descriptor
 
 
-def _read(weights: Path) -> dict[str, Any]:
+def _read_weights(weights: Path) -> dict[str, Any]:
     """Tensors by name, without unpickling anything else."""
     if weights.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{weights}: not a file of weights; give one of {', '.join(SUFFIXES)}")
@@ -142,13 +144,13 @@ def _read(weights: Path) -> dict[str, Any]:
     return state
 
 
-def _sizes(rule: Any) -> Sizes:
+def _convert_sizes(rule: Any) -> Sizes:
     """spandrel's `SizeRequirements`; the least side is that of our own networks where it says nothing."""
     return Sizes(max(Sizes().minimum, rule.minimum), rule.multiple_of, rule.square)
 
 
 @torch.no_grad()
-def _check_call(network: Foreign, descriptor: Any, sizes: Sizes) -> None:
+def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
     """Raises `ValueError` where `network` isn't all that spandrel does with a picture: some want more than the call."""
     image = torch.rand(1, 3, *sizes.fitted(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())

@@ -13,40 +13,42 @@ from ciir.training.networks.light_field import LightFieldGenerator
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-    Place = tuple[tuple[int, int], tuple[int, int]]
+    WindowPosition = tuple[tuple[int, int], tuple[int, int]]
 
 FREE = ("height", "width")
 IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
-FURTHER = (
+LIGHT_FIELD_INPUTS = (
     cards.Tensor("around", ("batch", WINDOW_SIDE * WINDOW_SIDE, *FREE), "float32", 0.0, 1.0),
     cards.Tensor("rows", (WINDOW_SIDE,), "float32", 0.0, 1.0),
     cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
 )
 """What a light-field network takes beside the view: see `training.networks.light_field`."""
-DOUBT = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
-"""What it makes beside the picture: see `training.networks.light_field.LightFieldGenerator.with_doubt`."""
-PLACES: tuple[Place, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
+UNCERTAINTY = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
+"""Its output beside the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
+WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
 """Windows to try such a network on, as `(number, of how many)` views down and across: whole, at a corner, and in the
 middle and at the edge of the least grid."""
 
 
-def inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+def list_inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
     """The inputs of the network's ONNX file, in order."""
-    return (IMAGE, *FURTHER) if isinstance(network, LightFieldGenerator) else (IMAGE,)
+    return (IMAGE, *LIGHT_FIELD_INPUTS) if isinstance(network, LightFieldGenerator) else (IMAGE,)
 
 
-def outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
+def list_outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
     """The outputs of the network's ONNX file after the picture."""
-    return (DOUBT,) if isinstance(network, LightFieldGenerator) else ()
+    return (UNCERTAINTY,) if isinstance(network, LightFieldGenerator) else ()
 
 
-def places(network: nn.Module) -> tuple[Place, ...]:
+def list_windows(network: nn.Module) -> tuple[WindowPosition, ...]:
     """The windows that it ought to be tried on; one, which says nothing, for a network of single pictures."""
-    return PLACES if isinstance(network, LightFieldGenerator) else PLACES[:1]
+    return WINDOWS if isinstance(network, LightFieldGenerator) else WINDOWS[:1]
 
 
-def make(network: nn.Module, count: int, height: int, width: int, *, place: Place = PLACES[0]) -> list[Tensor]:
-    """Noise in [0, 1] for each of `inputs`, the same each time, of `count` pictures; `rows` and `cols` of `place`."""
+def make_examples(
+    network: nn.Module, count: int, height: int, width: int, *, place: WindowPosition = WINDOWS[0]
+) -> list[Tensor]:
+    """Noise in [0, 1] for each of `list_inputs`, the same in each call, of `count` pictures; `place`: the window's."""
     random = torch.Generator().manual_seed(0)
     made = [torch.rand(count, 3, height, width, generator=random)]
     if isinstance(network, LightFieldGenerator):

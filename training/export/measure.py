@@ -15,7 +15,7 @@ from ciir.training.export import inputs as examples
 
 if TYPE_CHECKING:
     from ciir.models.cards import Sizes
-    from ciir.training.export.inputs import Place
+    from ciir.training.export.inputs import WindowPosition
 
 WIDEST = 120
 """Largest radius, input pixels: tiles of 256x256 (`models.sessions.WINDOW`) then still have something to keep."""
@@ -28,26 +28,26 @@ KEPT = 32
 """Side of the middle of a tile that is held against the whole, pixels."""
 
 
-def parameters(network: nn.Module) -> int:
+def count_parameters(network: nn.Module) -> int:
     """Numbers that were learnt: without constants that are stored as weights, such as an interpolated base's kernel."""
     return sum(weight.numel() for weight in network.parameters() if weight.requires_grad)
 
 
 @torch.no_grad()
-def macs_per_output_pixel(network: nn.Module, sizes: Sizes) -> float:
+def count_macs(network: nn.Module, sizes: Sizes) -> float:
     """Multiply-adds of all convolutions and matrix products for one output pixel (its three channels together)."""
     with FlopCounterMode(display=False) as counter:
-        output = network(*examples.make(network, 1, *sizes.fitted(SMALL, SMALL)))
+        output = network(*examples.make_examples(network, 1, *sizes.fitted(SMALL, SMALL)))
     return float(counter.get_total_flops() / 2 / output[0, 0].numel())
 
 
-def receptive_radius(network: nn.Module, scale: int) -> int | None:
+def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
     """How many input pixels away, along each side, an input pixel can still change an output pixel; None where it is
     more than `WIDEST`. For networks of convolutions and activations.
 
     Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
     number, so that no path cancels or rests on the weights that training happened to find. The picture is a strip,
-    upright and lying. Of a light-field network the views around count as the view does, over `examples.places`.
+    upright and lying. Of a light-field network the views around count as the view does, over `examples.list_windows`.
     """
     probe = copy.deepcopy(network).double()
     random = torch.Generator().manual_seed(0)  # all alike, they would cancel where channels compete (softmax)
@@ -58,18 +58,18 @@ def receptive_radius(network: nn.Module, scale: int) -> int | None:
             else:
                 weight.fill_(0.0 if weight.ndim else 1.0)
     for centre in (16, 32, 64, WIDEST + 1):
-        tries = itertools.product(examples.places(network), (2, 3))
-        radius = max(_reach(probe, scale, centre, axis, place) for place, axis in tries)
+        tries = itertools.product(examples.list_windows(network), (2, 3))
+        radius = max(_measure_reach(probe, scale, centre, axis, place) for place, axis in tries)
         if radius < centre:
             return radius
     return None
 
 
-def _reach(probe: nn.Module, scale: int, centre: int, axis: int, place: Place) -> int:
+def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: WindowPosition) -> int:
     """How far from pixel `centre` of a strip along `axis` its outputs' gradient is not zero, pixels."""
     sides = [9, 9]
     sides[axis - 2] = 2 * centre + 1
-    inputs = [part.double() for part in examples.make(probe, 1, *sides, place=place)]
+    inputs = [part.double() for part in examples.make_examples(probe, 1, *sides, place=place)]
     pictures = [part.requires_grad_() for part in inputs if part.ndim == 4]
     for part in pictures[1:]:
         part.data += 1  # what the views around say lies above the view itself: no ReLU is silent
@@ -80,7 +80,7 @@ def _reach(probe: nn.Module, scale: int, centre: int, axis: int, place: Place) -
 
 
 @torch.no_grad()
-def tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
+def find_tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
     """How far tiles must reach over what is kept of them so that it is the whole picture's to `SEAM`, input pixels.
 
     For networks whose field is wider than a tile, or unknown: far pixels hardly count in most. Measured on noise that

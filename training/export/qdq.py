@@ -45,7 +45,7 @@ class Grid(NamedTuple):
         scale = np.float32(max(high - low, 1e-6) / 255)
         return cls(scale, np.uint8(np.clip(np.rint(-low / scale), 0, 255)))
 
-    def rounded(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def round(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Each value as the nearest of the grid."""
         zero = np.float32(self.zero)
         rounded: NDArray[np.float32] = (np.clip(np.rint(values / self.scale) + zero, 0, 255) - zero) * self.scale
@@ -74,7 +74,7 @@ class Layer(NamedTuple):
         return (source, after) if self.activation.op_type == "Relu" else (source, made, after)
 
 
-def layers(model: onnx.ModelProto) -> list[Layer]:
+def find_layers(model: onnx.ModelProto) -> list[Layer]:
     """The convolutions of all channels (not grouped) whose weights are constants, in order.
 
     Without one that makes the picture itself: that is not to be rounded to 256 levels.
@@ -95,21 +95,21 @@ def layers(model: onnx.ModelProto) -> list[Layer]:
     return found
 
 
-def insert(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
-    """A copy of a float network in which all `layers` but those named in `kept` run in 8 bits.
+def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
+    """A copy of a float network in which all `find_layers` but those named in `kept` run in 8 bits.
 
     `grids`: for each of their `tensors`.
     """
-    return _Rewriting(model, grids, kept).result()
+    return _GraphRewriter(model, grids, kept).build()
 
 
-class _Rewriting:
+class _GraphRewriter:
     """The nodes and constants of the graph to be, in order."""
 
     def __init__(self, model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str]) -> None:
         self.model, self.grids = model, grids
         self.weights = {value.name: value for value in model.graph.initializer}
-        chosen = [layer for layer in layers(model) if layer.name not in kept]
+        chosen = [layer for layer in find_layers(model) if layer.name not in kept]
         self.convolutions = {layer.convolution.output[0]: layer for layer in chosen}
         self.activations = {layer.activation.output[0] for layer in chosen if layer.activation is not None}
         self.read_as: dict[str, str] = {}
@@ -117,15 +117,15 @@ class _Rewriting:
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
-    def result(self) -> onnx.ModelProto:
+    def build(self) -> onnx.ModelProto:
         for node in self.model.graph.node:
             made = node.output[0]
             if made in self.convolutions:
-                self.convolution(self.convolutions[made])
+                self.add_convolution(self.convolutions[made])
                 continue
-            self.nodes.append(self.copied(node, [self.read_as.get(name, name) for name in node.input]))
+            self.nodes.append(self.copy_node(node, [self.read_as.get(name, name) for name in node.input]))
             if made in self.activations:
-                self.pair(made)
+                self.add_pair(made)
         rewritten = onnx.ModelProto()
         rewritten.CopyFrom(self.model)
         del rewritten.graph.node[:], rewritten.graph.initializer[:]
@@ -135,7 +135,7 @@ class _Rewriting:
         rewritten.graph.initializer.extend(self.constants)
         return rewritten
 
-    def convolution(self, layer: Layer) -> None:
+    def add_convolution(self, layer: Layer) -> None:
         node = layer.convolution
         source, made = node.input[0], node.output[0]
         weight = numpy_helper.to_array(self.weights[node.input[1]])
@@ -151,54 +151,54 @@ class _Rewriting:
         products = scales * self.grids[source].scale
         codes = np.rint(weight / scales[:, None, None, None]).astype(np.int8)
         parts = [
-            self.padded(source, more_inputs) if more_inputs else self.pair(source),
-            self.dequantised(f"{layer.name}_8", codes, scales),
-            self.dequantised(f"{layer.name}_bias", np.rint(bias / products).astype(np.int32), products),
+            self.add_padding(source, more_inputs) if more_inputs else self.add_pair(source),
+            self.add_dequantised(f"{layer.name}_8", codes, scales),
+            self.add_dequantised(f"{layer.name}_bias", np.rint(bias / products).astype(np.int32), products),
         ]
-        self.nodes.append(self.copied(node, parts))
+        self.nodes.append(self.copy_node(node, parts))
         if layer.activation is None or layer.activation.op_type != "Relu" or more_outputs:
             # A Relu's grid begins at zero: rounded to it, what is below zero is zero already.
             relu = layer.activation is not None and layer.activation.op_type == "Relu"
             grid = self.grids[layer.activation.output[0] if relu and layer.activation else made]
-            self.pair(made, keep=outputs if more_outputs else 0, grid=grid)
+            self.add_pair(made, keep=outputs if more_outputs else 0, grid=grid)
 
-    def padded(self, name: str, channels: int) -> str:
+    def add_padding(self, name: str, channels: int) -> str:
         """`name` with more channels, of zeros, after a QDQ pair."""
-        pads = self.constant(f"{name}_pads", np.array([0, 0, 0, 0, 0, channels, 0, 0], np.int64))
-        wide = self.node("Pad", [self.source(name), pads], f"{name}_wide")
-        return self.pair(wide, grid=self.grids[name])
+        pads = self.add_constant(f"{name}_pads", np.array([0, 0, 0, 0, 0, channels, 0, 0], np.int64))
+        wide = self.add_node("Pad", [self.source(name), pads], f"{name}_wide")
+        return self.add_pair(wide, grid=self.grids[name])
 
     def source(self, name: str) -> str:
         return self.read_as.get(name, name)
 
-    def pair(self, name: str, *, keep: int = 0, grid: Grid | None = None) -> str:
+    def add_pair(self, name: str, *, keep: int = 0, grid: Grid | None = None) -> str:
         """The tensor after rounding to its grid; of its channels the first `keep`, where that isn't 0."""
         if name not in self.read_as:
             grid = grid or self.grids[name]
-            scale, zero = self.constant(f"{name}_scale", grid.scale), self.constant(f"{name}_zero", grid.zero)
-            codes = self.node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
+            scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
+            codes = self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
             if keep:
                 ends = (("from", 0), ("to", keep), ("axis", 1))
-                where = [self.constant(f"{name}_{key}", np.array([value])) for key, value in ends]
-                codes = self.node("Slice", [codes, *where], f"{name}_kept")
-            self.read_as[name] = self.node("DequantizeLinear", [codes, scale, zero], f"{name}_read")
+                where = [self.add_constant(f"{name}_{key}", np.array([value])) for key, value in ends]
+                codes = self.add_node("Slice", [codes, *where], f"{name}_kept")
+            self.read_as[name] = self.add_node("DequantizeLinear", [codes, scale, zero], f"{name}_read")
         return self.read_as[name]
 
-    def dequantised(self, name: str, codes: NDArray[np.generic], scales: NDArray[np.float32]) -> str:
+    def add_dequantised(self, name: str, codes: NDArray[np.generic], scales: NDArray[np.float32]) -> str:
         """A constant of symmetric codes, one scale for each output channel."""
-        inputs = [self.constant(f"{name}_codes", codes), self.constant(f"{name}_scales", scales)]
-        return self.node("DequantizeLinear", inputs, name, axis=0)
+        inputs = [self.add_constant(f"{name}_codes", codes), self.add_constant(f"{name}_scales", scales)]
+        return self.add_node("DequantizeLinear", inputs, name, axis=0)
 
-    def constant(self, name: str, value: NDArray[np.generic] | np.generic) -> str:
+    def add_constant(self, name: str, value: NDArray[np.generic] | np.generic) -> str:
         self.constants.append(numpy_helper.from_array(np.asarray(value), name))
         return name
 
-    def node(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+    def add_node(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
         self.nodes.append(helper.make_node(kind, inputs, [output], name=output, **attributes))
         return output
 
     @staticmethod
-    def copied(node: onnx.NodeProto, inputs: list[str]) -> onnx.NodeProto:
+    def copy_node(node: onnx.NodeProto, inputs: list[str]) -> onnx.NodeProto:
         copy = onnx.NodeProto()
         copy.CopyFrom(node)
         copy.input[:] = inputs

@@ -33,14 +33,14 @@ LIMIT = 0.08
 """Most dB of Y-PSNR that int8 may lose on average over the calibration's views."""
 SAMPLES = 1 << 17
 """Values of each tensor from which its grid is chosen, taken evenly from all views."""
-CUTS = np.linspace(0.2, 1.0, 17)
+CLIPPINGS = np.linspace(0.2, 1.0, 17)
 """How much of the extremes a grid may span, below and above zero."""
 
 
-def quantise(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
+def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
     """A float network's int8 twin, as ONNX, and the names of the layers that stayed in float.
 
-    `weights`: as `to_onnx.convert` makes them. `pairs`: of `training.export.calibration`.
+    `weights`: as `to_onnx.convert_network` makes them. `pairs`: of `training.export.calibration`.
 
     Raises `ValueError` where the network has no convolution that can run in 8 bits, or all of them are too costly, or
     where this processor would show int8 worse than it is.
@@ -49,37 +49,39 @@ def quantise(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]
     if reason:
         raise ValueError(f"int8: what it costs can't be measured here, as {reason}; export on another machine")
     model = onnx.load_from_string(weights)
-    names = [layer.name for layer in qdq.layers(model)]
+    names = [layer.name for layer in qdq.find_layers(model)]
     if not names:
         raise ValueError("int8: the network has no plain convolution, which is what runs in 8 bits; ship it as float")
-    grids = choose(model, pairs)
+    grids = choose_grids(model, pairs)
     kept: list[str] = []
     order: list[str] = []
-    before = _scores(weights, pairs)
+    before = _score(weights, pairs)
     while True:
-        made = _serialised(qdq.insert(model, grids, kept))
-        loss = float(np.mean(before - _scores(made, pairs)))
+        made = _serialise(qdq.insert_qdq(model, grids, kept))
+        loss = float(np.mean(before - _score(made, pairs)))
         if loss <= LIMIT:
             return made, kept
-        order = order or _by_cost(model, grids, names, before, pairs)
+        order = order or _sort_by_cost(model, grids, names, before, pairs)
         if len(kept) == len(names) - 1:
             raise ValueError(f"int8: {loss:.2f} dB are lost whatever stays in float; ship the network as float")
         kept.append(order[len(kept)])
 
 
-def choose(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, Grid]:
-    """A grid for each tensor that `qdq.insert` asks for."""
-    layers = qdq.layers(model)
+def choose_grids(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, Grid]:
+    """A grid for each tensor that `qdq.insert_qdq` asks for."""
+    layers = qdq.find_layers(model)
     image = model.graph.input[0].name
     tensors = list(dict.fromkeys(name for layer in layers for name in layer.tensors if name != image))
-    samples = _sampled(model, tensors, pairs)
+    samples = _sample_tensors(model, tensors, pairs)
     grids = {image: Grid.over(0.0, 1.0)}
     for layer in layers:
         leaky = layer.activation if layer.activation is not None and layer.activation.op_type == "LeakyRelu" else None
         for name in layer.tensors:
             if name not in grids:
                 behind = leaky is not None and name == leaky.input[0]
-                grids[name] = _least_error(samples[name], _leaky(leaky) if leaky is not None and behind else _same)
+                grids[name] = _choose_grid(
+                    samples[name], _make_leaky(leaky) if leaky is not None and behind else _identity
+                )
     return grids
 
 
@@ -91,7 +93,7 @@ class _Sample(NamedTuple):
     high: float
 
 
-def _sampled(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Example]) -> dict[str, _Sample]:
+def _sample_tensors(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Example]) -> dict[str, _Sample]:
     probe = onnx.ModelProto()
     probe.CopyFrom(model)
     del probe.graph.output[:]
@@ -109,37 +111,37 @@ def _sampled(model: onnx.ModelProto, tensors: Sequence[str], pairs: Sequence[Exa
     }
 
 
-def _least_error(sample: _Sample, after: Callable[[Values], Values]) -> Grid:
+def _choose_grid(sample: _Sample, after: Callable[[Values], Values]) -> Grid:
     """Of the grids over parts of the range, the one that changes `after(values)` least, by squares."""
     values = sample.values
     wanted = after(values)
-    grids = dict.fromkeys(Grid.over(low, high) for low in CUTS * sample.low for high in CUTS * sample.high)
-    return min(grids, key=lambda grid: float(np.square(after(grid.rounded(values)) - wanted).mean()))
+    grids = dict.fromkeys(Grid.over(low, high) for low in CLIPPINGS * sample.low for high in CLIPPINGS * sample.high)
+    return min(grids, key=lambda grid: float(np.square(after(grid.round(values)) - wanted).mean()))
 
 
-def _same(values: Values) -> Values:
+def _identity(values: Values) -> Values:
     return values
 
 
-def _leaky(node: onnx.NodeProto) -> Callable[[Values], Values]:
+def _make_leaky(node: onnx.NodeProto) -> Callable[[Values], Values]:
     slope = np.float32(onnx.helper.get_attribute_value(node.attribute[0]) if node.attribute else 0.01)
     return lambda values: np.where(values > 0, values, slope * values)
 
 
-def _by_cost(
+def _sort_by_cost(
     model: onnx.ModelProto, grids: dict[str, Grid], names: Sequence[str], before: Values, pairs: Sequence[Example]
 ) -> list[str]:
     """The layers, first the one whose 8 bits alone cost most dB for each weight, and so for each multiply-add."""
     sizes = {value.name: int(np.prod(value.dims)) for value in model.graph.initializer}
 
     def cost(name: str) -> float:
-        alone = qdq.insert(model, grids, [other for other in names if other != name])
-        return float(np.mean(before - _scores(_serialised(alone), pairs))) / sizes[name]
+        alone = qdq.insert_qdq(model, grids, [other for other in names if other != name])
+        return float(np.mean(before - _score(_serialise(alone), pairs))) / sizes[name]
 
     return sorted(names, key=cost, reverse=True)
 
 
-def _scores(weights: bytes, pairs: Sequence[Example]) -> Values:
+def _score(weights: bytes, pairs: Sequence[Example]) -> Values:
     """Y-PSNR in dB of each pair, outputs not rounded; a picture that comes out almost exactly counts as 60 dB."""
     session = open_session(weights, count_available_cores())
     scores = []
@@ -150,6 +152,6 @@ def _scores(weights: bytes, pairs: Sequence[Example]) -> Values:
     return np.array(scores, np.float32)
 
 
-def _serialised(model: onnx.ModelProto) -> bytes:
+def _serialise(model: onnx.ModelProto) -> bytes:
     onnx.checker.check_model(model, full_check=True)
     return bytes(model.SerializeToString())

@@ -12,7 +12,7 @@ import torch
 
 from ciir.models.cards import Sizes, Tensor
 from ciir.training.export import inputs as examples
-from ciir.training.networks.light_field import LightFieldGenerator, WithDoubt
+from ciir.training.networks.light_field import LightFieldGenerator, WithUncertainty
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,20 +24,22 @@ OPSET = 18
 INPUT, OUTPUT = examples.IMAGE.name, "upscaled"
 
 
-def convert(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  # noqa: B008 - is frozen
+def convert_network(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  # noqa: B008 - is frozen
     """The network as a serialised ONNX model, weights inside; batch, height and width are free.
 
-    `network`: what `examples.inputs` tells of it -> `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
+    `network`: takes `examples.list_inputs`, returns `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
 
     Raises `ValueError` where the network can't be written so: its sizes are fixed, or ONNX has not what it does.
     """
-    inputs, outputs = examples.inputs(network), (output(scale), *examples.outputs(network))
+    inputs, outputs = examples.list_inputs(network), (output(scale), *examples.list_outputs(network))
     free = [[axis for axis, size in enumerate(tensor.shape) if isinstance(size, str)] for tensor in inputs]
     try:
         with _quiet():
             program = torch.onnx.export(
-                WithDoubt(network) if isinstance(network, LightFieldGenerator) else network,
-                tuple(examples.make(network, 2, *sizes.fitted(24, 20))),  # a free axis must not be 1 in the example
+                WithUncertainty(network) if isinstance(network, LightFieldGenerator) else network,
+                tuple(
+                    examples.make_examples(network, 2, *sizes.fitted(24, 20))
+                ),  # a free axis must not be 1 in the example
                 dynamo=True,
                 dynamic_shapes=tuple(dict.fromkeys(axes, torch.export.Dim.DYNAMIC) for axes in free),
                 input_names=[tensor.name for tensor in inputs],

@@ -18,7 +18,7 @@ KEYS = frozenset({"network", "optimiser", "step", "recipe", "commit", "seconds"}
 `objective`."""
 
 
-def save(path: Path, state: dict[str, Any]) -> None:
+def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
     """Writes a checkpoint, `KEYS` and more, whole or not at all.
 
     Raises `FloatingPointError` where a tensor in it is not finite, and `OSError` where there is no room: what was in
@@ -31,7 +31,7 @@ def save(path: Path, state: dict[str, Any]) -> None:
     atomic_write.write(path, buffer.getvalue())
 
 
-def read(path: Path) -> dict[str, Any]:
+def read_checkpoint(path: Path) -> dict[str, Any]:
     """The checkpoint in `path`, tensors on the CPU. Raises `ValueError` where it is none."""
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)

@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from ciir.training.data.light_fields import Pair
 
 
-def fields(folder: Path, scale: int) -> list[Pair]:
+def read_light_field(folder: Path, scale: int) -> list[Pair]:
     """The light field in `folder`, made small in each way of `degrade.KINDS`; read once, before the first step.
 
-    Raises `ValueError` as `light_fields.read` does.
+    Raises `ValueError` as `light_fields.read_views` does.
     """
-    views = light_fields.read(folder)
+    views = light_fields.read_views(folder)
     middle = tuple(slice(max(0, count // 2 - 2), count // 2 + 3) for count in views.shape[:2])
-    return [light_fields.degraded(views[middle], kind, scale) for kind in degrade.KINDS]
+    return [light_fields.degrade_views(views[middle], kind, scale) for kind in degrade.KINDS]
 
 
-def window(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
+def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
     """What a light-field network takes for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
     rows, cols = select_axis(v, low.shape[0]), select_axis(u, low.shape[1])
     views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
@@ -42,14 +42,14 @@ def window(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
 
 
 @torch.no_grad()
-def validate(network: nn.Module, against: list[Pair]) -> float:
+def validate_network(network: nn.Module, against: list[Pair]) -> float:
     """Mean Y-PSNR in dB of the middle view over the ways of making it small, a border of 2 cut. Runs where it is."""
     device = next(network.parameters()).device
     network.eval()
     scores = []
     for low, high in against:
         v, u = low.shape[0] // 2, low.shape[1] // 2
-        made = network(*(part.to(device) for part in window(low, v, u)))[0].permute(1, 2, 0).cpu()
+        made = network(*(part.to(device) for part in make_inputs(low, v, u)))[0].permute(1, 2, 0).cpu()
         picture = made.clamp(0, 1).mul(255).round().byte().numpy()
         scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high[v, u]), border=2))
     network.train()

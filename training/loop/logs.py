@@ -57,13 +57,13 @@ class Log:
     def __init__(self, out: Path, *, title: str, step: int) -> None:
         self.out, self.title = out, title
         path = out / "log.csv"
-        self.rows = [row for row in read(path) if row["step"] <= step] if path.exists() else []
+        self.rows = [row for row in read_log(path) if row["step"] <= step] if path.exists() else []
         self._draw = True
         self._events: Events | None = None
         try:
             self._events = Events(out / "tensorboard", step=step)
         except ModuleNotFoundError as error:
-            _tell_missing(error, "tensorboard")
+            _note_missing(error, "tensorboard")
 
     def add(self, row: Row) -> None:
         """`row`: `OTHER` and the losses."""
@@ -71,16 +71,18 @@ class Log:
         atomic_write.write(self.out / "log.csv", _to_csv(self.rows))
         if self._draw:
             try:
-                atomic_write.write(self.out / "curve.png", plot.draw(self.rows, losses(self.rows), self.title))
+                atomic_write.write(
+                    self.out / "curve.png", plot.draw_curves(self.rows, list_losses(self.rows), self.title)
+                )
             except ModuleNotFoundError as error:
                 self._draw = False
-                _tell_missing(error, "curve.png")
+                _note_missing(error, "curve.png")
         if self._events is not None:
             names = {name: name if name in OTHER else f"losses/{name}" for name in row if name != "step"}
             self._events.add(int(row["step"]), {shown: row[name] for name, shown in names.items()})
 
 
-def read(path: Path) -> list[Row]:
+def read_log(path: Path) -> list[Row]:
     """The rows of a `log.csv`. Raises `ValueError` where it is none."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -90,18 +92,18 @@ def read(path: Path) -> list[Row]:
         raise ValueError(f"{path}: not the log of a run; move it away, or name another folder") from error
 
 
-def losses(rows: Sequence[Row]) -> list[str]:
+def list_losses(rows: Sequence[Row]) -> list[str]:
     """The columns of `rows` that are losses, in the order in which they came."""
     return [name for name in dict.fromkeys(name for row in rows for name in row) if name not in OTHER]
 
 
 def _to_csv(rows: Sequence[Row]) -> bytes:
     text = io.StringIO()
-    writer = csv.DictWriter(text, ["step", *losses(rows), *OTHER[1:]], lineterminator="\n")
+    writer = csv.DictWriter(text, ["step", *list_losses(rows), *OTHER[1:]], lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: f"{value:.7g}" for name, value in row.items()} for row in rows)
     return text.getvalue().encode()
 
 
-def _tell_missing(error: ModuleNotFoundError, file: str) -> None:
+def _note_missing(error: ModuleNotFoundError, file: str) -> None:
     print(f"note: no {file}: the package {error.name} is not installed (pip install 'ciir[training]')", file=sys.stderr)

@@ -12,13 +12,15 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from ciir.training.loop.trainer import Inputs
+    from ciir.training.loop.run import Inputs
 
     Batch = tuple[Inputs, Tensor]
     """What the network takes, and what it should make of it."""
 
 
-def batches(at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0) -> Generator[Batch]:
+def prefetch_batches(
+    at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0
+) -> Generator[Batch]:
     """`at(start)`, `at(start + 1)`, ... up to `stop`, in order, with `threads` of them in the making; 0: none is.
 
     `ready`: how many may wait for their turn, where some take longer than others.

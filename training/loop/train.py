@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from ciir.training.data.crops import Crops
-from ciir.training.data.light_field_crops import BLOCKS, USES, ViewCrops
+from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops
 from ciir.training.loop import light_field_validation, validation
 from ciir.training.loop.interrupt import Interrupts, Stopped
 from ciir.training.loop.logs import Log, Means
-from ciir.training.loop.prefetch import batches
+from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.loop.progress import Progress
-from ciir.training.loop.trainer import Run, learning_rate
+from ciir.training.loop.run import Run, learning_rate
 from ciir.training.networks.light_field import LightFieldGenerator
 
 if TYPE_CHECKING:
@@ -48,29 +48,29 @@ def train(recipe: Recipe, out: Path) -> Path:
         raise ValueError(f"{out}: a file is there; name a folder for the run")
     checkpoint = out / "checkpoint.pt"
     run = Run(recipe)
-    _check(recipe, run.network)
+    _check_network(recipe, run.network)
     if checkpoint.exists():
         run.resume(checkpoint)
     elif recipe.initial:
         run.start_from(Path(recipe.initial))
     if run.step == recipe.steps:
         return checkpoint
-    score, batch_of = _task(recipe)
+    score, batch_of = _load_data(recipe)
 
     out.mkdir(parents=True, exist_ok=True)
-    tell(recipe, run.step)
+    report_start(recipe, run.step)
     log, means, begun = Log(out, title=recipe.name, step=run.step), Means(), time.monotonic() - run.seconds
     since, at = time.monotonic(), run.step
     with (
         Progress(run.step, recipe.steps, run.psnr) as progress,
-        closing(batches(batch_of, run.step, recipe.steps, **_ahead(recipe, run))) as coming,
+        closing(prefetch_batches(batch_of, run.step, recipe.steps, **_choose_prefetch(recipe, run))) as coming,
         Interrupts() as interrupts,
     ):
         for low, high in coming:
-            looks = run.looks
+            checks_loss = run.checks_loss
             losses = run.update(low, high)
             means.add(losses)
-            progress.step(float(losses["loss"]) if looks else None)
+            progress.step(float(losses["loss"]) if checks_loss else None)
             due = run.step % recipe.validate_every == 0 or run.step == recipe.steps
             if due:
                 row = means.take()  # waits for the GPU
@@ -91,7 +91,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     return checkpoint
 
 
-def tell(recipe: Recipe, step: int) -> None:
+def report_start(recipe: Recipe, step: int) -> None:
     """One line on stderr as a run starts, and one more where it is too short for its warm-up."""
     stop = "stop with Ctrl-C, and go on by the same command"
     tqdm.write(f"training {recipe.name}: from step {step} to {recipe.steps}; {stop}", file=sys.stderr)
@@ -102,7 +102,7 @@ def tell(recipe: Recipe, step: int) -> None:
         )
 
 
-def _check(recipe: Recipe, network: nn.Module) -> None:
+def _check_network(recipe: Recipe, network: nn.Module) -> None:
     """Raises `ValueError` where the network takes something else than the batches of the recipe hold."""
     if isinstance(network, LightFieldGenerator) == recipe.light_field:
         return
@@ -116,22 +116,26 @@ def _check(recipe: Recipe, network: nn.Module) -> None:
     )
 
 
-def _ahead(recipe: Recipe, run: Run) -> dict[str, int]:
+def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
     """Scenes are made by a thread of their own, on a CPU too: that is as much work as the network's, in blocks."""
     threads = THREADS[run.device.type]
-    return {"threads": max(1, threads), "ready": (BLOCKS - 1) * USES} if recipe.light_field else {"threads": threads}
+    return (
+        {"threads": max(1, threads), "ready": (KEPT_BLOCKS - 1) * STEPS_PER_BLOCK}
+        if recipe.light_field
+        else {"threads": threads}
+    )
 
 
-def _task(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
+def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
     """How a network is scored while it is trained, and the batch of a step."""
     common: dict[str, Any] = {
         name: getattr(recipe, name) for name in ("crop", "scale", "batch", "seed", "degradations", "meshes")
     }
     if recipe.light_field:
-        fields = light_field_validation.fields(Path(recipe.validate), recipe.scale)
-        views = ViewCrops(Path(recipe.train), **common, eased=recipe.eased)
-        return lambda network: light_field_validation.validate(network, fields), views.at
-    pairs = validation.pairs(Path(recipe.validate), recipe.scale)
+        fields = light_field_validation.read_light_field(Path(recipe.validate), recipe.scale)
+        views = LightFieldCrops(Path(recipe.train), **common, eased=recipe.eased)
+        return lambda network: light_field_validation.validate_network(network, fields), views.make_batch
+    pairs = validation.read_pairs(Path(recipe.validate), recipe.scale)
     spoilt = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
     crops = Crops(Path(recipe.train), **common, **spoilt)
-    return lambda network: validation.validate(network, pairs, recipe.scale), crops.at
+    return lambda network: validation.validate_network(network, pairs, recipe.scale), crops.make_batch

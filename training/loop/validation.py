@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     """LR `(H, W, 3)` and HR `(scale*H, scale*W, 3)`, 8-bit RGB."""
 
 
-def pairs(folder: Path, scale: int) -> list[Pair]:
+def read_pairs(folder: Path, scale: int) -> list[Pair]:
     """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all pictures there, with LR made bicubically.
 
     Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
     """
-    files = pictures.find(folder)
+    files = pictures.find_pictures(folder)
     lows = [path for path in files if path.name.endswith("_LR.png")]
     if not lows:
-        return [_made(path, scale) for path in files]
+        return [_make_pair(path, scale) for path in files]
     read = []
     for path in lows:
         truth = path.with_name(path.name.replace("_LR.png", "_HR.png"))
@@ -44,7 +44,7 @@ def pairs(folder: Path, scale: int) -> list[Pair]:
     return read
 
 
-def _made(path: Path, scale: int) -> Pair:
+def _make_pair(path: Path, scale: int) -> Pair:
     high = degrade.crop_to_multiple(degrade.to_tensor(torch.from_numpy(pictures.read_rgb(path))), scale)
     if min(high.shape[-2:]) < 3 * scale:  # the protocol cuts a border of `scale`: something must be left
         raise ValueError(f"{path}: too small to validate on at scale {scale}; take it out of the folder")
@@ -58,7 +58,7 @@ def _to_pixels(image: Tensor) -> Picture:
 
 
 @torch.no_grad()
-def validate(network: nn.Module, against: list[Pair], scale: int) -> float:
+def validate_network(network: nn.Module, against: list[Pair], scale: int) -> float:
     """Mean Y-PSNR in dB by the published protocol: 8-bit outputs, a border of `scale` cut. Runs where the network is.
 
     Grey pictures count as RGB ones, 1.3 dB higher than `training.evaluation.pictures` has them.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Game:
+class AdversarialLosses:
     """The two players' losses, scalars, of logits `(N,)` float32."""
 
     generator: Callable[[Tensor], Tensor]
@@ -46,9 +46,9 @@ def _hinge_discriminator(real: Tensor, made: Tensor) -> Tensor:
     return 0.5 * ((1.0 - real).relu().mean() + (1.0 + made).relu().mean())
 
 
-GAMES = {
-    "bce": Game(_bce_generator, _bce_discriminator),
-    "hinge": Game(_hinge_generator, _hinge_discriminator),
+LOSSES = {
+    "bce": AdversarialLosses(_bce_generator, _bce_discriminator),
+    "hinge": AdversarialLosses(_hinge_generator, _hinge_discriminator),
 }
 """A recipe's `adversarial` -> losses.
 
@@ -58,15 +58,15 @@ discriminator's is 1 while it guesses.
 """
 
 
-def game(name: str) -> Game:
+def find_losses(name: str) -> AdversarialLosses:
     """What a recipe's `adversarial` names. Raises `ValueError` where there is none."""
-    if name not in GAMES:
-        raise ValueError(f"adversarial: {name!r} is not known; give one of {', '.join(GAMES)}, or none")
-    return GAMES[name]
+    if name not in LOSSES:
+        raise ValueError(f"adversarial: {name!r} is not known; give one of {', '.join(LOSSES)}, or none")
+    return LOSSES[name]
 
 
 @dataclass
-class Watch:
+class SaturationWatch:
     """Notices a discriminator that is of no more use to the generator.
 
     After the first `start` updates (a pretrained generator's pictures are easy to tell at first, and an untrained
@@ -89,7 +89,7 @@ class Watch:
     blind: int = 0
     """How many of the last updates on end were blind."""
 
-    def look(self, loss: float, real: Tensor, made: Tensor) -> None:
+    def record(self, loss: float, real: Tensor, made: Tensor) -> None:
         """Counts one update of the discriminator. Raises `ValueError` where it has saturated."""
         self.updates += 1
         if self.updates <= self.start:
@@ -117,12 +117,12 @@ class Adversary:
     """A discriminator with its losses, its optimiser (Adam) and its watch."""
 
     def __init__(self, name: str, network: Discriminator, *, bfloat16: bool = False) -> None:
-        """`name`: key of `GAMES`. `network`: on the device that its pictures will be on. `bfloat16`: run it in that."""
-        self.game = game(name)
+        """`name`: key of `LOSSES`. `network`: on the device of its pictures. `bfloat16`: run it in bfloat16."""
+        self.losses = find_losses(name)
         self.network = network
         self.bfloat16 = bfloat16
         self.optimiser = torch.optim.Adam(network.parameters())
-        self.watch = Watch()
+        self.watch = SaturationWatch()
 
     def judge(self, output: Tensor) -> tuple[Tensor, list[Tensor]]:
         """The generator's loss, a scalar, and the feature maps of its pictures; gradients pass to `output` alone."""
@@ -134,7 +134,7 @@ class Adversary:
                 logits = self.network.logits(features)
         finally:
             self.network.requires_grad_(True)
-        return self.game.generator(logits.float()), features
+        return self.losses.generator(logits.float()), features
 
     @torch.no_grad()
     def features(self, high: Tensor) -> list[Tensor]:
@@ -146,12 +146,12 @@ class Adversary:
         """One step of size `rate` on made pictures (detached here) and real ones; returns its `discriminator_loss`, and
         `discriminator_accuracy`, the share of the pictures that it told right before the step.
 
-        Raises `FloatingPointError` where the loss is no number; `ValueError` where `Watch` finds it saturated.
+        Raises `FloatingPointError` where the loss is not a number; `ValueError` where the discriminator is saturated.
         """
         with self._autocast(high):
             real, made = self.network(high), self.network(output.detach())
         real, made = real.float(), made.float()
-        loss = self.game.discriminator(real, made)
+        loss = self.losses.discriminator(real, made)
         if not torch.isfinite(loss):
             raise FloatingPointError(f"the discriminator's loss is {loss.item()}; lower learning_rate")
         for group in self.optimiser.param_groups:
@@ -159,7 +159,7 @@ class Adversary:
         self.optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
-        self.watch.look(loss.item(), real.detach(), made.detach())
+        self.watch.record(loss.item(), real.detach(), made.detach())
         accuracy = torch.cat([real > 0, made < 0]).float().mean()
         return {"discriminator_loss": loss.item(), "discriminator_accuracy": accuracy.item()}
 
@@ -175,7 +175,7 @@ class Adversary:
         """Goes on from what `state_dict` returned."""
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
-        self.watch = Watch(**state["watch"])
+        self.watch = SaturationWatch(**state["watch"])
 
     def _autocast(self, image: Tensor) -> torch.autocast:
         return torch.autocast(image.device.type, torch.bfloat16, enabled=self.bfloat16)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from ciir.training.losses import perceptual
-from ciir.training.losses.adversarial import Adversary, game
+from ciir.training.losses.adversarial import Adversary, find_losses
 from ciir.training.losses.pixel import pixel_loss
 from ciir.training.networks.discriminator import Discriminator
 
@@ -36,7 +36,7 @@ class Objective:
     def __init__(self, recipe: Recipe, device: torch.device) -> None:
         self.recipe = recipe
         self.pixel = pixel_loss(recipe.loss)
-        _check(recipe)
+        _check_terms(recipe)
         self.content: Callable[[Tensor, Tensor], Tensor] | None = perceptual.PIXELS.get(recipe.perceptual)
         if recipe.perceptual == "vgg19":
             self.content = perceptual.VggContent(Path(recipe.vgg), device, bfloat16=recipe.bfloat16)
@@ -44,7 +44,7 @@ class Objective:
         if recipe.adversarial:
             with torch.random.fork_rng(devices=[]):
                 torch.default_generator.manual_seed(recipe.seed)
-                network = _discriminator(recipe.discriminator)
+                network = _make_discriminator(recipe.discriminator)
             network = network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
             self.adversary = Adversary(recipe.adversarial, network, bfloat16=recipe.bfloat16)
 
@@ -83,20 +83,20 @@ class Objective:
             self.adversary.load_state_dict(state)
 
 
-def _discriminator(options: dict[str, Any]) -> Discriminator:
+def _make_discriminator(options: dict[str, Any]) -> Discriminator:
     try:
         return Discriminator(**options)
     except TypeError as error:
         raise ValueError(f"discriminator: it doesn't take {options} ({error})") from error
 
 
-def _check(recipe: Recipe) -> None:
+def _check_terms(recipe: Recipe) -> None:
     if recipe.perceptual and recipe.perceptual not in perceptual.PERCEPTUAL:
         raise ValueError(
             f"perceptual: {recipe.perceptual!r} is not known; give one of {', '.join(perceptual.PERCEPTUAL)}, or none"
         )
     if recipe.adversarial:
-        game(recipe.adversarial)
+        find_losses(recipe.adversarial)
     elif recipe.perceptual == "discriminator":
         raise ValueError('perceptual: "discriminator" needs one; set adversarial to "bce" or "hinge"')
     if recipe.perceptual == "vgg19" and not recipe.vgg:

@@ -48,8 +48,8 @@ class Vgg(nn.Module):
         Raises `ValueError` where the file is missing, no state dict, or another network's.
         """
         super().__init__()
-        self.features = _layers(layout)
-        state = _read(weights)
+        self.features = _make_layers(layout)
+        state = _read_weights(weights)
         for name, own in self.state_dict().items():
             given = state.get(name)
             if not isinstance(given, Tensor) or given.shape != own.shape:
@@ -66,7 +66,7 @@ class Vgg(nn.Module):
         return features
 
 
-def _layers(layout: Layout) -> nn.Sequential:
+def _make_layers(layout: Layout) -> nn.Sequential:
     """Numbered as torchvision numbers `features`; the last convolution's activation is left out."""
     layers: list[nn.Module] = []
     inputs = 3
@@ -79,7 +79,7 @@ def _layers(layout: Layout) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
-def _read(path: Path) -> dict[str, object]:
+def _read_weights(path: Path) -> dict[str, object]:
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:

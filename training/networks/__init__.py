@@ -35,7 +35,7 @@ NETWORKS: dict[str, Callable[..., nn.Module]] = {
 """A recipe's `network` -> constructor; its `options` are the keyword arguments."""
 
 
-def make(name: str, options: dict[str, Any]) -> nn.Module:
+def make_network(name: str, options: dict[str, Any]) -> nn.Module:
     """The network that a recipe asks for, with random weights. Raises `ValueError` for an unknown name or option."""
     if name not in NETWORKS:
         raise ValueError(f"network: {name!r} is not known; give one of {', '.join(NETWORKS)}")
@@ -45,4 +45,4 @@ def make(name: str, options: dict[str, Any]) -> nn.Module:
         raise ValueError(f"options: {name} doesn't take {options} ({error})") from error
 
 
-__all__ = ["NETWORKS", "CompactGenerator", "LiteGenerator", "make"]
+__all__ = ["NETWORKS", "CompactGenerator", "LiteGenerator", "make_network"]

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     Network = TypeVar("Network", bound=nn.Module)
 
 
-def normalised(convolution: nn.Conv2d) -> nn.Sequential:
+def add_batch_norm(convolution: nn.Conv2d) -> nn.Sequential:
     """`convolution` with batch normalisation of its outputs."""
     return nn.Sequential(convolution, nn.BatchNorm2d(convolution.out_channels))
 
 
-def fold(network: Network) -> Network:
-    """A copy of `network`, in evaluation mode, in which every `normalised` convolution is one plain convolution.
+def fold_batch_norm(network: Network) -> Network:
+    """A copy of `network`, in evaluation mode, in which every `add_batch_norm` convolution is one plain convolution.
 
     It computes what `network` does in evaluation mode, to float32's rounding.
     """

@@ -1,4 +1,4 @@
-"""Bicubic interpolation as a layer, and how many doublings make a scale."""
+"""Bicubic interpolation as a layer, and how many count_doublings make a scale."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def _keys(distance: Tensor) -> Tensor:
     return torch.where(d <= 1, near, torch.where(d < 2, far, torch.zeros_like(d)))
 
 
-def doublings(scale: int) -> int:
+def count_doublings(scale: int) -> int:
     """1 for scale 2, 2 for scale 4. Raises `ValueError` for any other."""
     if scale not in (2, 4):
-        raise ValueError(f"scale: {scale} is not made of doublings; give 2 or 4")
+        raise ValueError(f"scale: {scale} is not made of count_doublings; give 2 or 4")
     return scale // 2

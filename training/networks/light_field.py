@@ -66,7 +66,7 @@ class LightFieldGenerator(nn.Module):
         super().__init__()
         self.scale = 2
         self.single = CompactGenerator(widths, self.scale, slope)
-        """May start from a trained one: see `training.loop.trainer.Run.start_from`."""
+        """May start from a trained one: see `training.loop.run.Run.start_from`."""
         self.sweep = PlaneSweep(planes)
         self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + SIDES, width), nn.ReLU())
         for layer in range(depth):
@@ -77,39 +77,48 @@ class LightFieldGenerator(nn.Module):
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
         self.factors = FACTORS
         self.merged: nn.Conv2d | None = None
-        """`inform` and the single-picture generator's second layer in one, when the network runs: see `merge`."""
+        """`inform` and the single-picture generator's second layer as one, once exported: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
         """See the class."""
-        return self.with_doubt(image, around, rows, cols)[0]
+        return self.forward_with_uncertainty(image, around, rows, cols)[0]
 
-    def with_doubt(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
+    def forward_with_uncertainty(
+        self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """What `forward` returns; and how little the views around have to do with the view, `(N, 1, H, W)`: what they
         differ by at the best plane over what they differ by on average. 0.2 to 0.5 where they show the same scene, up
         to 1 where they don't, or only noise; low where all is flat.
         """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, rows, cols)
-            own = _sum(image * self.luma)
+            own = _sum_channels(image * self.luma)
             fine = fine - own[:, None]
             base = self.single.base(image)  # (N, 12, H, W): colours, then phases
             red, green, blue = base.split(4, 1)
             alone = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue - own
             blurred = functional.avg_pool2d(spread, PATCH, 1, PATCH // 2, count_include_pad=False)
-            doubt = _doubt(fine, spread)
+            doubt = _measure_uncertainty(fine, spread)
             against = self.sharpness * torch.cat([blurred, torch.full_like(own, DOUBT)], 1)
         by_fine, by_spread = self.factors
-        shown = [_times(by_fine, fine.flatten(1, 2)), _times(by_spread, spread), image, _sides(rows, cols, own)]
+        shown = [
+            _multiply(by_fine, fine.flatten(1, 2)),
+            _multiply(by_spread, spread),
+            image,
+            _count_views(rows, cols, own),
+        ]
         compared = self.compare(torch.cat(shown, 1))
         likely = self.choose(compared).float() - against
         # Softmax by hand: before its own, onnxruntime turns the tensor around.
         likely = (likely - likely.amax(1, keepdim=True)).exp()
-        chosen = likely / _sum(likely)  # (N, planes + 1, H, W)
+        chosen = likely / _sum_channels(likely)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]
-        gain = _sum(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone  # (N, 4, H, W): chosen less interpolated
-        spread = _sum(planes * spread)
-        told = torch.cat([compared, _times(by_fine, gain), _times(by_spread, spread)], 1)
+        gain = (
+            _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
+        )  # (N, 4, H, W): chosen less interpolated
+        spread = _sum_channels(planes * spread)
+        told = torch.cat([compared, _multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
         features = activation(first(image))
         if self.merged is None:
@@ -122,23 +131,23 @@ class LightFieldGenerator(nn.Module):
         return functional.pixel_shuffle(change, self.scale), doubt
 
 
-def _sides(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
+def _count_views(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
     """Which share of the views above, below, left and right there is, `(N, SIDES, H, W)`: few agree by chance."""
     half = len(rows) // 2
     shares = torch.stack([part.mean() for there in (rows, cols) for part in (there[:half], there[half + 1 :])])
     return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
 
 
-def _doubt(fine: Tensor, spread: Tensor) -> Tensor:
+def _measure_uncertainty(fine: Tensor, spread: Tensor) -> Tensor:
     """From the mean of the views less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
     apart = (spread.square() + fine.mean(2).square()).sqrt()
     apart = functional.avg_pool2d(apart, PATCH, 1, PATCH // 2, count_include_pad=False)
-    both = torch.cat([apart.amin(1, keepdim=True), _sum(apart) / apart.shape[1]], 1)
+    both = torch.cat([apart.amin(1, keepdim=True), _sum_channels(apart) / apart.shape[1]], 1)
     both = functional.avg_pool2d(both, PATCH, 1, PATCH // 2, count_include_pad=False)
     return both[:, :1] / both[:, 1:].clamp(min=FLAT)
 
 
-class WithDoubt(nn.Module):
+class WithUncertainty(nn.Module):
     """A light-field generator that returns both, as it is exported."""
 
     def __init__(self, network: LightFieldGenerator) -> None:
@@ -147,23 +156,23 @@ class WithDoubt(nn.Module):
         self.train(network.training)
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
-        """See `LightFieldGenerator.with_doubt`."""
-        return self.network.with_doubt(image, around, rows, cols)
+        """See `LightFieldGenerator.forward_with_uncertainty`."""
+        return self.network.forward_with_uncertainty(image, around, rows, cols)
 
 
-def _sum(x: Tensor) -> Tensor:
+def _sum_channels(x: Tensor) -> Tensor:
     """Over axis 1, which stays. By a product: onnxruntime's own sum adds up in an order that depends on the number of
     pictures and of threads, so that a view alone would differ from the same among others."""
     ones = x.new_ones(1, x.shape[1])
     return (ones @ x.flatten(2)).reshape(len(x), 1, *x.shape[2:])
 
 
-def _times(factor: float, x: Tensor) -> Tensor:
+def _multiply(factor: float, x: Tensor) -> Tensor:
     return x if factor == 1 else factor * x
 
 
 @torch.no_grad()
-def merge(network: LightFieldGenerator) -> None:
+def merge_layers(network: LightFieldGenerator) -> None:
     """Changes a collapsed network, in place, so that it computes the same in less time: two convolutions whose outputs
     are added become one, and what only scales inputs goes into weights.
     """

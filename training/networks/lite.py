@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ciir.training.networks.batch_norm import normalised
+from ciir.training.networks.batch_norm import add_batch_norm
 
 SCALE = 2
 SLOPE = 0.2
@@ -23,7 +23,7 @@ def conv3x3(inputs: int, outputs: int) -> nn.Conv2d:
 
 def _body_convolution(channels: int, batch_norm: bool) -> nn.Module:
     plain = conv3x3(channels, channels)
-    return normalised(plain) if batch_norm else plain
+    return add_batch_norm(plain) if batch_norm else plain
 
 
 class ResidualBlock(nn.Module):

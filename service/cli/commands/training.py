@@ -40,11 +40,11 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise InvalidOption(
             "evaluate: give a MODEL and FOLDERs of pictures, or --light-field FOLDER; see ciir evaluate --help"
         )
-    from ciir.training.evaluation.pictures import evaluate_folder
+    from ciir.training.evaluation.pictures import evaluate
 
     for folder in _folders(names[1:]):
         try:
-            score = evaluate_folder(names[0], folder, scale=options.scale, degradation=args.degradation)
+            score = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
         _tell(names[0], score, "pictures")
@@ -78,7 +78,7 @@ def _train(args: argparse.Namespace) -> None:
 
     given = {name: value for name in OVERRIDES if (value := getattr(args, name)) is not None}
     try:
-        read = replace(recipe.read(Path(args.recipe)), **given)
+        read = replace(recipe.read_recipe(Path(args.recipe)), **given)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     to = output_path.folder(args.out, what="a run")
@@ -115,7 +115,7 @@ def _export(args: argparse.Namespace) -> None:
         elif args.int8:
             card = export.export_int8(source, to, calibrate=calibrate, name=name, accuracy_on=folders)
         else:
-            card = export.export(source, to, name=name, accuracy_on=folders)
+            card = export.export_network(source, to, name=name, accuracy_on=folders)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     common.say(f"{card.with_suffix('.onnx')} and {card}: written")

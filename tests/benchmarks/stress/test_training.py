@@ -45,7 +45,7 @@ def test_an_explosion_is_noticed_with_its_words(monkeypatch):
 
 
 def test_a_coarser_number_than_bfloat16_is_noticed(monkeypatch):
-    from ciir.training.loop.trainer import Run
+    from ciir.training.loop.run import Run
 
     update = Run.update
 
@@ -60,7 +60,7 @@ def test_a_coarser_number_than_bfloat16_is_noticed(monkeypatch):
 
 
 def test_a_guard_that_looks_away_is_noticed(monkeypatch):
-    monkeypatch.setattr("training.loop.trainer.Run.looks", False)
+    monkeypatch.setattr("ciir.training.loop.run.Run.checks_loss", False)
     assert "NaN in a picture, let through" in broken(training.guards)
 
 

@@ -17,7 +17,7 @@ def crops(recipe):
 
 
 def test_shapes_and_range(crops):
-    low, high = crops.at(0)
+    low, high = crops.make_batch(0)
     assert low.shape == (4, 3, 12, 12)
     assert high.shape == (4, 3, 24, 24)
     assert (low.min() >= 0) & (low.max() <= 1)
@@ -25,18 +25,18 @@ def test_shapes_and_range(crops):
 
 
 def test_a_step_is_the_same_whatever_came_before(crops, recipe):
-    want = crops.at(3)
+    want = crops.make_batch(3)
     fresh = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9)
-    assert all(torch.equal(a, b) for a, b in zip(fresh.at(3), want, strict=True))
-    assert not torch.equal(crops.at(4)[1], want[1])
+    assert all(torch.equal(a, b) for a, b in zip(fresh.make_batch(3), want, strict=True))
+    assert not torch.equal(crops.make_batch(4)[1], want[1])
     other = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=10)
-    assert not torch.equal(other.at(3)[1], want[1])
+    assert not torch.equal(other.make_batch(3)[1], want[1])
 
 
 def test_low_and_high_stay_aligned_under_every_flip_and_turn(crops):
     """Inside a crop, the LR crop is what degrading the HR crop gives; misaligned, it is levels away."""
     for step in range(8):
-        low, high = crops.at(step)
+        low, high = crops.make_batch(step)
         difference = (degrade.bicubic(high, 2) - low)[..., 2:-2, 2:-2].abs() * 255
         assert difference.max() <= 1.01
 
@@ -62,7 +62,7 @@ def test_a_folder_without_pictures(tmp_path):
 def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
     """The mean over an LR cell of HR is near the LR sample; a pixel off, it is several times further from it."""
     crops = Crops(Path(recipe.train), crop=16, scale=2, batch=16, seed=9, degradations={kind: 1})
-    low, high = crops.at(0)
+    low, high = crops.make_batch(0)
     mean = degrade.box(high, 2)
     aligned = (mean - low).abs().mean()
     assert aligned < 0.3 * (mean - low.roll(1, 2)).abs().mean()
@@ -74,12 +74,12 @@ def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
 def test_crops_are_cut_out_of_whole_degraded_pictures(recipe, kind, scale):
     """To the bit, borders included: 3 pictures of odd sizes, many crops of them."""
     crops = Crops(Path(recipe.train), crop=2 * scale, scale=scale, batch=1, seed=9, degradations={kind: 1})
-    for pair, file in zip(crops.groups[0], pictures.find(Path(recipe.train)), strict=True):
-        low, high = degrade.pair(kind, torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1), scale)
+    for pair, file in zip(crops.groups[0], pictures.find_pictures(Path(recipe.train)), strict=True):
+        low, high = degrade.make_pair(kind, torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1), scale)
         assert pair.size == low.shape[1:]
         for y in range(pair.size[0] - 1):
             for x in {0, pair.size[1] // 2 - 1, pair.size[1] - 2}:
-                part = pair.part(slice(y, y + 2), slice(x, x + 2))
+                part = pair.crop(slice(y, y + 2), slice(x, x + 2))
                 assert torch.equal(part[0], low[:, y : y + 2, x : x + 2])
                 tall, wide = slice(y * scale, (y + 2) * scale), slice(x * scale, (x + 2) * scale)
                 assert torch.equal(part[1], high[:, tall, wide])
@@ -90,7 +90,7 @@ def test_memory_makes_no_difference(recipe, crops):
     kept = tight.groups[0][0].among._kept
     assert [picture.shape for picture in kept] == [(40, 51, 3)]  # 6120 bytes; the second one needs 6336
     for step in range(3):
-        assert all(torch.equal(a, b) for a, b in zip(tight.at(step), crops.at(step), strict=True))
+        assert all(torch.equal(a, b) for a, b in zip(tight.make_batch(step), crops.make_batch(step), strict=True))
 
 
 @pytest.mark.parametrize(
@@ -98,12 +98,12 @@ def test_memory_makes_no_difference(recipe, crops):
 )
 def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, spoil):
     spoilt = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9, **spoil)
-    (low, high), (clean, same) = spoilt.at(5), crops.at(5)
+    (low, high), (clean, same) = spoilt.make_batch(5), crops.make_batch(5)
     assert torch.equal(high, same)
     assert 0.2 / 255 < (low - clean).abs().mean() < 20 / 255
     assert torch.equal(low * 255, (low * 255).round())
-    assert all(torch.equal(a, b) for a, b in zip(spoilt.at(5), (low, high), strict=True))
-    assert not torch.equal(low - clean, spoilt.at(6)[0] - crops.at(6)[0])
+    assert all(torch.equal(a, b) for a, b in zip(spoilt.make_batch(5), (low, high), strict=True))
+    assert not torch.equal(low - clean, spoilt.make_batch(6)[0] - crops.make_batch(6)[0])
 
 
 def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
@@ -111,8 +111,8 @@ def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
     crops = Crops(Path(recipe.train), crop=8, scale=2, batch=1, seed=1, blur=1.0)
     ramp = (torch.arange(60) * 4).expand(3, 60, 60).to(torch.uint8)
     monkeypatch.setattr(data.Photograph, "size", (60, 60))
-    monkeypatch.setattr(data.Photograph, "part", lambda self, rows, cols: (ramp[:, rows, cols], ramp.repeat(1, 2, 2)))
-    low, _ = crops._part(crops.groups[0][0], 20, 20, np.random.default_rng(0))
+    monkeypatch.setattr(data.Photograph, "crop", lambda self, rows, cols: (ramp[:, rows, cols], ramp.repeat(1, 2, 2)))
+    low, _ = crops._corrupt_crop(crops.groups[0][0], 20, 20, np.random.default_rng(0))
     assert torch.equal(low, ramp[:, 20:24, 20:24])
 
 

@@ -93,7 +93,7 @@ def test_a_point_is_the_middle_of_its_cell():
 def test_a_point_is_smaller_than_a_pixel_of_the_truth():
     """Otherwise it would be the box: here it differs from it where the photograph is rough."""
     rough = torch.randint(0, 256, (3, 40, 44), generator=torch.Generator().manual_seed(2), dtype=torch.uint8)
-    low, high = degrade.pair("point", rough, 2)
+    low, high = degrade.make_pair("point", rough, 2)
     assert (low.shape, high.shape) == ((3, 10, 11), (3, 20, 22))
     middle = rough.reshape(3, 10, 4, 11, 4)[:, :, 1:3, :, 1:3].float().mean((2, 4))
     assert (low - middle).abs().max() <= 0.5
@@ -101,7 +101,7 @@ def test_a_point_is_smaller_than_a_pixel_of_the_truth():
 
 @pytest.mark.parametrize(("kind", "scale", "covered"), [("bicubic", 4, 4), ("box", 3, 3), ("point", 4, 8)])
 def test_a_pair_is_cut_to_whole_cells(kind, scale, covered):
-    low, high = degrade.pair(kind, torch.full((1, 3 * covered + 1, 2 * covered + 2), 77, dtype=torch.uint8), scale)
+    low, high = degrade.make_pair(kind, torch.full((1, 3 * covered + 1, 2 * covered + 2), 77, dtype=torch.uint8), scale)
     assert (low.shape, high.shape) == ((1, 3, 2), (1, 3 * scale, 2 * scale))
     assert (low == 77).all()
     assert (high == 77).all()
@@ -109,6 +109,6 @@ def test_a_pair_is_cut_to_whole_cells(kind, scale, covered):
 
 def test_pairs_that_can_not_be():
     with pytest.raises(ValueError, match="no 'lanczos' here; give one of bicubic, box, point"):
-        degrade.pair("lanczos", torch.zeros(3, 8, 8, dtype=torch.uint8), 2)
+        degrade.make_pair("lanczos", torch.zeros(3, 8, 8, dtype=torch.uint8), 2)
     with pytest.raises(ValueError, match="3x9 is smaller than the 4x4 of one LR pixel"):
-        degrade.pair("point", torch.zeros(3, 3, 9, dtype=torch.uint8), 2)
+        degrade.make_pair("point", torch.zeros(3, 3, 9, dtype=torch.uint8), 2)

@@ -25,19 +25,19 @@ def saved(image, kind, **options):
 
 def test_lossy_pictures_are_halved_and_lossless_ones_kept():
     large = picture(0, 400, 480)
-    assert gather.made(saved(large, "JPEG")).shape == (200, 240, 3)
-    np.testing.assert_array_equal(gather.made(saved(large, "PNG")), np.asarray(large))
+    assert gather.load_picture(saved(large, "JPEG")).shape == (200, 240, 3)
+    np.testing.assert_array_equal(gather.load_picture(saved(large, "PNG")), np.asarray(large))
 
 
 def test_large_pictures_are_made_as_small_as_is_said():
-    assert max(gather.made(saved(picture(1, 900, 1600), "PNG")).shape) == gather.DRAWN
-    assert max(gather.made(saved(picture(1, 2500, 5000), "JPEG")).shape) == gather.LOSSY
+    assert max(gather.load_picture(saved(picture(1, 900, 1600), "PNG")).shape) == gather.DRAWN
+    assert max(gather.load_picture(saved(picture(1, 2500, 5000), "JPEG")).shape) == gather.LOSSY
 
 
 def test_transparent_pictures_lie_over_one_plain_colour():
     image = picture(2).convert("RGBA")
     image.putalpha(Image.new("L", image.size, 0))
-    made = gather.made(saved(image, "PNG"))
+    made = gather.load_picture(saved(image, "PNG"))
     assert (made == made[0, 0]).all()
 
 
@@ -45,14 +45,14 @@ def test_transparent_pictures_lie_over_one_plain_colour():
     "content", [b"", b"no picture", saved(picture(3), "PNG")[:200], saved(picture(3, 90, 240), "PNG")]
 )
 def test_what_is_no_picture_or_small_is_left_out(content):
-    assert gather.made(content) is None
+    assert gather.load_picture(content) is None
 
 
 def test_tiles_cover_the_picture_without_the_flat_ones():
     pixels = np.random.default_rng(4).integers(0, 256, (30, 100, 3), dtype=np.uint8).repeat(10, 0).repeat(10, 1)
-    assert [tile.shape for tile in gather.tiles(pixels)] == [(300, 333, 3), (300, 333, 3), (300, 334, 3)]
+    assert [tile.shape for tile in gather.cut_tiles(pixels)] == [(300, 333, 3), (300, 333, 3), (300, 334, 3)]
     pixels[:, 333:666] = 7
-    assert len(gather.tiles(pixels)) == 2
+    assert len(gather.cut_tiles(pixels)) == 2
 
 
 def test_pictures_are_found_inside_resource_files_too(tmp_path):
@@ -63,7 +63,7 @@ def test_pictures_are_found_inside_resource_files_too(tmp_path):
     (tmp_path / "b.PNG").write_bytes(saved(picture(6), "PNG"))
     (tmp_path / "text.txt").write_text("x")
     (tmp_path / "link.png").symlink_to(tmp_path / "b.PNG")
-    found = [(path.name, length) for path, _, length in gather.pictures(tmp_path)]
+    found = [(path.name, length) for path, _, length in gather.find_pictures(tmp_path)]
     assert found == [("b.PNG", (tmp_path / "b.PNG").stat().st_size), ("a.rcc", len(webp)), ("a.rcc", len(webp))]
 
 
@@ -75,21 +75,21 @@ def test_each_picture_is_taken_once_and_test_pictures_never(tmp_path, capsys):
         (source / f"{seed}.png").write_bytes(saved(picture(seed), "PNG"))
     (source / "again.jpg").write_bytes(saved(picture(1, 400, 480), "JPEG"))  # the same picture, larger
     (tests / "x_HR.png").write_bytes(saved(picture(2, 100, 120), "PNG"))  # a test picture, smaller
-    assert gather.gather([source], out, at_most=9, apart=[tests]) == 3
+    assert gather.gather_pictures([source], out, at_most=9, apart=[tests]) == 3
     assert len(list(out.glob("art-*.png"))) == 3
     assert "3 pictures taken, 2 left out" in capsys.readouterr().out
-    assert gather.gather([source], tmp_path / "few", at_most=1) == 1
+    assert gather.gather_pictures([source], tmp_path / "few", at_most=1) == 1
 
 
 def test_faults_are_one_line(tmp_path, capsys):
     with pytest.raises(ValueError, match="no picture of 160 pixels or more"):
-        gather.gather([tmp_path], tmp_path / "out", at_most=1)
+        gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1)
     with pytest.raises(ValueError, match="no picture in it"):  # a guard that guards nothing is a fault
-        gather.gather([tmp_path], tmp_path / "out", at_most=1, apart=[tmp_path])
+        gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1, apart=[tmp_path])
     (tmp_path / "a" / "images").mkdir(parents=True)
     (tmp_path / "b" / "images").mkdir(parents=True)
     with pytest.raises(ValueError, match="two folders have the same name"):
-        gather.gather([tmp_path / "a" / "images", tmp_path / "b" / "images"], tmp_path / "out", at_most=1)
+        gather.gather_pictures([tmp_path / "a" / "images", tmp_path / "b" / "images"], tmp_path / "out", at_most=1)
     with pytest.raises(SystemExit):
         gather.main([str(tmp_path / "gone"), "-o", str(tmp_path / "out")])
     assert "gone: no such folder" in capsys.readouterr().err

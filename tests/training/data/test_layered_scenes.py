@@ -24,7 +24,7 @@ PICTURES = [smooth(0), smooth(1)]
 
 
 def scenes(count=2, *, seed=0, side=24, pictures=PICTURES):
-    return layered_scenes.scenes(np.random.default_rng(seed), pictures, count, side=side, window=SIDE)
+    return layered_scenes.make_scenes(np.random.default_rng(seed), pictures, count, side=side, window=SIDE)
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def sheets(monkeypatch):
         def places(_, count, side):
             return torch.tensor(disparities).expand(count, -1), torch.zeros(count, len(disparities), 2)
 
-        monkeypatch.setattr(layered_scenes, "_places", places)
+        monkeypatch.setattr(layered_scenes, "_draw_disparities", places)
 
     return set_to
 
@@ -90,9 +90,9 @@ def test_the_nearer_sheet_covers_the_further(sheets, monkeypatch):
     through."""
     sheets(-1.0, 0.75)
     textures = iter([torch.zeros(3, 160, 160), torch.ones(3, 160, 160)])
-    monkeypatch.setattr(layered_scenes, "_texture", lambda random, pictures: next(textures))
+    monkeypatch.setattr(layered_scenes, "_draw_texture", lambda random, pictures: next(textures))
     step = torch.where(torch.arange(layered_scenes.MASK) < layered_scenes.MASK // 2, -1e4, 1e4)
-    monkeypatch.setattr(layered_scenes, "_mask", lambda random: (step.expand(1, layered_scenes.MASK, -1), None))
+    monkeypatch.setattr(layered_scenes, "_draw_mask", lambda random: (step.expand(1, layered_scenes.MASK, -1), None))
     views, colours = scenes(1)
     at = torch.arange(24 * layered_scenes.FINE)
     for view, seen in enumerate(views[0]):
@@ -113,7 +113,7 @@ def test_a_fold_begins_where_its_sheet_ends(sheets, monkeypatch):
         def texture(random, pictures, shades=shades):
             return torch.full((3, 160, 160), next(shades))
 
-        monkeypatch.setattr(layered_scenes, "_texture", texture)
+        monkeypatch.setattr(layered_scenes, "_draw_texture", texture)
         views, _ = scenes(1, seed=seed)
         dark = (views[0] < 0.1).float()[:, None]
         light = (views[0] > 0.9).float()[:, None]
@@ -130,7 +130,7 @@ def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
     def uniform(low, high, *shape):
         return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
 
-    disparity, slope = layered_scenes._places(uniform, 2000, 30)
+    disparity, slope = layered_scenes._draw_disparities(uniform, 2000, 30)
     step = disparity.diff(dim=1)
     rising, falling = (step >= 0).all(1), (step <= 0).all(1)
     assert (rising | falling).all()
@@ -140,7 +140,7 @@ def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
     assert disparity.abs().max() <= 4 * MOST
     assert (1 - 2 * slope.abs().sum(-1)).min() > 0  # no ray of any view of the window runs along a sheet
     monkeypatch.setattr(layered_scenes, "BEYOND", 0.0)
-    disparity, slope = layered_scenes._places(uniform, 2000, 30)
+    disparity, slope = layered_scenes._draw_disparities(uniform, 2000, 30)
     at_the_edge = disparity.abs() + slope.abs().amax(-1) * 15
     assert at_the_edge.max() <= MOST + 1e-5
 
@@ -148,9 +148,9 @@ def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
 def test_a_texture_is_a_part_of_a_picture(monkeypatch):
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
     picture = np.random.default_rng(0).integers(0, 256, (layered_scenes.TEXTURE, layered_scenes.TEXTURE, 3), np.uint8)
-    (texture,) = (layered_scenes._texture(np.random.default_rng(0), [picture]) * 255,)
+    (texture,) = (layered_scenes._draw_texture(np.random.default_rng(0), [picture]) * 255,)
     np.testing.assert_allclose(texture.permute(1, 2, 0), picture, atol=1e-4)
     monkeypatch.setattr(layered_scenes, "FLAT", 1.0)
-    flat = layered_scenes._texture(np.random.default_rng(0), [picture])
+    flat = layered_scenes._draw_texture(np.random.default_rng(0), [picture])
     assert flat.shape == (3, layered_scenes.TEXTURE, layered_scenes.TEXTURE)
     assert flat.flatten(1).unique(dim=1).shape == (3, 1)

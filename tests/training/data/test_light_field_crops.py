@@ -13,8 +13,8 @@ from PIL import Image
 from ciir.models.light_field.windows import select_axis
 from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_crops import BLOCKS, USES, ViewCrops, Window
-from ciir.training.loop.prefetch import batches
+from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops, Window
+from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.networks.plane_sweep import MOST, SIDE, PlaneSweep
 
 DISPARITY, PLANES = 0.75, 17
@@ -41,18 +41,22 @@ def flat(monkeypatch):
     monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
     monkeypatch.setattr(
-        layered_scenes, "_places", lambda _, count, side: (torch.full((count, 1), DISPARITY), torch.zeros(count, 1, 2))
+        layered_scenes,
+        "_draw_disparities",
+        lambda _, count, side: (torch.full((count, 1), DISPARITY), torch.zeros(count, 1, 2)),
     )
 
 
 @pytest.fixture
 def clean(monkeypatch):
-    for name, value in (("STRANGE", 0.0), ("NOISE", (0.0, 0.0)), ("GRAIN", (0.0, 0.0))):
+    for name, value in (("MISMATCHED", 0.0), ("NOISE", (0.0, 0.0)), ("GRAIN", (0.0, 0.0))):
         monkeypatch.setattr(light_field_crops, name, value)
 
 
 def crops_of(folder, **given):
-    return ViewCrops(folder, **{"crop": 32, "scale": 2, "batch": 3, "seed": 1, "degradations": {"box": 1}} | given)
+    return LightFieldCrops(
+        folder, **{"crop": 32, "scale": 2, "batch": 3, "seed": 1, "degradations": {"box": 1}} | given
+    )
 
 
 def luma(image):
@@ -82,7 +86,7 @@ class Drawn:
 def test_shapes_and_range(folder):
     crops = crops_of(folder, batch=2, degradations=dict.fromkeys(degrade.KINDS, 1))
     for step in range(3):
-        (image, around, rows, cols), high = crops.at(step)
+        (image, around, rows, cols), high = crops.make_batch(step)
         assert (image.shape, around.shape, high.shape) == ((2, 3, 16, 16), (2, 25, 16, 16), (2, 3, 32, 32))
         assert rows.shape == cols.shape == (SIDE,)
         for part in (image, around, high):
@@ -92,12 +96,12 @@ def test_shapes_and_range(folder):
 
 def test_a_step_is_the_same_whatever_came_before(folder):
     crops = crops_of(folder)
-    wanted = crops.at(20)
-    assert same(crops_of(folder).at(20), wanted)
-    crops.at(3)
-    assert same(crops.at(20), wanted)
-    assert not same(crops.at(21), wanted)
-    assert not same(crops_of(folder, seed=2).at(20), wanted)
+    wanted = crops.make_batch(20)
+    assert same(crops_of(folder).make_batch(20), wanted)
+    crops.make_batch(3)
+    assert same(crops.make_batch(20), wanted)
+    assert not same(crops.make_batch(21), wanted)
+    assert not same(crops_of(folder, seed=2).make_batch(20), wanted)
 
 
 @pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
@@ -105,13 +109,13 @@ def test_turns_are_of_all_parts_alike(flat, turns):
     """The sweep finds the sheet where it was, and the window's missing views, which hold noise, are still known."""
     picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
-    views, colours = layered_scenes.scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
+    views, colours = layered_scenes.make_scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
     image, around, high = degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
     window = Window(*(torch.from_numpy(select_axis(*at).present) for at in ((1, 9), (7, 9))))
     missing = ~(window.rows[:, None] * window.cols).bool().flatten()
     around[:, missing] = torch.rand(2, 9, 24, 24, generator=torch.Generator().manual_seed(1))
     assert planes(around, *window) == [RIGHT] * 2
-    (image, around, rows, cols), high = light_field_crops._turned(Drawn(*turns), image, around, high, window)
+    (image, around, rows, cols), high = light_field_crops._augment(Drawn(*turns), image, around, high, window)
     assert planes(around, rows, cols) == [RIGHT] * 2
     torch.testing.assert_close(luma(image), around[:, OWN], atol=1 / 255, rtol=0)  # each is rounded to 8 bits
     torch.testing.assert_close(degrade.box(high, 2), image, atol=1.01 / 255, rtol=0)
@@ -125,7 +129,7 @@ def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
     crops = crops_of(folder, crop=48, degradations=dict.fromkeys(degrade.KINDS, 1))
     windows = set()
     for step in range(16):
-        (_, around, rows, cols), _ = crops.at(step)
+        (_, around, rows, cols), _ = crops.make_batch(step)
         if rows.sum() > 3 and cols.sum() > 3:  # three views alone tell less sharply
             assert planes(around, rows, cols) == [RIGHT] * 3
         windows.add((*rows.tolist(), *cols.tolist()))
@@ -136,7 +140,7 @@ def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
 def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
     crops = crops_of(folder, degradations={kind: 1})
     for step in range(8):
-        inputs, high = crops.at(step)
+        inputs, high = crops.make_batch(step)
         if kind == "point":  # of finer samples than the truth's
             aligned = (degrade.box(high, 2) - inputs.image).abs().mean()
             for shifted in (inputs.image.roll(1, 2), inputs.image.roll(1, 3)):
@@ -150,20 +154,20 @@ def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
 def test_small_and_truth_of_fine_samples(kind):
     """The truth is the mean of 2x2 of them; a pinhole sees the middle of the 4x4 of its LR pixel."""
     fine = torch.randint(0, 256, (3, 24, 32), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
-    low, high = light_field_crops._small(kind, fine)
+    low, high = light_field_crops._degrade(kind, fine)
     cells = fine.numpy().reshape(3, 6, 4, 8, 4).astype(float)
     wanted = fine.numpy().reshape(3, 12, 2, 16, 2).mean((2, 4))
     np.testing.assert_allclose(high, wanted, atol=0.5)
     if kind == "point":
         np.testing.assert_allclose(low, cells[:, :, 1:3, :, 1:3].mean((2, 4)), atol=0.5)
     else:
-        assert torch.equal(low, degrade.pair(kind, high, 2)[0])
+        assert torch.equal(low, degrade.make_pair(kind, high, 2)[0])
 
 
 def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
     crops = crops_of(folder, degradations=dict.fromkeys(degrade.KINDS, 1))
     for step in range(6):
-        image, around, _ = crops._of_scenes(np.random.default_rng(step), step)
+        image, around, _ = crops._crop_scenes(np.random.default_rng(step), step)
         # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights
         # add up to 1.5 without their signs. Where it overshoots colours are cut off one by one.
         whole = ((image > 0) & (image < 1)).all(1)
@@ -171,12 +175,12 @@ def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
 
 
 def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monkeypatch):
-    monkeypatch.setattr(light_field_crops, "STRANGE", 0.5)
+    monkeypatch.setattr(light_field_crops, "MISMATCHED", 0.5)
     monkeypatch.setattr(light_field_crops, "NOISE", (0.5, 0.1))
     monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
     crops = crops_of(folder)
     for step in range(8):
-        (image, around, _, _), _ = crops.at(step)
+        (image, around, _, _), _ = crops.make_batch(step)
         torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
         assert not torch.equal(around[:, OWN], around[:, 0])
 
@@ -188,7 +192,7 @@ OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
 def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
     monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
     grey = torch.full((4, 3, 40, 40), 0.5), torch.full((4, 25, 40, 40), 0.5)
-    image, around = light_field_crops._spoilt(np.random.default_rng(0), *grey, 1.0)
+    image, around = light_field_crops._corrupt(np.random.default_rng(0), *grey, 1.0)
     strength = image.std((1, 2, 3))
     assert (strength.min() > 0.001, strength.max() < 0.105) == (True, True)
     ratio = around[:, OTHERS].std((2, 3)) / strength[:, None]
@@ -196,7 +200,7 @@ def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
     noise = around[:, OTHERS].flatten(2) - 0.5
     alike = torch.stack([torch.corrcoef(one) for one in noise]) - torch.eye(24)
     assert alike.abs().max() < 0.15
-    assert all(torch.equal(a, b) for a, b in zip(grey, light_field_crops._spoilt(seeded(), *grey, 0.0), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(grey, light_field_crops._corrupt(seeded(), *grey, 0.0), strict=True))
 
 
 def seeded():
@@ -204,9 +208,9 @@ def seeded():
 
 
 def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
-    monkeypatch.setattr(light_field_crops, "STRANGE", 1.0)
+    monkeypatch.setattr(light_field_crops, "MISMATCHED", 1.0)
     level = torch.tensor([0.2, 0.5, 0.8])[:, None, None, None]
-    image, around = light_field_crops._spoilt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
+    image, around = light_field_crops._corrupt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
     assert torch.equal(image, level.expand(3, 3, 4, 4))
     assert torch.equal(around[:, OTHERS], level.roll(1, 0).expand(3, 24, 4, 4))
     torch.testing.assert_close(around[:, OWN], level[:, 0].expand(3, 4, 4))
@@ -214,39 +218,39 @@ def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
 
 def test_windows_at_the_border_come_in_slowly(folder):
     crops = crops_of(folder, eased=60)
-    whole = [all(part[1].all() for part in crops.at(step)[0][2:]) for step in range(60)]
+    whole = [all(part[1].all() for part in crops.make_batch(step)[0][2:]) for step in range(60)]
     assert all(whole[:3])
     assert sum(whole[:20]) > sum(whole[40:])
 
 
 def test_threads_change_nothing_and_make_no_scene_twice(folder, monkeypatch):
     made = Counter()
-    make = layered_scenes.scenes
+    make = layered_scenes.make_scenes
 
     def counting(random, *args, **kwargs):
         made[str(random.bit_generator.state["state"]["state"])] += 1
         return make(random, *args, **kwargs)
 
     serial = crops_of(folder)
-    wanted = [serial.at(step) for step in range(4, 34)]
-    monkeypatch.setattr(layered_scenes, "scenes", counting)
-    found = list(batches(crops_of(folder).at, 4, 34, threads=8, ready=2 * USES))
+    wanted = [serial.make_batch(step) for step in range(4, 34)]
+    monkeypatch.setattr(layered_scenes, "make_scenes", counting)
+    found = list(prefetch_batches(crops_of(folder).make_batch, 4, 34, threads=8, ready=2 * STEPS_PER_BLOCK))
     assert all(same(one, other) for one, other in zip(found, wanted, strict=True))
     assert set(made.values()) == {1}
-    assert len(made) == 33 // USES + 1
+    assert len(made) == 33 // STEPS_PER_BLOCK + 1
 
 
 def test_blocks_are_kept_whatever_the_order_of_the_steps_in_the_making(folder, monkeypatch):
-    """Backwards, of all that `batches` lets be made at once."""
+    """Backwards, of all that `prefetch_batches` lets be made at once."""
     made = []
     nothing = torch.zeros(1), torch.zeros(1)
-    monkeypatch.setattr(layered_scenes, "scenes", lambda *args, **kwargs: made.append(0) or nothing)
-    crops, ahead = crops_of(folder), 2 * USES
+    monkeypatch.setattr(layered_scenes, "make_scenes", lambda *args, **kwargs: made.append(0) or nothing)
+    crops, ahead = crops_of(folder), 2 * STEPS_PER_BLOCK
     for first in range(40):
         for step in reversed(range(first, first + ahead + 1)):
-            crops._made(step // USES)
-    assert len(made) == (39 + ahead) // USES + 1
-    assert len(crops._blocks) == BLOCKS
+            crops._made(step // STEPS_PER_BLOCK)
+    assert len(made) == (39 + ahead) // STEPS_PER_BLOCK + 1
+    assert len(crops._blocks) == KEPT_BLOCKS
 
 
 @pytest.fixture(scope="module")
@@ -256,14 +260,14 @@ def mesh(tmp_path_factory):
     return file
 
 
-def test_light_fields_of_meshes(folder, mesh, clean, monkeypatch, capsys):
+def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
     monkeypatch.setattr(mesh_views, "PICTURES", 2)
     crops = crops_of(folder, meshes=[mesh], degradations={"lenslet": 1}, crop=64)
     assert [tuple(field.high.shape) for field in crops.meshes] == [(3, 96, 96), (3, 192, 192)]
     assert "left out" not in capsys.readouterr().err
     shown = 0
     for step in range(6):
-        (image, around, _, _), high = crops.at(step)
+        (image, around, _, _), high = crops.make_batch(step)
         torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
         mean, shifted = degrade.box(high, 2), degrade.box(high.roll(2, 3), 2)
         if (around.flatten(1).std(1) > 0.02).all():
@@ -272,14 +276,14 @@ def test_light_fields_of_meshes(folder, mesh, clean, monkeypatch, capsys):
     assert shown
 
 
-def test_crops_larger_than_the_light_fields_of_meshes(folder, mesh, monkeypatch, capsys):
+def test_crops_larger_than_the_light_fields_crop_meshes(folder, mesh, monkeypatch, capsys):
     monkeypatch.setattr(mesh_views, "PICTURES", 2)
     given = {"meshes": [mesh], "degradations": {"box": 1, "pinhole": 1}}
     assert len(crops_of(folder, crop=98, **given).meshes) == 1
     assert "1 of 2 light fields of meshes are left out: they are smaller than the crop of 98x98" in (
         capsys.readouterr().err
     )
-    monkeypatch.setattr(mesh_views, "read", None)  # nothing is rendered first
+    monkeypatch.setattr(mesh_views, "read_mesh", None)  # nothing is rendered first
     with pytest.raises(ValueError, match=r"for crops of up to 192 pixels, not 194; set a smaller one$"):
         crops_of(folder, crop=194, **given)
 

@@ -1,4 +1,4 @@
-"""Folders of views for validation and evaluation: what is read, made small, and refused."""
+"""Folders of views for validation and evaluation: what is read_views, made small, and refused."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from ciir.training.data import degrade, light_fields
-from ciir.training.data.light_fields import LEAST, degraded, read
+from ciir.training.data.light_fields import LEAST, degrade_views, read_views
 
 
 def views(down, across, height=LEAST, width=LEAST + 2):
@@ -25,18 +25,18 @@ def save(folder, pixels, name="view_{v:02d}_{u:02d}"):
 
 def test_views_stand_where_their_names_say(tmp_path):
     pixels = views(3, 4)
-    np.testing.assert_array_equal(read(save(tmp_path / "a", pixels)), pixels)
+    np.testing.assert_array_equal(read_views(save(tmp_path / "a", pixels)), pixels)
 
 
 @pytest.mark.parametrize(("grid", "part"), [((3, 3), np.s_[1:4, 1:4]), ((1, 2), np.s_[2:3, 1:3])])
 def test_the_middle_ones_of_more(tmp_path, grid, part):
     pixels = views(5, 5)
-    np.testing.assert_array_equal(read(save(tmp_path / "a", pixels), grid=grid), pixels[part])
+    np.testing.assert_array_equal(read_views(save(tmp_path / "a", pixels), grid=grid), pixels[part])
 
 
 def test_grey_views_become_rgb(tmp_path):
     pixels = views(2, 2)[..., 0]
-    found = read(save(tmp_path / "a", pixels))
+    found = read_views(save(tmp_path / "a", pixels))
     np.testing.assert_array_equal(found, pixels[..., None].repeat(3, axis=-1))
     assert found.flags.c_contiguous
 
@@ -44,17 +44,17 @@ def test_grey_views_become_rgb(tmp_path):
 @pytest.mark.parametrize("kind", degrade.KINDS)
 def test_each_view_is_made_small_as_a_photograph(kind):
     pixels = views(2, 3, 19, 26)
-    low, high = degraded(pixels, kind, 2)
+    low, high = degrade_views(pixels, kind, 2)
     for v in range(2):
         for u in range(3):
-            wanted = degrade.pair(kind, torch.from_numpy(pixels[v, u]).permute(2, 0, 1), 2)
+            wanted = degrade.make_pair(kind, torch.from_numpy(pixels[v, u]).permute(2, 0, 1), 2)
             for got, want in zip((low, high), wanted, strict=True):
                 np.testing.assert_array_equal(got[v, u], want.permute(1, 2, 0))
 
 
 def refused(folder, **options):
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are the tests'
-        read(folder, **options)
+        read_views(folder, **options)
     said = str(caught.value)
     assert "\n" not in said
     assert said.count(str(folder)) == 1
@@ -85,7 +85,7 @@ def test_a_folder_at_fault_is_named(tmp_path, spoil, message):
     folder = save(tmp_path / "a", views(2, 3))
     spoil(folder)
     with pytest.raises(ValueError, match=message):
-        read(folder)
+        read_views(folder)
     refused(folder)
 
 
@@ -111,5 +111,5 @@ def test_fewer_views_than_are_asked_for(tmp_path):
 
 def test_the_least_size_serves_every_way_of_making_small():
     for kind in degrade.KINDS:
-        low, _ = degraded(views(1, 2, light_fields.LEAST, light_fields.LEAST), kind, 4)
+        low, _ = degrade_views(views(1, 2, light_fields.LEAST, light_fields.LEAST), kind, 4)
         assert low.shape[0:2] == (1, 2)

@@ -1,4 +1,4 @@
-"""Views of meshes as training pairs."""
+"""Views of meshes as training render_pairs."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from ciir.renderer.scenes import load_scene
 from ciir.training.data import mesh_views
 from ciir.training.data.crops import Crops
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.mesh_views import LENSES, pairs, read, turned, window
+from ciir.training.data.mesh_views import LENSES, draw_rotation, read_mesh, render_pairs, render_window
 from ciir.training.networks.plane_sweep import PlaneSweep
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -28,7 +28,7 @@ def mesh(tmp_path_factory):
 @pytest.mark.parametrize(("index", "scale"), [(0, 2), (1, 2), (2, 2), (1, 4)])
 def test_the_truth_lies_where_the_views_say(index, scale):
     """For each size of array: cell means of the truth are the lenslets' views, and not those of a lens further."""
-    (pinhole, truth), (lenslet, same) = pairs(load_scene("globe"), seed=4, index=index, scale=scale)
+    (pinhole, truth), (lenslet, same) = render_pairs(load_scene("globe"), seed=4, index=index, scale=scale)
     assert same is truth
     assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (96 * scale, 96 * scale, 3))
     mean = truth.reshape(96, scale, 96, scale, 3).mean((1, 3))
@@ -41,7 +41,7 @@ def test_the_truth_lies_where_the_views_say(index, scale):
 
 def test_small_views_lie_side_by_side():
     """A view of a 24x24 array is what that array alone sees: each cell holds an object of its own."""
-    _, (lenslet, _) = pairs(load_scene("vase"), seed=1, index=0, scale=2)
+    _, (lenslet, _) = render_pairs(load_scene("vase"), seed=1, index=0, scale=2)
     cells = lenslet.reshape(4, LENSES[0], 4, LENSES[0], 3).swapaxes(1, 2).reshape(16, -1, 3)
     shown = (cells != lenslet[0, 0]).any(axis=2).mean(axis=1)
     assert shown.min() > 0.02
@@ -51,7 +51,7 @@ def test_small_views_lie_side_by_side():
 @pytest.mark.parametrize("index", [0, 1])
 def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
     """Rows of views down, columns across, both growing the same way: in any other order the views agree less."""
-    field = window(load_scene("vase"), seed=2, index=index)
+    field = render_window(load_scene("vase"), seed=2, index=index)
     side = LENSES[1 + index]
     assert field.high.shape == (3, 2 * side, 2 * side)
     there, sweep = torch.from_numpy(select_axis(2, 5).present), PlaneSweep(33)
@@ -71,13 +71,13 @@ def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
 
 
 def test_a_picture_depends_on_its_number_alone(mesh):
-    one, again, other = (pairs(read(mesh), seed=1, index=index, scale=2) for index in (3, 3, 4))
+    one, again, other = (render_pairs(read_mesh(mesh), seed=1, index=index, scale=2) for index in (3, 3, 4))
     np.testing.assert_array_equal(one[0][1], again[0][1])
     assert not np.array_equal(one[0][1], other[0][1])
 
 
 def test_turns_are_rotations():
-    matrix = turned(np.random.default_rng(0))[:3, :3]
+    matrix = draw_rotation(np.random.default_rng(0))[:3, :3]
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     assert matrix[1, 1] >= np.cos(mesh_views.TILT)
@@ -89,16 +89,16 @@ def test_views_of_meshes_join_those_of_scenes(tmp_path, mesh, monkeypatch):
     given = {"crop": 32, "scale": 2, "batch": 2, "seed": 0, "degradations": {"bicubic": 1, "pinhole": 1, "lenslet": 1}}
     crops = Crops(tmp_path, scenes=1, meshes=[mesh], **given)
     assert [len(group) for group in crops.groups] == [1, 4, 4]
-    low, high = crops.at(0)
+    low, high = crops.make_batch(0)
     assert (low.shape, high.shape) == ((2, 3, 16, 16), (2, 3, 32, 32))
 
 
 def test_files_that_are_no_mesh(tmp_path, capsys):
     Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match=r"a\.png: holds pictures, not a mesh"):
-        read(tmp_path / "a.png")
+        read_mesh(tmp_path / "a.png")
     with pytest.raises(ValueError, match=r"gone\.obj"):
-        read(tmp_path / "gone.obj")
+        read_mesh(tmp_path / "gone.obj")
     (tmp_path / "b.obj").write_text("mtllib none.mtl\n" + TETRAHEDRON)
-    read(tmp_path / "b.obj")
+    read_mesh(tmp_path / "b.obj")
     assert "none.mtl" in capsys.readouterr().err

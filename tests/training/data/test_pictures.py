@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ciir.training.data.pictures import MEMORY, Pictures, find, read, read_rgb
+from ciir.training.data.pictures import MEMORY, Pictures, find_pictures, read_picture, read_rgb
 
 GREY = np.arange(0, 240, 4, dtype=np.uint8).reshape(6, 10)
 COLOUR = np.stack([GREY, 255 - GREY, GREY // 2], axis=2)
@@ -23,7 +23,7 @@ def test_voc2012_as_it_unpacks(tmp_path, named):
     save(voc / "SegmentationClass" / "2007_000032.png", Image.fromarray(GREY).convert("P"))
     (voc / "Annotations").mkdir()
     (voc / "Annotations" / "2007_000027.xml").write_text("<annotation/>")
-    assert find(tmp_path / named) == wanted
+    assert find_pictures(tmp_path / named) == wanted
 
 
 def test_other_files_hidden_ones_and_folders_are_ignored(tmp_path):
@@ -31,14 +31,14 @@ def test_other_files_hidden_ones_and_folders_are_ignored(tmp_path):
     (tmp_path / "notes.txt").write_text("")
     (tmp_path / "._b.png").write_bytes(b"Mac OS X")
     (tmp_path / "c.png").mkdir()
-    assert find(tmp_path) == [a, b]
+    assert find_pictures(tmp_path) == [a, b]
 
 
 def test_no_folder_and_no_picture(tmp_path):
     with pytest.raises(ValueError, match="gone: no such folder; name a folder of pictures"):
-        find(tmp_path / "gone")
+        find_pictures(tmp_path / "gone")
     with pytest.raises(ValueError, match=r"no picture in it \(\.jpeg, \.jpg, \.png, \.tif, \.tiff\)"):
-        find(tmp_path)
+        find_pictures(tmp_path)
 
 
 def test_every_kind_of_pixel_becomes_8_bit_rgb(tmp_path):
@@ -53,17 +53,17 @@ def test_every_kind_of_pixel_becomes_8_bit_rgb(tmp_path):
     )
     np.testing.assert_array_equal(through(GREY.astype(np.uint16) * 257), grey)
     np.testing.assert_array_equal(through(Image.fromarray(GREY > 99)), np.where(grey > 99, 255, 0))
-    assert read(tmp_path / "a.png").shape == (6, 10, 1)
+    assert read_picture(tmp_path / "a.png").shape == (6, 10, 1)
 
 
 def test_what_is_transparent_lies_over_black(tmp_path):
     alpha = np.full_like(GREY, 255)
     alpha[0], alpha[1] = 0, 128
-    got = read(save(tmp_path / "a.png", np.dstack([COLOUR, alpha])))
+    got = read_picture(save(tmp_path / "a.png", np.dstack([COLOUR, alpha])))
     np.testing.assert_array_equal(got[2:], COLOUR[2:])
     assert (got[0] == 0).all()
     np.testing.assert_array_equal(got[1], np.floor(COLOUR[1] * (128 / 255) + 0.5))
-    assert read(save(tmp_path / "b.png", np.dstack([GREY, alpha]))).shape == (6, 10, 1)
+    assert read_picture(save(tmp_path / "b.png", np.dstack([GREY, alpha]))).shape == (6, 10, 1)
 
 
 def test_bad_pictures_are_named_at_the_start(tmp_path):

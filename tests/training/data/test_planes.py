@@ -23,7 +23,7 @@ def double(*parts):
 
 def test_a_slanted_sheet_is_met_where_its_equation_says():
     disparity, slope = 0.7, np.array([0.04, -0.03])
-    found = planes.meet(*double(OFFSETS, disparity, slope)).of(ALONG)
+    found = planes.intersect_layer(*double(OFFSETS, disparity, slope)).of(ALONG)
     for view, offset in enumerate(OFFSETS):
         for y, x in ((0, 0), (3, 17), (40, 22)):
             pixel = np.array([ALONG[y], ALONG[x]])
@@ -32,7 +32,7 @@ def test_a_slanted_sheet_is_met_where_its_equation_says():
 
 def test_one_map_after_another():
     matrix, shift = np.random.default_rng(0).normal(size=(3, 2)), np.array([0.5, -1.0, 2.0])
-    first = planes.meet(*double(OFFSETS, 0.7, (0.04, -0.03)))
+    first = planes.intersect_layer(*double(OFFSETS, 0.7, (0.04, -0.03)))
     wanted = first.of(ALONG).numpy() @ matrix.T + shift
     np.testing.assert_allclose(first.then(*double(matrix, shift)).of(ALONG), wanted, atol=1e-12)
 
@@ -62,6 +62,6 @@ def test_a_fold_is_seen_by_the_views_before_it_alone_as_wide_as_they_see_it(chan
 
 def test_folds_keep_within_their_disparity():
     random = np.random.default_rng(0)
-    folds = [planes.fold(random, torch.tensor([1.0, 0.0]), 0.0) for _ in range(200)]
+    folds = [planes.make_fold(random, torch.tensor([1.0, 0.0]), 0.0) for _ in range(200)]
     assert max(abs(fold.change) * fold.width for fold in folds) <= planes.MOST + 1e-9
     assert 60 < sum(fold.change > 0 for fold in folds) < 140

@@ -13,7 +13,7 @@ PICTURES = [np.random.default_rng(i).integers(0, 256, (120, 90, 3), dtype=np.uin
 
 
 def test_a_scene_depends_on_its_number_alone():
-    one, again, other = (rendered.pairs(PICTURES, seed=1, index=index) for index in (5, 5, 6))
+    one, again, other = (rendered.render_pairs(PICTURES, seed=1, index=index) for index in (5, 5, 6))
     for first, second in zip(one, again, strict=True):
         np.testing.assert_array_equal(first[0], second[0])
         np.testing.assert_array_equal(first[1], second[1])
@@ -22,7 +22,7 @@ def test_a_scene_depends_on_its_number_alone():
 
 @pytest.mark.parametrize("index", range(3))
 def test_the_truth_lies_where_the_views_say(index):
-    (pinhole, truth), (lenslet, same) = rendered.pairs(PICTURES, seed=2, index=index)
+    (pinhole, truth), (lenslet, same) = rendered.render_pairs(PICTURES, seed=2, index=index)
     assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (192, 192, 3))
     assert same is truth
     mean = truth.reshape(96, 2, 96, 2, 3).mean((1, 3))
@@ -42,17 +42,17 @@ def test_crops_mix_photographs_and_views(tmp_path):
     crops = Crops(tmp_path, crop=32, scale=2, batch=8, seed=0, scenes=2, degradations=SHARES)
     assert [len(group) for group in crops.groups] == [3, 2, 2]
     assert crops.shares.tolist() == [0.5, 0.25, 0.25]
-    low, high = crops.at(7)
+    low, high = crops.make_batch(7)
     assert (low.shape, high.shape) == ((8, 3, 16, 16), (8, 3, 32, 32))
-    assert all((a == b).all() for a, b in zip(crops.at(7), (low, high), strict=True))
+    assert all((a == b).all() for a, b in zip(crops.make_batch(7), (low, high), strict=True))
 
 
 def test_the_truth_of_scale_4():
     """Its 4x4 cells' mean is the lenslets' picture, as at scale 2; both scales see the same scene."""
-    (pinhole, truth), (lenslet, _) = rendered.pairs(PICTURES, seed=2, index=0, scale=4)
+    (pinhole, truth), (lenslet, _) = rendered.render_pairs(PICTURES, seed=2, index=0, scale=4)
     assert truth.shape == (384, 384, 3)
     assert np.abs(lenslet - truth.reshape(96, 4, 96, 4, 3).mean((1, 3))).mean() < 1.0
-    np.testing.assert_array_equal(pinhole, rendered.pairs(PICTURES, seed=2, index=0)[0][0])
+    np.testing.assert_array_equal(pinhole, rendered.render_pairs(PICTURES, seed=2, index=0)[0][0])
 
 
 def test_crops_larger_than_what_is_rendered(tmp_path):
@@ -69,7 +69,9 @@ def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
 
     Image.fromarray(PICTURES[0]).save(tmp_path / "a.png")
     crops = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"bicubic-view": 1})
-    low, high = crops.at(0)
+    low, high = crops.make_batch(0)
     assert ((degrade.bicubic(high, 2) - low).abs() * 255).max() <= 1.01
-    pinhole, _ = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"pinhole": 1}).at(0)
+    pinhole, _ = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"pinhole": 1}).make_batch(
+        0
+    )
     assert ((pinhole - low).abs() * 255).max() > 10

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 from ciir import models
 from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
-from ciir.training.evaluation.pictures import evaluate, evaluate_folder
+from ciir.training.evaluation.pictures import evaluate, score
 from tests.support.paths import SHARED
 
 IMAGES = SHARED / "data" / "images"
@@ -21,60 +22,56 @@ def save(folder: Path, name: str, pixels: np.ndarray) -> None:
 @needs_shared
 @pytest.mark.parametrize(("data", "psnr", "ssim"), [("Set5", 33.66, 0.9299), ("Set14", 30.24, 0.8688)])
 def test_bicubic_scores_what_is_published(data, psnr, ssim):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
-    score = evaluate(models.load_upscaler("bicubic"), IMAGES / data)
-    assert score.psnr == pytest.approx(psnr, abs=0.05)
-    assert score.ssim == pytest.approx(ssim, abs=0.001)
-    assert score.pictures == {"Set5": 5, "Set14": 14}[data]
+    scored = score(models.load_upscaler("bicubic"), IMAGES / data)
+    assert scored.psnr == pytest.approx(psnr, abs=0.05)
+    assert scored.ssim == pytest.approx(ssim, abs=0.001)
+    assert scored.pictures == {"Set5": 5, "Set14": 14}[data]
 
 
 @needs_shared
 def test_the_card_tells_the_accuracy_that_is_measured():
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     (entry,) = (entry for entry in models.list_entries() if entry.name == "paper")
     (claimed,) = (score for score in entry.card.accuracy if score.data == "Set5")
-    measured = evaluate_folder("paper", IMAGES / "Set5")
+    measured = evaluate("paper", IMAGES / "Set5")
     assert measured.psnr == pytest.approx(claimed.psnr, abs=0.01)
     assert measured.ssim == pytest.approx(claimed.ssim, abs=0.0002)
     assert measured.psnr >= 36.5
 
 
 def test_a_known_error(tmp_path):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     """Nearest gives the HR picture but for one grey level: 20 log10(255) dB on a grey picture's own Y."""
     low = np.random.default_rng(0).integers(0, 255, (10, 12), np.uint8)
     save(tmp_path, "a_LR.png", low)
     save(tmp_path, "a_HR.png", low.repeat(2, axis=0).repeat(2, axis=1) + np.uint8(1))
-    score = evaluate(Nearest(2), tmp_path)
-    assert (score.data, score.pictures) == (tmp_path.name, 1)
-    assert score.psnr == pytest.approx(48.1308, abs=1e-4)
-    assert 0.99 < score.ssim < 1
+    scored = score(Nearest(2), tmp_path)
+    assert (scored.data, scored.pictures) == (tmp_path.name, 1)
+    assert scored.psnr == pytest.approx(48.1308, abs=1e-4)
+    assert 0.99 < scored.ssim < 1
 
 
 def test_a_model_by_name_and_by_its_card(recipe):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     folder = Path(recipe.validate)
-    assert evaluate_folder(str(SHIPPED / "paper.json"), folder) == evaluate_folder("paper", folder)
+    assert evaluate(str(SHIPPED / "paper.json"), folder) == evaluate("paper", folder)
     with pytest.raises(models.UnknownModel):
-        evaluate_folder("fancy", folder)
+        evaluate("fancy", folder)
 
 
 def test_no_pairs(tmp_path):
     with pytest.raises(ValueError, match=r"no \*_LR\.png"):
-        evaluate(Nearest(2), tmp_path)
+        score(Nearest(2), tmp_path)
 
 
 def test_a_pair_without_its_truth(tmp_path):
     save(tmp_path, "a_LR.png", np.zeros((9, 9), np.uint8))
     with pytest.raises(ValueError, match=r"a_HR\.png: missing"):
-        evaluate(Nearest(2), tmp_path)
+        score(Nearest(2), tmp_path)
 
 
 def test_a_pair_of_another_scale(tmp_path):
     save(tmp_path, "a_LR.png", np.zeros((9, 9), np.uint8))
     save(tmp_path, "a_HR.png", np.zeros((27, 27), np.uint8))
     with pytest.raises(ValueError, match="27x27 pixels, where nearest makes 18x18"):
-        evaluate(Nearest(2), tmp_path)
+        score(Nearest(2), tmp_path)
 
 
 @needs_shared
@@ -82,9 +79,9 @@ def test_a_pair_of_another_scale(tmp_path):
 def test_degradations_of_set5(kind, psnr):
     """Bicubic LR that is made here scores as the supplied one does, but for its border: 33.66 dB."""
     pytest.importorskip("torch", reason="needs the training extra")
-    score = evaluate(models.load_upscaler("bicubic"), IMAGES / "Set5", degradation=kind)
-    assert score.psnr == pytest.approx(psnr, abs=0.02)
-    assert (score.data, score.pictures) == (f"Set5 ({kind})", 5)
+    scored = score(models.load_upscaler("bicubic"), IMAGES / "Set5", degradation=kind)
+    assert scored.psnr == pytest.approx(psnr, abs=0.02)
+    assert (scored.data, scored.pictures) == (f"Set5 ({kind})", 5)
 
 
 def test_any_pictures_can_be_degraded(tmp_path):
@@ -95,7 +92,7 @@ def test_any_pictures_can_be_degraded(tmp_path):
     save(tmp_path, "colour.png", np.pad(flat, ((0, 1), (0, 1), (0, 0))))
     save(tmp_path, "grey.tif", flat[..., 0])
     (tmp_path / "notes.txt").write_text("not a picture")
-    assert evaluate(Nearest(2), tmp_path, degradation="box") == models.cards.Accuracy(
+    assert score(Nearest(2), tmp_path, degradation="box") == models.cards.Accuracy(
         f"{tmp_path.name} (box)", 2, float("inf"), 1.0
     )
 
@@ -103,16 +100,16 @@ def test_any_pictures_can_be_degraded(tmp_path):
 def test_pictures_that_can_not_be_degraded_or_scored(tmp_path):
     pytest.importorskip("torch", reason="needs the training extra")
     with pytest.raises(ValueError, match="no picture in it"):
-        evaluate(Nearest(2), tmp_path, degradation="box")
+        score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((1, 9), np.uint8))
     with pytest.raises(ValueError, match=r"a\.png: a picture of 1x9 is smaller"):
-        evaluate(Nearest(2), tmp_path, degradation="box")
+        score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((14, 14), np.uint8))
     with pytest.raises(ValueError, match=r"a\.png: a picture of \(10, 10\).*SSIM's window.*take it out"):
-        evaluate(Nearest(2), tmp_path, degradation="box")
+        score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((20, 20), np.uint8))
     with pytest.raises(ValueError, match="no 'blur' here"):
-        evaluate(Nearest(2), tmp_path, degradation="blur")
+        score(Nearest(2), tmp_path, degradation="blur")
 
 
 def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
@@ -122,7 +119,7 @@ def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
     code = (
         "import sys; from pathlib import Path;"
         "from ciir.training.evaluation.pictures import *;"
-        f"print(evaluate_folder('nearest', Path({recipe.validate!r})).pictures, 'torch' in sys.modules)"
+        f"print(evaluate('nearest', Path({recipe.validate!r})).pictures, 'torch' in sys.modules)"
     )
     run = subprocess.run(  # noqa: S603 - the words are this test's own
         [sys.executable, "-c", code], check=True, capture_output=True, text=True

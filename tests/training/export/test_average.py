@@ -18,14 +18,14 @@ def checkpoint(path, value, network="compact"):
         "commit": "c",
         "seconds": 1.0,
     }
-    checkpoints.save(path, state)
+    checkpoints.save_checkpoint(path, state)
     return path
 
 
 def test_weights_are_the_mean_and_the_recipe_says_so(tmp_path):
     paths = [checkpoint(tmp_path / f"{value}.pt", value) for value in (1.0, 2.0, 6.0)]
-    average.average(paths, tmp_path / "mean" / "m.pt")
-    state = checkpoints.read(tmp_path / "mean" / "m.pt")
+    average.average_checkpoints(paths, tmp_path / "mean" / "m.pt")
+    state = checkpoints.read_checkpoint(tmp_path / "mean" / "m.pt")
     assert torch.equal(state["network"]["w"], torch.full((2, 2), 3.0))
     assert state["network"]["count"] == 7
     assert state["recipe"]["averaged"] == [path.as_posix() for path in paths]
@@ -35,9 +35,9 @@ def test_faults_are_one_line(tmp_path):
     one = checkpoint(tmp_path / "a.pt", 1.0)
     other = checkpoint(tmp_path / "b.pt", 1.0, network="lite")
     with pytest.raises(ValueError, match="give two or more"):
-        average.average([one], tmp_path / "m.pt")
+        average.average_checkpoints([one], tmp_path / "m.pt")
     with pytest.raises(ValueError, match="give legs of one network"):
-        average.average([one, other], tmp_path / "m.pt")
+        average.average_checkpoints([one, other], tmp_path / "m.pt")
     with pytest.raises(SystemExit, match=r"average: .*gone"):
         average.main([str(one), str(tmp_path / "gone.pt"), "-o", str(tmp_path / "m.pt")])
     assert not (tmp_path / "m.pt").exists()

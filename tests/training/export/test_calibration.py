@@ -20,8 +20,8 @@ def one_scene(monkeypatch):
     """Rendering all of them takes 20 seconds."""
     monkeypatch.setattr(calibration, "SCENES", ["vase"])
     monkeypatch.setattr(calibration, "VIEWS", 1)
-    monkeypatch.setattr(calibration, "FIELDS", 1)
-    monkeypatch.setattr(calibration, "DRAWN", 2)
+    monkeypatch.setattr(calibration, "LIGHT_FIELDS", 1)
+    monkeypatch.setattr(calibration, "BATCHES", 2)
     monkeypatch.setattr(calibration, "SIDE", 16)
 
 
@@ -33,7 +33,7 @@ def check(example: Example) -> None:
 
 
 def test_pictures(recipe):
-    found = calibration.pairs([Path(recipe.train)], 2)
+    found = calibration.make_picture_examples([Path(recipe.train)], 2)
     assert [one.inputs["image"].shape[2:] for one in found[:3]] == [(16, 16), (16, 16), (5, 5)]  # bicubic, box, point
     assert len(found) == 3 + 2
     for one in found:
@@ -44,8 +44,8 @@ def test_pictures(recipe):
 def test_light_fields(tmp_path):
     pixels = np.random.default_rng(0).integers(0, 256, (TEXTURE, TEXTURE, 3), np.uint8)
     Image.fromarray(pixels).save(tmp_path / "texture.png")
-    found = calibration.fields([tmp_path], 2)
-    assert len(found) == 2 * calibration.TOGETHER + 2
+    found = calibration.make_light_field_examples([tmp_path], 2)
+    assert len(found) == 2 * calibration.SCENES_PER_BATCH + 2
     for one in found:
         assert list(one.inputs) == ["image", "around", "rows", "cols"]
         check(one)
@@ -53,17 +53,17 @@ def test_light_fields(tmp_path):
         assert around.shape == (1, 25, *image.shape[2:])
         assert around.dtype == rows.dtype == cols.dtype == np.float32
         np.testing.assert_allclose(around[0, 12], np.tensordot(LUMA, image[0], 1), atol=0.6 / 255)  # one is in 8 bits
-    drawn = found[: 2 * calibration.TOGETHER]
+    drawn = found[: 2 * calibration.SCENES_PER_BATCH]
     assert len({one.high.tobytes() for one in drawn}) == len(drawn)
     rendered = found[-1]
     np.testing.assert_array_equal(rendered.inputs["rows"], select_axis(2, 5).present)
-    seen = mesh_views.window(calibration.scene("vase"), seed=0, index=0)
+    seen = mesh_views.render_window(calibration.load_scene("vase"), seed=0, index=0)
     np.testing.assert_array_equal(rendered.high, seen.high.permute(1, 2, 0))
     np.testing.assert_array_equal(rendered.inputs["around"][0] * 255, seen.views["lenslet"])
 
 
 def test_no_picture_that_serves(recipe, tmp_path):
     with pytest.raises(ValueError, match="no picture in it"):
-        calibration.pairs([tmp_path], 2)
+        calibration.make_picture_examples([tmp_path], 2)
     with pytest.raises(ValueError, match="no picture is as large as"):
-        calibration.fields([Path(recipe.train)], 2)
+        calibration.make_light_field_examples([Path(recipe.train)], 2)

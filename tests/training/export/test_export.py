@@ -14,11 +14,11 @@ import torch
 from ciir.models import cards
 from ciir.models.catalogue import SHIPPED
 from ciir.models.single.network import SingleImageNetwork
-from ciir.training.evaluation.pictures import evaluate
+from ciir.training.evaluation.pictures import score
 from ciir.training.export import to_onnx
-from ciir.training.export.export import compare, export, from_checkpoint, plain
+from ciir.training.export.export import compare_with_torch, export_network, load_network, simplify_network
 from ciir.training.loop import train
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 from ciir.training.networks.collapsible import CollapsibleConv
 
 
@@ -33,7 +33,7 @@ def checkpoint(recipe, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def exported(checkpoint, recipe, tmp_path_factory):
-    return export(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[Path(recipe.validate)])
+    return export_network(checkpoint, tmp_path_factory.mktemp("shipped"), accuracy_on=[Path(recipe.validate)])
 
 
 def test_the_card(exported, recipe):
@@ -44,7 +44,7 @@ def test_the_card(exported, recipe):
     assert card.training.iterations == 3
     assert card.training.recipe["train"] == recipe.train
     assert [score.data for score in card.accuracy] == ["pairs"]
-    assert card.accuracy[0] == evaluate(SingleImageNetwork(exported), Path(recipe.validate))
+    assert card.accuracy[0] == score(SingleImageNetwork(exported), Path(recipe.validate))
 
 
 def test_the_file(exported):
@@ -60,7 +60,7 @@ def test_the_file(exported):
 
 def test_no_weight_is_denormal_or_near_it(checkpoint):
     state = torch.load(checkpoint, weights_only=True)
-    row = plain(from_checkpoint(state)).head.weight[0, 0, 0]
+    row = simplify_network(load_network(state)).head.weight[0, 0, 0]
     assert torch.equal(row, torch.tensor([0.0, 0.0, 1e-11]))
     for path in SHIPPED.glob("*.onnx"):
         for tensor in onnx.load(path).graph.initializer:
@@ -70,7 +70,7 @@ def test_no_weight_is_denormal_or_near_it(checkpoint):
 
 @pytest.mark.parametrize("size", [(8, 8), (9, 13), (31, 18)])  # smaller ones are padded before they reach it
 def test_what_ships_equals_torch(exported, checkpoint, size):
-    network = plain(from_checkpoint(torch.load(checkpoint, weights_only=True)))
+    network = simplify_network(load_network(torch.load(checkpoint, weights_only=True)))
     images = np.random.default_rng(2).random((2, 3, *size), dtype=np.float32)
     with torch.no_grad():
         want = network(torch.from_numpy(images)).clamp(0, 1).numpy()
@@ -78,18 +78,18 @@ def test_what_ships_equals_torch(exported, checkpoint, size):
 
 
 def test_an_export_that_differs_is_refused(exported, checkpoint):
-    network = plain(from_checkpoint(torch.load(checkpoint, weights_only=True)))
+    network = simplify_network(load_network(torch.load(checkpoint, weights_only=True)))
     weights = exported.with_suffix(".onnx").read_bytes()
-    assert compare(network, weights) <= 1e-5
+    assert compare_with_torch(network, weights) <= 1e-5
     with torch.no_grad():
         network.tail.bias += 1e-3
     with pytest.raises(ValueError, match="differs from torch"):
-        compare(network, weights)
+        compare_with_torch(network, weights)
 
 
 def test_an_export_says_nothing_and_comes_out_the_same_again(exported, checkpoint, capfd):
-    network = plain(from_checkpoint(torch.load(checkpoint, weights_only=True)))
-    assert to_onnx.convert(network, 2) == exported.with_suffix(".onnx").read_bytes()
+    network = simplify_network(load_network(torch.load(checkpoint, weights_only=True)))
+    assert to_onnx.convert_network(network, 2) == exported.with_suffix(".onnx").read_bytes()
     assert capfd.readouterr() == ("", "")
 
 
@@ -99,8 +99,8 @@ def test_branches_and_batch_normalisation_are_folded(tmp_path):
         ("compact", {"widths": [8]}, 3 * 8 * 9 + 8 + 8 * 12 * 9 + 12),
         ("lite", {"blocks": 1, "channels": 8, "batch_norm": True}, 3 * 8 * 9 + 8 + 4 * (8 * 8 * 9 + 8) + 8 * 3 * 9 + 3),
     ):
-        network = make(name, options).eval()
-        folded = plain(network)
+        network = make_network(name, options).eval()
+        folded = simplify_network(network)
         assert sum(weight.numel() for weight in folded.parameters() if weight.requires_grad) == parameters
         assert not any(isinstance(module, (torch.nn.BatchNorm2d, CollapsibleConv)) for module in folded.modules())
         image = torch.rand(1, 3, 9, 11)
@@ -110,8 +110,8 @@ def test_branches_and_batch_normalisation_are_folded(tmp_path):
 
 def test_convolutions_and_their_activations_are_one_kernel_each(tmp_path):
     """onnxruntime's blocked kernels (NCHWc) with LeakyReLU inside: apart they cost a fifth more time."""
-    network = plain(make("compact", {"widths": [16, 32, 32]}))
-    (tmp_path / "n.onnx").write_bytes(to_onnx.convert(network, 2))
+    network = simplify_network(make_network("compact", {"widths": [16, 32, 32]}))
+    (tmp_path / "n.onnx").write_bytes(to_onnx.convert_network(network, 2))
     options = onnxruntime.SessionOptions()
     options.optimized_model_filepath = str(tmp_path / "optimised.onnx")
     options.log_severity_level = 3
@@ -134,18 +134,18 @@ class Undecided(torch.nn.Module):
 
 def test_a_network_that_onnx_can_not_hold_is_refused():
     with pytest.raises(ValueError, match="can't be exported with free batch, height and width") as caught:
-        to_onnx.convert(Undecided().eval(), 2)
+        to_onnx.convert_network(Undecided().eval(), 2)
     assert "\n" not in str(caught.value)
 
 
 def test_a_network_whose_sizes_are_fixed_is_refused():
     network = Fixed().eval()
     with pytest.raises(ValueError, match="its sizes aren't free") as caught:
-        compare(network, to_onnx.convert(network, 2))
+        compare_with_torch(network, to_onnx.convert_network(network, 2))
     assert "\n" not in str(caught.value)
 
 
 def test_a_name_in_place_of_the_recipes(checkpoint, tmp_path):
-    assert cards.read_card(export(checkpoint, tmp_path, name="other")).name == "other"
+    assert cards.read_card(export_network(checkpoint, tmp_path, name="other")).name == "other"
     with pytest.raises(ValueError, match=r"name: '\.\./up': give one of letters"):
-        export(checkpoint, tmp_path, name="../up")
+        export_network(checkpoint, tmp_path, name="../up")

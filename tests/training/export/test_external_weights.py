@@ -65,28 +65,31 @@ def test_it_upscales_as_it_did(compact):
 def test_size_rules_go_on_the_card():
     """What `models.sessions` does with them is tested there; less than 8 pixels suits none of ours (see `Sizes`)."""
     rules = spandrel.SizeRequirements
-    assert external_weights._sizes(rules(minimum=2, multiple_of=4, square=True)) == Sizes(8, 4, square=True)
-    assert external_weights._sizes(rules(minimum=16)) == Sizes(16)
+    assert external_weights._convert_sizes(rules(minimum=2, multiple_of=4, square=True)) == Sizes(8, 4, square=True)
+    assert external_weights._convert_sizes(rules(minimum=16)) == Sizes(16)
 
 
 def described(network, path):
-    return external_weights._described(saved(network, path))
+    return external_weights._load_descriptor(saved(network, path))
 
 
 def test_an_esrgan_that_puts_pixels_into_channels(tmp_path):
     torch.manual_seed(2)
     esrgan = ESRGAN(in_nc=12, out_nc=3, num_filters=4, num_blocks=1, scale=4, shuffle_factor=2)
     descriptor = described(esrgan, tmp_path / "e.pth")
-    network, sizes = external_weights.Foreign(descriptor).eval(), external_weights._sizes(descriptor.size_requirements)
+    network, sizes = (
+        external_weights.ExternalNetwork(descriptor).eval(),
+        external_weights._convert_sizes(descriptor.size_requirements),
+    )
     assert (network.scale, sizes) == (2, Sizes(8, 4))
     external_weights._check_call(network, descriptor, sizes)
-    assert measure.tile_overlap(network, 2, sizes) % 4 == 0
+    assert measure.find_tile_overlap(network, 2, sizes) % 4 == 0
 
 
 def test_branches_that_fold_themselves_are_folded_once(tmp_path):
     span = SPAN(num_in_ch=3, num_out_ch=3, feature_channels=8, upscale=2).eval()
-    network = external_weights.Foreign(described(span, tmp_path / "s.pth")).eval()
-    assert measure.parameters(network) < 0.4 * sum(weight.numel() for weight in span.parameters())
+    network = external_weights.ExternalNetwork(described(span, tmp_path / "s.pth")).eval()
+    assert measure.count_parameters(network) < 0.4 * sum(weight.numel() for weight in span.parameters())
     image = torch.rand(1, 3, 9, 11)
     with torch.no_grad():
         torch.testing.assert_close(network(image), span(image))
@@ -95,7 +98,7 @@ def test_branches_that_fold_themselves_are_folded_once(tmp_path):
 def test_safetensors_and_half_precision(compact, tmp_path):
     network, _, _ = compact
     save_file({key: value.half() for key, value in network.state_dict().items()}, tmp_path / "half.safetensors")
-    half = external_weights.Foreign(external_weights._described(tmp_path / "half.safetensors")).eval()
+    half = external_weights.ExternalNetwork(external_weights._load_descriptor(tmp_path / "half.safetensors")).eval()
     image = torch.rand(1, 3, 9, 11)
     with torch.no_grad():  # 11 bits a weight
         torch.testing.assert_close(half(image), network(image), atol=2e-3, rtol=0)

@@ -7,7 +7,7 @@ from torch import nn
 from ciir.models.cards import Sizes
 from ciir.training.export import inputs as examples
 from ciir.training.export import measure
-from ciir.training.networks import LiteGenerator, make
+from ciir.training.networks import LiteGenerator, make_network
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.light_field import LightFieldGenerator
 from ciir.training.networks.plane_sweep import REACH
@@ -16,24 +16,22 @@ from ciir.training.networks.separable import separate
 
 def test_radius_and_cost_of_the_papers_generator():
     network = LiteGenerator()
-    assert measure.receptive_radius(network, 2) == 15
+    assert measure.find_receptive_radius(network, 2) == 15
     in_low = 3 * 64 * 9 + 13 * 64 * 64 * 9
     in_high = 64 * 64 * 9 + 64 * 3 * 9
-    assert measure.macs_per_output_pixel(network, Sizes()) == in_low / 4 + in_high
-    assert measure.parameters(network) == 520515
+    assert measure.count_macs(network, Sizes()) == in_low / 4 + in_high
+    assert measure.count_parameters(network) == 520515
 
 
 def test_of_an_interpolated_base_the_work_counts_and_the_constants_do_not():
-    network = collapse(make("compact", {"widths": [32, 48]}))
+    network = collapse(make_network("compact", {"widths": [32, 48]}))
     convolutions = 9 * (3 * 32 + 32 * 48 + 48 * 12)
-    assert measure.parameters(network) == convolutions + 32 + 48 + 12
-    assert measure.macs_per_output_pixel(network, Sizes()) == (convolutions + 12 * 25) / 4
-    assert measure.receptive_radius(network, 2) == 3
+    assert measure.count_parameters(network) == convolutions + 32 + 48 + 12
+    assert measure.count_macs(network, Sizes()) == (convolutions + 12 * 25) / 4
+    assert measure.find_receptive_radius(network, 2) == 3
     network = separate(network)
-    assert measure.parameters(network) == convolutions + 32 + 48 + 12
-    assert (
-        measure.macs_per_output_pixel(network, Sizes()) == (convolutions + 6 * 5 * 36 / 32 + 12 * 5) / 4
-    )  # with padding
+    assert measure.count_parameters(network) == convolutions + 32 + 48 + 12
+    assert measure.count_macs(network, Sizes()) == (convolutions + 6 * 5 * 36 / 32 + 12 * 5) / 4  # with padding
 
 
 class Wide(nn.Module):
@@ -52,7 +50,7 @@ class Wide(nn.Module):
 
 @pytest.mark.parametrize(("far", "radius"), [(1, 1), (40, 40), (120, 120), (121, None)])
 def test_radius_of_what_sees_along_one_side_only(far, radius):
-    assert measure.receptive_radius(Wide(far, 1.0), 2) == radius
+    assert measure.find_receptive_radius(Wide(far, 1.0), 2) == radius
 
 
 def test_radius_where_channels_compete():
@@ -67,13 +65,13 @@ def test_radius_where_channels_compete():
             share = self.choose(image).softmax(1)[:, :1]
             return nn.functional.interpolate(share.expand(-1, 3, -1, -1), scale_factor=2.0)
 
-    assert measure.receptive_radius(Either(), 2) == 2
+    assert measure.find_receptive_radius(Either(), 2) == 2
 
 
 @pytest.mark.parametrize(("far", "weight", "overlaps"), [(20, 0.5, (24, 20)), (200, 1e-3, (8, 10)), (3, 0.5, (8, 10))])
 def test_tiles_overlap_as_far_as_it_shows(far, weight, overlaps):
     for step, overlap in zip((1, 5), overlaps, strict=True):
-        assert measure.tile_overlap(Wide(far, weight), 2, Sizes(multiple_of=step)) == overlap
+        assert measure.find_tile_overlap(Wide(far, weight), 2, Sizes(multiple_of=step)) == overlap
 
 
 def test_a_network_that_looks_at_everything_is_refused():
@@ -82,7 +80,7 @@ def test_a_network_that_looks_at_everything_is_refused():
             return nn.functional.interpolate(image - image[:, :, :1], scale_factor=2.0)
 
     with pytest.raises(ValueError, match="the network looks further"):
-        measure.tile_overlap(Mean(), 2, Sizes())
+        measure.find_tile_overlap(Mean(), 2, Sizes())
 
 
 def test_a_network_that_looks_at_the_mean_of_everything_is_refused():
@@ -93,27 +91,27 @@ def test_a_network_that_looks_at_the_mean_of_everything_is_refused():
             return nn.functional.interpolate(image * (0.5 + image.mean((2, 3), keepdim=True)), scale_factor=2.0)
 
     with pytest.raises(ValueError, match="the network looks further"):
-        measure.tile_overlap(Gate(), 2, Sizes())
+        measure.find_tile_overlap(Gate(), 2, Sizes())
 
 
 def test_radius_and_cost_of_a_light_field_network():
     """Sweep, layers that compare and choose, one that informs, and what is left of the single-picture network."""
     shipped = LightFieldGenerator()
-    assert measure.receptive_radius(shipped, 2) == REACH + 4 + 1 + 1 + 5 + 1
-    assert measure.macs_per_output_pixel(collapse(shipped), Sizes()) * 25 * 64**2 <= 10e9  # 20 GFLOPs for 5x5 of 32x32
+    assert measure.find_receptive_radius(shipped, 2) == REACH + 4 + 1 + 1 + 5 + 1
+    assert measure.count_macs(collapse(shipped), Sizes()) * 25 * 64**2 <= 10e9  # 20 GFLOPs for 5x5 of 32x32
 
 
-@pytest.mark.parametrize("place", examples.PLACES)
+@pytest.mark.parametrize("place", examples.WINDOWS)
 def test_a_light_field_network_sees_no_further_and_no_less(place):
     """The outputs of the middle pixel against every pixel beyond the radius, and against those at its end. Views next
     to the one that is upscaled are shifted by half as much, so that less is seen of a window that has only those.
     """
     torch.manual_seed(2)
     network = collapse(LightFieldGenerator(widths=(8, 16, 8), planes=5, width=16, depth=1)).double()
-    radius = measure.receptive_radius(network, 2)
+    radius = measure.find_receptive_radius(network, 2)
     assert radius == REACH + 2 + 1 + 1 + 1 + 1
     side, middle = 2 * radius + 11, radius + 5
-    inputs = [part.double() for part in examples.make(network, 1, side, side, place=place)]
+    inputs = [part.double() for part in examples.make_examples(network, 1, side, side, place=place)]
     rows, cols = torch.meshgrid(torch.arange(side), torch.arange(side), indexing="ij")
     far = torch.maximum((rows - middle).abs(), (cols - middle).abs())
 
@@ -124,5 +122,5 @@ def test_a_light_field_network_sees_no_further_and_no_less(place):
         return difference[..., 2 * middle : 2 * middle + 2, 2 * middle : 2 * middle + 2].max()
 
     assert change(far > radius) == 0
-    nearest = REACH // 2 if place == examples.PLACES[2] else 0
+    nearest = REACH // 2 if place == examples.WINDOWS[2] else 0
     assert change(far == radius - nearest) > 0

@@ -17,9 +17,9 @@ from ciir.models import cards, processor
 from ciir.models.sessions import open_session
 from ciir.models.single.network import SingleImageNetwork
 from ciir.training.export import calibration, export, qdq, quantise, to_onnx
-from ciir.training.export.export import export_int8, plain
+from ciir.training.export.export import export_int8, simplify_network
 from ciir.training.loop import checkpoints, train
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 
 reason = processor.int8_unsupported_reason()
 suited = pytest.mark.skipif(bool(reason), reason=reason or "it is suited")
@@ -36,27 +36,27 @@ def one_scene():
 
 @pytest.fixture(scope="module")
 def pairs(recipe, one_scene):
-    return calibration.pairs([Path(recipe.train)], 2)
+    return calibration.make_picture_examples([Path(recipe.train)], 2)
 
 
 @pytest.fixture(scope="module")
 def weights():
     """A compact generator, untrained: interpolation and some noise."""
     torch.manual_seed(5)
-    return to_onnx.convert(plain(make("compact", {"widths": [8, 16]})), 2)
+    return to_onnx.convert_network(simplify_network(make_network("compact", {"widths": [8, 16]})), 2)
 
 
 @pytest.fixture(scope="module")
 def made(weights, pairs):
-    return quantise.quantise(weights, pairs)
+    return quantise.quantise_network(weights, pairs)
 
 
 def test_a_grid_holds_zero_and_spans_what_it_is_given():
     grid = qdq.Grid.over(-0.5, 2.0)
-    assert grid.rounded(np.float32([0.0])) == 0.0
+    assert grid.round(np.float32([0.0])) == 0.0
     values = np.linspace(-0.5, 2.0, 99, dtype=np.float32)
-    assert np.abs(grid.rounded(values) - values).max() <= grid.scale * 0.5001
-    np.testing.assert_allclose(grid.rounded(np.float32([-9, 9])), [-0.5, 2.0], atol=grid.scale)
+    assert np.abs(grid.round(values) - values).max() <= grid.scale * 0.5001
+    np.testing.assert_allclose(grid.round(np.float32([-9, 9])), [-0.5, 2.0], atol=grid.scale)
     assert qdq.Grid.over(0.0, 1.0) == (np.float32(1 / 255), 0)
     assert qdq.Grid.over(0.3, 0.3).zero == 0
 
@@ -65,9 +65,9 @@ def test_a_few_extremes_do_not_make_the_grid_coarse():
     values = np.random.default_rng(0).normal(0, 0.1, 10000).astype(np.float32)
     values[:2] = [-8, 8]
     sample = quantise._Sample(values, -8.0, 8.0)
-    chosen, coarse = quantise._least_error(sample, quantise._same), qdq.Grid.over(-8, 8)
+    chosen, coarse = quantise._choose_grid(sample, quantise._identity), qdq.Grid.over(-8, 8)
     assert chosen.scale < coarse.scale
-    assert np.square(chosen.rounded(values) - values).mean() < np.square(coarse.rounded(values) - values).mean()
+    assert np.square(chosen.round(values) - values).mean() < np.square(coarse.round(values) - values).mean()
 
 
 def test_a_leaky_relu_cuts_what_it_makes_small():
@@ -76,7 +76,8 @@ def test_a_leaky_relu_cuts_what_it_makes_small():
     node = onnx.helper.make_node("LeakyRelu", ["x"], ["y"], alpha=0.125)
     sample = quantise._Sample(values, float(values.min()), float(values.max()))
     assert (
-        quantise._least_error(sample, quantise._leaky(node)).zero < quantise._least_error(sample, quantise._same).zero
+        quantise._choose_grid(sample, quantise._make_leaky(node)).zero
+        < quantise._choose_grid(sample, quantise._identity).zero
     )
 
 
@@ -84,20 +85,20 @@ def test_a_leaky_relu_cuts_what_it_makes_small():
 def test_a_relu_behind_a_layer_that_is_padded(pairs):
     """8 channels become 16 with zeros, and what they make is cut off before the ReLU."""
     torch.manual_seed(5)
-    weights = to_onnx.convert(plain(make("compact", {"widths": [8, 16], "slope": 0.0})), 2)
-    grids = quantise.choose(onnx.load_from_string(weights), pairs)
-    made = qdq.insert(onnx.load_from_string(weights), grids).SerializeToString()
+    weights = to_onnx.convert_network(simplify_network(make_network("compact", {"widths": [8, 16], "slope": 0.0})), 2)
+    grids = quantise.choose_grids(onnx.load_from_string(weights), pairs)
+    made = qdq.insert_qdq(onnx.load_from_string(weights), grids).SerializeToString()
     got, want = (open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (made, weights))
     assert np.abs(got - want).max() < 3 / 255
 
 
 def test_a_bias_over_a_filter_of_nearly_nothing(pairs):
     """Its code stays within 32 bits."""
-    network = plain(make("compact", {"widths": [8, 16]}))
+    network = simplify_network(make_network("compact", {"widths": [8, 16]}))
     with torch.no_grad():
         network.body[2].weight[0], network.body[2].bias[0] = 1e-9, 0.1
-    model = onnx.load_from_string(to_onnx.convert(network, 2))
-    made = qdq.insert(model, quantise.choose(model, pairs[:1]))
+    model = onnx.load_from_string(to_onnx.convert_network(network, 2))
+    made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs[:1]))
     values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
     bias = values["body.2.weight_bias_codes"][0] * values["body.2.weight_bias_scales"][0]
     assert bias == pytest.approx(0.1, rel=1e-4)
@@ -105,9 +106,9 @@ def test_a_bias_over_a_filter_of_nearly_nothing(pairs):
 
 def test_the_graph(weights, pairs):
     model = onnx.load_from_string(weights)
-    layers = qdq.layers(model)
+    layers = qdq.find_layers(model)
     assert [layer.name for layer in layers] == ["body.0.weight", "body.2.weight", "tail.weight"]
-    made = qdq.insert(model, quantise.choose(model, pairs))
+    made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs))
     onnx.checker.check_model(made, full_check=True)
     values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
     codes = [values[f"{layer.name}_8_codes"] for layer in layers]
@@ -124,14 +125,14 @@ def test_the_graph(weights, pairs):
     assert {"base.down.weight", "base.across.weight"} <= values.keys()
     assert made.graph.input == model.graph.input
     assert made.graph.output == model.graph.output
-    kept = qdq.insert(model, {}, [layer.name for layer in layers])
+    kept = qdq.insert_qdq(model, {}, [layer.name for layer in layers])
     assert kept.SerializeToString() == model.SerializeToString()
 
 
 def test_the_picture_itself_is_not_rounded():
-    model = onnx.load_from_string(to_onnx.convert(make("lite", {"blocks": 1, "channels": 8}).eval(), 2))
+    model = onnx.load_from_string(to_onnx.convert_network(make_network("lite", {"blocks": 1, "channels": 8}).eval(), 2))
     assert "tail.weight" in {value.name for value in model.graph.initializer}
-    assert "tail.weight" not in [layer.name for layer in qdq.layers(model)]
+    assert "tail.weight" not in [layer.name for layer in qdq.find_layers(model)]
 
 
 @suited
@@ -147,13 +148,13 @@ def test_int8_is_near_float(weights, made, shape):
 
 @suited
 def test_it_comes_out_the_same_again(weights, pairs, made):
-    assert quantise.quantise(weights, pairs) == made
+    assert quantise.quantise_network(weights, pairs) == made
 
 
 @suited
 def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
     """Made bad on purpose: what the middle layer makes has 3 levels. The truth is what the float network makes."""
-    choose, session = quantise.choose, open_session(weights, 1)
+    choose, session = quantise.choose_grids, open_session(weights, 1)
 
     def truth(inputs):
         (output,) = session.run(None, inputs)
@@ -161,25 +162,25 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
 
     def spoilt(model, pairs):
         grids = choose(model, pairs)
-        (name,) = (layer.tensors[1] for layer in qdq.layers(model) if layer.name == "body.2.weight")
+        (name,) = (layer.tensors[1] for layer in qdq.find_layers(model) if layer.name == "body.2.weight")
         return grids | {name: qdq.Grid(grids[name].scale * 100, grids[name].zero)}
 
     pairs = [calibration.Example(inputs, truth(inputs)) for inputs, _ in pairs]
-    monkeypatch.setattr(quantise, "choose", spoilt)
-    made, kept = quantise.quantise(weights, pairs)
+    monkeypatch.setattr(quantise, "choose_grids", spoilt)
+    made, kept = quantise.quantise_network(weights, pairs)
     assert kept == ["body.2.weight"]
     names = {value.name for value in onnx.load_from_string(made).graph.initializer}
     assert "body.2.weight" in names
     assert "body.2.weight_8_codes" not in names
     monkeypatch.setattr(quantise, "LIMIT", -100.0)
     with pytest.raises(ValueError, match="ship the network as float"):
-        quantise.quantise(weights, pairs)
+        quantise.quantise_network(weights, pairs)
 
 
 def test_no_int8_is_made_where_it_cannot_be_measured(weights, pairs, monkeypatch):
     monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     with pytest.raises(ValueError, match="no VNNI; export on another machine"):
-        quantise.quantise(weights, pairs)
+        quantise.quantise_network(weights, pairs)
 
 
 @suited
@@ -196,5 +197,7 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     assert [score.data for score in card.accuracy] == ["pairs"]
     images = pairs[0].inputs["image"]
     with torch.no_grad():
-        wanted = plain(export.from_checkpoint(checkpoints.read(checkpoint)))(torch.from_numpy(images)).clamp(0, 1)
+        wanted = simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))(
+            torch.from_numpy(images)
+        ).clamp(0, 1)
     assert 0 < np.abs(SingleImageNetwork(path)(images) - wanted.numpy()).max() < 0.01

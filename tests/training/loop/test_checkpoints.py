@@ -3,24 +3,24 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs torch, of the training extra")
 
 from ciir.training.loop import checkpoints
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 
 STATE = dict.fromkeys(checkpoints.KEYS, 1) | {"network": {"w": torch.ones(2)}}
 
 
 def test_round_trip_leaves_no_partial_file(tmp_path):
-    checkpoints.save(tmp_path / "checkpoint.pt", STATE)
-    assert torch.equal(checkpoints.read(tmp_path / "checkpoint.pt")["network"]["w"], torch.ones(2))
+    checkpoints.save_checkpoint(tmp_path / "checkpoint.pt", STATE)
+    assert torch.equal(checkpoints.read_checkpoint(tmp_path / "checkpoint.pt")["network"]["w"], torch.ones(2))
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
 
 
 @pytest.mark.parametrize("value", [torch.inf, torch.nan])
 def test_a_weight_that_is_not_a_number_is_not_saved(tmp_path, value):
     path = tmp_path / "checkpoint.pt"
-    checkpoints.save(path, STATE)
+    checkpoints.save_checkpoint(path, STATE)
     with pytest.raises(FloatingPointError, match="step 1: a weight is not a number"):
-        checkpoints.save(path, STATE | {"optimiser": {"state": [{"m": torch.tensor([0, value])}]}})
-    assert checkpoints.read(path)["optimiser"] == 1
+        checkpoints.save_checkpoint(path, STATE | {"optimiser": {"state": [{"m": torch.tensor([0, value])}]}})
+    assert checkpoints.read_checkpoint(path)["optimiser"] == 1
 
 
 @pytest.mark.parametrize("data", [b"", b"text", b"PK\x03\x04" + bytes(40), None])
@@ -31,17 +31,17 @@ def test_what_is_no_checkpoint(tmp_path, data):
     else:
         path.write_bytes(data)
     with pytest.raises(ValueError, match="not a checkpoint") as caught:
-        checkpoints.read(path)
+        checkpoints.read_checkpoint(path)
     assert str(path) in str(caught.value)
 
 
 def test_a_checkpoint_that_is_not_there(tmp_path):
     with pytest.raises(ValueError, match=r"c\.pt: No such file.*give the checkpoint\.pt"):
-        checkpoints.read(tmp_path / "c.pt")
+        checkpoints.read_checkpoint(tmp_path / "c.pt")
 
 
 def test_networks_that_are_not_known():
     with pytest.raises(ValueError, match=r"'gpt' is not known; give one of .*compact, .*lite"):
-        make("gpt", {})
+        make_network("gpt", {})
     with pytest.raises(ValueError, match="lite doesn't take"):
-        make("lite", {"bloks": 3})
+        make_network("lite", {"bloks": 3})

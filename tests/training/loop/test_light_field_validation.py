@@ -10,7 +10,7 @@ from torch import nn
 
 from ciir.training.data import degrade
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_fields import Pair, degraded
+from ciir.training.data.light_fields import Pair, degrade_views
 from ciir.training.loop import light_field_validation
 
 
@@ -18,7 +18,7 @@ from ciir.training.loop import light_field_validation
 def test_a_window_holds_the_views_around(grid, at):
     """Each in the slot of its offset, row by row; beyond the border the view itself, and a 0 that says so."""
     low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
-    image, around, rows, cols = light_field_validation.window(low, *at)
+    image, around, rows, cols = light_field_validation.make_inputs(low, *at)
     assert (image.shape, around.shape, rows.shape, cols.shape) == ((1, 3, 6, 8), (1, 25, 6, 8), (5,), (5,))
     np.testing.assert_allclose(image[0].permute(1, 2, 0) * 255, low[at], atol=1e-4)
     for slot, luma in enumerate(around[0]):
@@ -34,10 +34,10 @@ def test_the_middle_of_a_folder_is_made_small_in_each_way(tmp_path):
     for v in range(7):
         for u in range(6):
             Image.fromarray(pixels[v, u]).save(tmp_path / f"view_{v}_{u}.png")
-    found = light_field_validation.fields(tmp_path, 2)
+    found = light_field_validation.read_light_field(tmp_path, 2)
     assert len(found) == len(degrade.KINDS)
     for kind, pair in zip(degrade.KINDS, found, strict=True):
-        wanted = degraded(pixels[1:6, 1:6], kind, 2)
+        wanted = degrade_views(pixels[1:6, 1:6], kind, 2)
         assert all(np.array_equal(got, want) for got, want in zip(pair, wanted, strict=True))
 
 
@@ -64,6 +64,6 @@ def test_a_known_error_in_the_middle_view():
     network = Nearest(4).train()
     other = Pair(low, np.clip(pair.high.astype(int) + 1, 0, 255).astype(np.uint8))  # 3, and three times -1: 12/4
     wanted = [10 * np.log10(255**4 / 219**2 / square) for square in (4, 3)]
-    assert light_field_validation.validate(network, [pair]) == pytest.approx(wanted[0], abs=1e-3)
-    assert light_field_validation.validate(network, [pair, other]) == pytest.approx(np.mean(wanted), abs=1e-3)
+    assert light_field_validation.validate_network(network, [pair]) == pytest.approx(wanted[0], abs=1e-3)
+    assert light_field_validation.validate_network(network, [pair, other]) == pytest.approx(np.mean(wanted), abs=1e-3)
     assert network.training

@@ -44,7 +44,7 @@ def test_a_row_is_in_the_csv_in_tensorboard_and_in_the_picture(tmp_path, events)
     text = (tmp_path / "log.csv").read_text().splitlines()
     assert text[0] == "step,loss,l1,learning_rate,psnr,seconds,seconds_per_step"
     assert text[2] == "4,0.5,0.25,0.001,34,8,0.25"
-    assert logs.read(tmp_path / "log.csv") == [row(2, l1=0.5), row(4, l1=0.25)]
+    assert logs.read_log(tmp_path / "log.csv") == [row(2, l1=0.5), row(4, l1=0.25)]
     with Image.open(tmp_path / "curve.png") as picture:
         assert picture.size == (900, 700)
     found = events(tmp_path / "tensorboard")
@@ -58,7 +58,7 @@ def test_rows_after_the_checkpoint_are_dropped(tmp_path, events):
     log = logs.Log(tmp_path, title="a", step=4)
     log.add(row(5))
     log.add(row(6))
-    assert [r["step"] for r in logs.read(tmp_path / "log.csv")] == [2, 4, 5, 6]
+    assert [r["step"] for r in logs.read_log(tmp_path / "log.csv")] == [2, 4, 5, 6]
     assert events(tmp_path / "tensorboard")["psnr"] == [2, 4, 5, 6]
 
 
@@ -77,7 +77,7 @@ def test_a_log_of_the_first_loop_is_continued(tmp_path):
 def test_a_file_that_is_no_log(tmp_path, text):
     (tmp_path / "log.csv").write_text(text)
     if text == "mine\n":  # a header and no row
-        assert logs.read(tmp_path / "log.csv") == []
+        assert logs.read_log(tmp_path / "log.csv") == []
         return
     with pytest.raises(ValueError, match=r"log\.csv: not the log of a run; move it away"):
         logs.Log(tmp_path, title="a", step=9)
@@ -94,12 +94,12 @@ def test_a_missing_package_costs_its_file_and_is_told_once(tmp_path, monkeypatch
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert f"no {file}: the package {package}" in told
-    assert len(logs.read(tmp_path / "log.csv")) == 2
+    assert len(logs.read_log(tmp_path / "log.csv")) == 2
     assert not (tmp_path / file).exists()
 
 
 def test_a_curve_of_one_point_and_of_negative_losses():
-    assert plot.draw([row(1, hinge=-0.5)], ["loss", "hinge"], "a").startswith(b"\x89PNG")
+    assert plot.draw_curves([row(1, hinge=-0.5)], ["loss", "hinge"], "a").startswith(b"\x89PNG")
 
 
 def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):

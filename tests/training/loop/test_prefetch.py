@@ -4,28 +4,28 @@ import pytest
 
 pytest.importorskip("torch", reason="needs the training extra")
 
-from ciir.training.loop.prefetch import batches
+from ciir.training.loop.prefetch import prefetch_batches
 
 
 @pytest.mark.parametrize("threads", [0, 1, 3, 20])
 def test_order(threads):
-    assert list(batches(lambda step: (step, -step), 4, 11, threads=threads)) == [(s, -s) for s in range(4, 11)]
+    assert list(prefetch_batches(lambda step: (step, -step), 4, 11, threads=threads)) == [(s, -s) for s in range(4, 11)]
 
 
 def test_only_so_many_are_made_ahead():
     made = []
-    coming = batches(lambda step: made.append(step) or (step, step), 0, 100, threads=2)
+    coming = prefetch_batches(lambda step: made.append(step) or (step, step), 0, 100, threads=2)
     next(coming)
     coming.close()  # waits for what is in the making
     assert sorted(made) == [0, 1, 2]
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("batches")]
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("prefetch_batches")]
 
 
 def test_a_fault_comes_with_its_batch():
     def at(step):
         return (1 // (2 - step), step)
 
-    coming = batches(at, 0, 9, threads=2)
+    coming = prefetch_batches(at, 0, 9, threads=2)
     assert [next(coming)[1], next(coming)[1]] == [0, 1]
     with pytest.raises(ZeroDivisionError):
         next(coming)

@@ -13,7 +13,7 @@ from ciir.service.cli.commands.training import OVERRIDES
 from ciir.service.cli.main import main, parser
 from ciir.training.data.crops import Crops
 from ciir.training.data.layered_scenes import TEXTURE
-from ciir.training.data.light_field_crops import ViewCrops
+from ciir.training.data.light_field_crops import LightFieldCrops
 from ciir.training.loop import logs, train
 from ciir.training.loop.interrupt import Stopped
 from ciir.training.losses.adversarial import Adversary
@@ -50,20 +50,20 @@ def assert_same(got, want, at=""):
 
 def at_step(monkeypatch, step, act):
     """`act()` while the batch of `step` is drawn."""
-    draw = Crops.at
+    draw = Crops.make_batch
 
     def acting(self, wanted):
         if wanted == step:
             act()
         return draw(self, wanted)
 
-    monkeypatch.setattr(Crops, "at", acting)
+    monkeypatch.setattr(Crops, "make_batch", acting)
 
 
 @pytest.fixture(autouse=True)
 def no_picture(monkeypatch):
     """Half a second each; what `unbroken` makes is real."""
-    monkeypatch.setattr(logs.curve, "draw", lambda rows, losses, title: b"")
+    monkeypatch.setattr(logs.plot, "draw_curves", lambda rows, losses, title: b"")
 
 
 @pytest.fixture(scope="module", params=[{}, GAN], ids=["pixels", "gan"])
@@ -134,7 +134,7 @@ def test_a_killed_run_on_light_fields_continues_bit_for_bit(recipe, tmp_path, mo
     paths = {"train": str(tmp_path / "train"), "validate": str(tmp_path / "views")}
     recipe = replace(recipe, light_field=True, **SMALL_FIELD, **paths, steps=8, crop=16, validate_every=4, eased=8)
     wanted = load(train.train(recipe, tmp_path / "a"))
-    draw = ViewCrops.at
+    draw = LightFieldCrops.make_batch
 
     def kill(self, step):
         if step == 5:
@@ -142,7 +142,7 @@ def test_a_killed_run_on_light_fields_continues_bit_for_bit(recipe, tmp_path, mo
         return draw(self, step)
 
     with monkeypatch.context() as patch:
-        patch.setattr(ViewCrops, "at", kill)
+        patch.setattr(LightFieldCrops, "make_batch", kill)
         with pytest.raises(MemoryError):
             train.train(recipe, tmp_path / "b")
     assert load(tmp_path / "b" / "checkpoint.pt")["step"] == 4
@@ -165,7 +165,7 @@ def test_training_lowers_the_loss(recipe, tmp_path):
 
 def test_a_loss_that_is_not_a_number_stops_the_run(recipe, tmp_path, monkeypatch):
     nan = torch.full((2, 3, 12, 12), torch.nan), torch.zeros(2, 3, 24, 24)
-    monkeypatch.setattr(Crops, "at", lambda self, step: nan)
+    monkeypatch.setattr(Crops, "make_batch", lambda self, step: nan)
     with pytest.raises(FloatingPointError, match=r"step 0.*lower learning_rate"):
         train.train(recipe, tmp_path)
     assert not (tmp_path / "checkpoint.pt").exists()
@@ -183,7 +183,7 @@ def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path
     monkeypatch.setattr("ciir.training.losses.pixel.LOSSES", {"l1": infinite_slope})
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "checkpoint.pt").write_bytes(good)
-    monkeypatch.setattr("ciir.training.recipe.difference", lambda saved, recipe: "")
+    monkeypatch.setattr("ciir.training.recipe.find_difference", lambda saved, recipe: "")
     with pytest.raises(FloatingPointError, match="step 2: the gradient's norm is nan; lower learning_rate"):
         train.train(replace(recipe, steps=3), tmp_path / "b")
     assert (tmp_path / "b" / "checkpoint.pt").read_bytes() == good
@@ -256,9 +256,9 @@ def test_options_of_the_command_are_fields_of_the_recipe():
 
 
 def test_a_warm_up_longer_than_the_run_is_told(recipe, tmp_path, capsys):
-    train.tell(replace(recipe, steps=5, warmup=5), 0)
+    train.report_start(replace(recipe, steps=5, warmup=5), 0)
     assert "warmup: 5 of 5 steps; the step size never comes to learning_rate" in capsys.readouterr().err
-    train.tell(replace(recipe, steps=5, warmup=4), 2)
+    train.report_start(replace(recipe, steps=5, warmup=4), 2)
     assert capsys.readouterr().err.splitlines() == [
         "training tiny: from step 2 to 5; stop with Ctrl-C, and go on by the same command"
     ]

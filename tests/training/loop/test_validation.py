@@ -35,21 +35,21 @@ def test_pairs_and_their_score(picture, tmp_path):
         save(truth, tmp_path / f"{name}_HR.png")
         save(picture, tmp_path / f"{name}_LR.png")
     save(picture, tmp_path / "other.png")
-    pairs = validation.pairs(tmp_path, 2)
+    pairs = validation.read_pairs(tmp_path, 2)
     assert len(pairs) == 2
     network = Repeat()
     assert (
-        validation.validate(network, pairs[:1], 2) > 300
+        validation.validate_network(network, pairs[:1], 2) > 300
     )  # equal, up to the rounding of two ways to sum three products
     want = compute_psnr(rgb_to_luma(high), rgb_to_luma(noisy), border=2)
-    assert validation.validate(network, pairs[1:], 2) == pytest.approx(want, abs=1e-9)
+    assert validation.validate_network(network, pairs[1:], 2) == pytest.approx(want, abs=1e-9)
     assert network.training
 
 
 def test_a_folder_of_pictures_is_made_smaller_bicubically(picture, tmp_path):
     save(picture, tmp_path / "a.png")
     save(np.full((12, 12), 99, np.uint8), tmp_path / "grey.tif")
-    (low, high), (grey, _) = validation.pairs(tmp_path, 2)
+    (low, high), (grey, _) = validation.read_pairs(tmp_path, 2)
     assert (low.shape, high.shape) == ((6, 9, 3), (12, 18, 3))
     assert np.array_equal(high, picture[:12])
     assert (grey == 99).all()
@@ -68,4 +68,4 @@ def test_folders_at_fault(tmp_path, files, message):
     for name, size in files.items():
         save(np.zeros((*size, 3), np.uint8), tmp_path / name)
     with pytest.raises(ValueError, match=message):
-        validation.pairs(tmp_path, 2)
+        validation.read_pairs(tmp_path, 2)

@@ -6,7 +6,7 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 from torch.nn import functional
 
-from ciir.training.losses.adversarial import Adversary, Watch, game
+from ciir.training.losses.adversarial import Adversary, SaturationWatch, find_losses
 from ciir.training.networks.discriminator import Discriminator
 
 DOUBTFUL = torch.tensor([0.5, -0.5])
@@ -29,7 +29,7 @@ def teach(player, updates, rate=1e-3):
 
 
 def test_bce_is_the_cross_entropy_of_the_logits():
-    bce, real, made = game("bce"), torch.tensor([3.0, -1.0]), torch.tensor([0.5, -2.0])
+    bce, real, made = find_losses("bce"), torch.tensor([3.0, -1.0]), torch.tensor([0.5, -2.0])
     entropy = functional.binary_cross_entropy_with_logits
     want = 0.5 * (entropy(real, torch.ones(2)) + entropy(made, torch.zeros(2)))
     assert bce.discriminator(real, made).item() == pytest.approx(want.item())
@@ -40,22 +40,22 @@ def test_bce_is_the_cross_entropy_of_the_logits():
 def test_bce_keeps_its_gradient_where_a_sigmoid_is_0_or_1():
     """What killed the public runs: in float32 sigmoid(40) is 1, and its gradient 0."""
     made = torch.tensor([-40.0], requires_grad=True)
-    game("bce").generator(made).backward()
+    find_losses("bce").generator(made).backward()
     assert made.grad.item() == pytest.approx(-1)
     made = torch.tensor([40.0], requires_grad=True)
-    game("bce").discriminator(torch.tensor([40.0]), made).backward()
+    find_losses("bce").discriminator(torch.tensor([40.0]), made).backward()
     assert made.grad.item() == pytest.approx(0.5)
 
 
 def test_hinge():
-    hinge, real, made = game("hinge"), torch.tensor([2.0, 0.5]), torch.tensor([-3.0, 0.0])
+    hinge, real, made = find_losses("hinge"), torch.tensor([2.0, 0.5]), torch.tensor([-3.0, 0.0])
     assert hinge.discriminator(real, made).item() == 0.5 * (0.25 + 0.5)
     assert hinge.generator(made).item() == 1.5
 
 
 def test_names():
     with pytest.raises(ValueError, match="adversarial: 'gan' is not known; give one of bce, hinge"):
-        game("gan")
+        find_losses("gan")
 
 
 @pytest.mark.parametrize("name", ["bce", "hinge"])
@@ -123,48 +123,48 @@ def test_it_goes_on_bit_for_bit():
 
 
 def test_a_discriminator_that_wins_for_good_stops_the_run():
-    watch = Watch(start=5, patience=10)
+    watch = SaturationWatch(start=5, patience=10)
     for _ in range(5):
-        watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
+        watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
     for _ in range(9):
-        watch.look(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
+        watch.record(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
     with pytest.raises(ValueError, match=r"told all real .* since update 6 \(loss below 0.16, 10 times .*; lower") as e:
-        watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+        watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
     assert "\n" not in str(e.value)
 
 
 @pytest.mark.parametrize("logit", [0.0, 25.0, -25.0])
 def test_a_discriminator_that_judges_all_alike_stops_the_run(logit):
     """Score_D = Score_G = 1.0 of the public logs is the logit 25; 0 is one whose last layer is dead."""
-    watch = Watch(start=5, patience=10)
+    watch = SaturationWatch(start=5, patience=10)
     alike = torch.full((2,), logit)
     for _ in range(14):
-        watch.look(0.7, alike, alike)
+        watch.record(0.7, alike, alike)
     with pytest.raises(ValueError, match=r"all pictures alike, real or made, since update 6 .*; lower learning_rate"):
-        watch.look(0.7, alike, alike)
+        watch.record(0.7, alike, alike)
 
 
 def test_one_doubtful_batch_ends_the_alarm():
-    watch = Watch(start=0, patience=10)
+    watch = SaturationWatch(start=0, patience=10)
     for step in range(100):
         if step % 10 == 9:
-            watch.look(0.173, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 4: one of 4 pictures in doubt
+            watch.record(0.173, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 4: one of 4 pictures in doubt
         else:
-            watch.look(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+            watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
     assert watch.updates == 100
 
 
 def test_a_guess_is_no_alarm():
     """A generator that is good: the discriminator's loss is log 2, yet its judgements differ."""
-    watch = Watch(start=0, patience=10)
+    watch = SaturationWatch(start=0, patience=10)
     for _ in range(50):
-        watch.look(math.log(2), 0.1 * DOUBTFUL, 0.1 * DOUBTFUL)
+        watch.record(math.log(2), 0.1 * DOUBTFUL, 0.1 * DOUBTFUL)
     assert watch.blind == 0
 
 
 def test_the_watch_looks_at_updates():
     player = adversary()
-    player.watch = Watch(start=3, patience=4, spread=1.0)
+    player.watch = SaturationWatch(start=3, patience=4, spread=1.0)
     with pytest.raises(ValueError, match="judged all pictures alike"):  # the step is too small to change that
         teach(player, 100, rate=0.0)
     assert player.watch.updates == 7

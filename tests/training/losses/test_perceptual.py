@@ -48,7 +48,7 @@ def test_vgg_computes_the_features_before_the_last_activation(weights):
 def test_vgg_19_is_numbered_as_torchvisions():
     """torchvision's `features` has its convolutions here; conv5_4 is number 34, and its channels halve 4 times."""
     with torch.device("meta"):
-        layers = perceptual._layers(perceptual.VGG19)
+        layers = perceptual._make_layers(perceptual.VGG19)
     convolutions = [index for index, layer in enumerate(layers) if isinstance(layer, torch.nn.Conv2d)]
     assert convolutions == [0, 2, 5, 7, 10, 12, 14, 16, 19, 21, 23, 25, 28, 30, 32, 34]
     assert len(layers) == 35

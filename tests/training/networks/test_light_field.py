@@ -9,7 +9,7 @@ import torch
 from ciir.models.light_field.windows import select_axis
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.compact import CompactGenerator
-from ciir.training.networks.light_field import LightFieldGenerator, merge
+from ciir.training.networks.light_field import LightFieldGenerator, merge_layers
 from ciir.training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
 
 THERE = [select_axis(*at).present for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
@@ -110,7 +110,7 @@ def test_the_single_picture_generator_of_a_checkpoint_fits():
 def test_a_merged_network_computes_the_same():
     network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
     plain = collapse(network)
-    merge(plain)
+    merge_layers(plain)
     generator = torch.Generator().manual_seed(4)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
     there = torch.from_numpy(select_axis(2, 5).present)

@@ -14,8 +14,8 @@ from torch import nn
 from ciir.models.sessions import open_session
 from ciir.models.single.interpolation import Bicubic
 from ciir.training.export import to_onnx
-from ciir.training.networks import NETWORKS, make
-from ciir.training.networks.batch_norm import fold
+from ciir.training.networks import NETWORKS, make_network
+from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
 
 SMALL = {
@@ -29,7 +29,7 @@ SMALL = {
     "rrdb": {"blocks": 1, "channels": 8, "growth": 4},
     "sparse_camera": {},
 }
-"""Options that make each network quick."""
+"""Options that make_network each network quick."""
 CASES = [
     *((name, {**options, "scale": scale}) for name, options in SMALL.items() if name != "lite" for scale in (2, 4)),
     ("lite", SMALL["lite"]),
@@ -66,7 +66,7 @@ def test_every_network_is_tested():
 @each_network
 def test_sizes_and_values(name, options):
     torch.manual_seed(0)
-    network = make(name, options)
+    network = make_network(name, options)
     assert network.scale == options.get("scale", 2)
     network.train()(torch.rand(2, 3, 8, 8))
     network.eval()
@@ -81,7 +81,7 @@ def test_sizes_and_values(name, options):
 @each_network
 def test_gradients_reach_every_weight(name, options):
     torch.manual_seed(0)
-    network = make(name, options)
+    network = make_network(name, options)
     (network(torch.rand(2, 3, 8, 8)) - torch.rand(2, 3, 8 * network.scale, 8 * network.scale)).abs().mean().backward()
     for key, weight in network.named_parameters():
         if weight.requires_grad:
@@ -94,8 +94,8 @@ def test_gradients_reach_every_weight(name, options):
 def test_onnx_computes_the_same(name, options):
     """At one pixel too, and at an odd size, to the tolerance of the export."""
     torch.manual_seed(0)
-    network = collapse(settled(make(name, options)))
-    session = open_session(to_onnx.convert(fold(network), network.scale), threads=1)
+    network = collapse(settled(make_network(name, options)))
+    session = open_session(to_onnx.convert_network(fold_batch_norm(network), network.scale), threads=1)
     for size in ((1, 1), (7, 5)):
         images = torch.rand(2, 3, *size)
         with torch.no_grad():
@@ -113,7 +113,7 @@ def test_onnx_computes_the_same(name, options):
     ],
 )
 def test_weights_of_networks_on_y(name, options, published):
-    assert weights(make(name, options)) == published
+    assert weights(make_network(name, options)) == published
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_weights_of_networks_on_y(name, options, published):
 )
 def test_parameters_of_networks_on_rgb(name, options, count, published):
     with torch.device("meta"):
-        network = make(name, options)
+        network = make_network(name, options)
     assert parameters(network) == count
     assert f"{count / 1e6:.2f}" == published
 
@@ -138,16 +138,16 @@ def test_parameters_of_srgan():
     convolution = 9 * 64 * 64 + 64
     block, last, doubling = 2 * (convolution + 2 * 64) + 64, convolution + 2 * 64, 4 * convolution + 64
     count = head + 16 * block + last + 2 * doubling + tail
-    assert parameters(make("srgan", {"scale": 4})) == count
-    assert parameters(make("srgan", {})) == count - doubling
+    assert parameters(make_network("srgan", {"scale": 4})) == count
+    assert parameters(make_network("srgan", {})) == count - doubling
     assert f"{count / 1e6:.1f}" == "1.6"  # 1.5 without the slopes, biases and normalisation
-    assert f"{weights(make('srgan', {'scale': 4})) / 1e6:.1f}" == "1.5"
+    assert f"{weights(make_network('srgan', {'scale': 4})) / 1e6:.1f}" == "1.5"
 
 
 @pytest.mark.parametrize("blocks", [3, 6, 16])
 def test_the_papers_generator_keeps_its_weights_names(blocks):
     """Checkpoints hold them; the published counts are 299, 521 and 1259 thousand."""
-    network = make("lite", {"blocks": blocks})
+    network = make_network("lite", {"blocks": blocks})
     count = 3 * 64 * 9 + 64 + (2 * blocks + 2) * (64 * 64 * 9 + 64) + 64 * 3 * 9 + 3
     assert parameters(network) == count
     assert count // 1000 == {3: 298, 6: 520, 16: 1259}[blocks]
@@ -157,7 +157,7 @@ def test_the_papers_generator_keeps_its_weights_names(blocks):
 
 
 def test_batch_normalisation_follows_each_body_convolution():
-    network = make("lite", {"blocks": 3, "batch_norm": True})
+    network = make_network("lite", {"blocks": 3, "batch_norm": True})
     order = [m for m in network.modules() if isinstance(m, (nn.Conv2d, nn.BatchNorm2d))]
     assert sum(isinstance(m, nn.BatchNorm2d) for m in order) == 2 * 3 + 1
     assert all(isinstance(a, nn.Conv2d) for a, b in pairwise(order) if isinstance(b, nn.BatchNorm2d))
@@ -167,8 +167,8 @@ def test_batch_normalisation_follows_each_body_convolution():
 
 @pytest.mark.parametrize(("name", "options"), [("lite", {"batch_norm": True}), ("srgan", {})])
 def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
-    network = settled(make(name, {"blocks": 2, "channels": 8, **options}))
-    plain = fold(network)
+    network = settled(make_network(name, {"blocks": 2, "channels": 8, **options}))
+    plain = fold_batch_norm(network)
     assert not any(isinstance(module, nn.BatchNorm2d) for module in plain.modules())
     assert any(isinstance(module, nn.BatchNorm2d) for module in network.modules())
     image = torch.rand(2, 3, 9, 13)
@@ -179,7 +179,7 @@ def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
 @pytest.mark.parametrize("scale", [2, 4])
 @pytest.mark.parametrize("name", ["vdsr"])
 def test_what_is_interpolated_first_has_our_phase(name, scale):
-    network = make(name, {"scale": scale, "layers": 2})
+    network = make_network(name, {"scale": scale, "layers": 2})
     nn.init.zeros_(network.tail.weight)
     image = torch.rand(1, 3, 6, 9, generator=torch.Generator().manual_seed(3))
     got = network(image).detach().clamp(0, 1).numpy()
@@ -189,7 +189,7 @@ def test_what_is_interpolated_first_has_our_phase(name, scale):
 @pytest.mark.parametrize("scale", [2, 4])
 def test_the_sparse_camera_deconvolution_is_centred(scale):
     """Its bilinear kernel reproduces a ramp at the samples' exact places, so the support has no offset."""
-    tail = make("sparse_camera", {"scale": scale}).tail
+    tail = make_network("sparse_camera", {"scale": scale}).tail
     taps = 1 - ((torch.arange(2 * scale) + 0.5) / scale - 1).abs()
     kernel = torch.zeros_like(tail.weight)
     kernel[0, 0] = torch.outer(taps, taps)
@@ -205,4 +205,4 @@ def test_the_sparse_camera_deconvolution_is_centred(scale):
 @pytest.mark.parametrize(("name", "scale"), [("srgan", 3), ("rdn", 8), ("rrdb", 1), ("sparse_camera", 3)])
 def test_a_scale_that_a_network_cannot_have(name, scale):
     with pytest.raises(ValueError, match=f"scale: .*{scale}"):
-        make(name, {"scale": scale})
+        make_network(name, {"scale": scale})

@@ -3,7 +3,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 from ciir.training.networks.interpolation import Bicubic
 from ciir.training.networks.separable import SeparableBicubic, separate
 
@@ -16,7 +16,7 @@ def test_it_is_the_same_interpolation(scale, colours):
 
 
 def test_a_network_stays_the_same_and_its_copy_is_changed():
-    network = make("compact", {"widths": [8]}).eval()
+    network = make_network("compact", {"widths": [8]}).eval()
     changed = separate(network)
     assert isinstance(network.base, Bicubic)
     assert isinstance(changed.base, SeparableBicubic)

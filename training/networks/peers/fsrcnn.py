@@ -8,7 +8,7 @@ KERNEL = 9
 """Side of the deconvolution's kernel."""
 
 
-def deconvolution(inputs: int, outputs: int, scale: int) -> nn.ConvTranspose2d:
+def make_deconvolution(inputs: int, outputs: int, scale: int) -> nn.ConvTranspose2d:
     """`(N, inputs, H, W)` -> `(N, outputs, scale*H, scale*W)`, exactly, for every size.
 
     An odd kernel can't lie in the middle of a pixel that becomes an even number of samples: its support is half a
@@ -45,7 +45,7 @@ class FSRCNN(nn.Module):
             nn.init.kaiming_normal_(convolution.weight, a=activation.init)
             nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
             self.body.extend([convolution, activation])
-        self.tail = deconvolution(d, colours, scale)
+        self.tail = make_deconvolution(d, colours, scale)
         nn.init.normal_(self.tail.weight, std=0.001)
         nn.init.zeros_(self.tail.bias)  # type: ignore[arg-type]
 

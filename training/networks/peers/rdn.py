@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ciir.training.networks.interpolation import doublings
+from ciir.training.networks.interpolation import count_doublings
 
 
 def _conv3x3(inputs: int, outputs: int) -> nn.Conv2d:
@@ -62,7 +62,7 @@ class RDN(nn.Module):
         self.fusion = nn.Sequential(nn.Conv2d(blocks * base, base, kernel_size=1), _conv3x3(base, base))
         self.upscaled = nn.Sequential()
         inputs = base
-        for _ in range(doublings(scale)):
+        for _ in range(count_doublings(scale)):
             self.upscaled.extend([_conv3x3(inputs, 4 * growth), nn.PixelShuffle(2)])
             inputs = growth
         self.tail = _conv3x3(growth, colours)

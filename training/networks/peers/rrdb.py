@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ciir.training.networks.interpolation import doublings
+from ciir.training.networks.interpolation import count_doublings
 
 SLOPE = 0.2
 """Negative slope of every LeakyReLU."""
@@ -77,7 +77,7 @@ class RRDBGenerator(nn.Module):
         self.head = _conv3x3(colours, channels)
         self.blocks = nn.Sequential(*(RRDB(channels, growth) for _ in range(blocks)))
         self.body_last = _conv3x3(channels, channels)
-        self.upscaled = nn.ModuleList(_conv3x3(channels, channels) for _ in range(doublings(scale)))
+        self.upscaled = nn.ModuleList(_conv3x3(channels, channels) for _ in range(count_doublings(scale)))
         self.large = _conv3x3(channels, channels)
         self.tail = _conv3x3(channels, colours)
         self.activation = nn.LeakyReLU(SLOPE)

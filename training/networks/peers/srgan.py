@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from ciir.training.networks.batch_norm import normalised
-from ciir.training.networks.interpolation import doublings
+from ciir.training.networks.batch_norm import add_batch_norm
+from ciir.training.networks.interpolation import count_doublings
 
 
 class ResidualBlock(nn.Module):
@@ -13,9 +13,9 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = normalised(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
+        self.first = add_batch_norm(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
         self.activation = nn.PReLU(channels)
-        self.second = normalised(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
+        self.second = add_batch_norm(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
 
     def forward(self, x: Tensor) -> Tensor:
         """Same shape."""
@@ -41,9 +41,9 @@ class SRGANGenerator(nn.Module):
         self.scale = scale
         self.head = nn.Sequential(nn.Conv2d(colours, channels, kernel_size=9, padding=4), nn.PReLU(channels))
         self.blocks = nn.Sequential(*(ResidualBlock(channels) for _ in range(blocks)))
-        self.body_last = normalised(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
+        self.body_last = add_batch_norm(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
         self.upscaled = nn.Sequential()
-        for _ in range(doublings(scale)):
+        for _ in range(count_doublings(scale)):
             widen = nn.Conv2d(channels, 4 * channels, kernel_size=3, padding=1)
             self.upscaled.extend([widen, nn.PixelShuffle(2), nn.PReLU(channels)])
         self.tail = nn.Conv2d(channels, colours, kernel_size=9, padding=4)

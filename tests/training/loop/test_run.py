@@ -5,8 +5,9 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the training extra")
 
-from ciir.training.loop import checkpoints, trainer
-from ciir.training.loop.trainer import Run
+from ciir.training.loop import checkpoints
+from ciir.training.loop import run as trainer
+from ciir.training.loop.run import Run
 
 GAN = {"adversarial": "hinge"}
 
@@ -19,7 +20,7 @@ def saved(recipe, tmp_path):
 
 
 def change(path, **fields):
-    state = checkpoints.read(path) | fields
+    state = checkpoints.read_checkpoint(path) | fields
     torch.save({key: value for key, value in state.items() if value is not None}, path)
 
 
@@ -37,10 +38,10 @@ def test_the_running_mean(recipe):
     with torch.no_grad():
         network.weight.fill_(3.0)
         network.running_mean.fill_(7.0)
-    trainer.follow(average, network, 0.75)
+    trainer.update_average(average, network, 0.75)
     assert average.weight.tolist() == [1.5, 1.5]  # 0.75 * 1 + 0.25 * 3
     assert average.running_mean.tolist() == [7.0, 7.0]
-    trainer.follow(average, network, 0.0)
+    trainer.update_average(average, network, 0.0)
     assert torch.equal(average.weight, network.weight)
 
 
@@ -107,9 +108,9 @@ def test_initial_of_another_network(recipe, saved):
 
 def test_cuda_where_there_is_none(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert trainer.choose("auto") == trainer.choose("cpu") == torch.device("cpu")
+    assert trainer.choose_device("auto") == trainer.choose_device("cpu") == torch.device("cpu")
     with pytest.raises(ValueError, match=r"cuda is asked for, and torch .* finds no GPU; give cpu"):
-        trainer.choose("cuda")
+        trainer.choose_device("cuda")
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

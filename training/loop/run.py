@@ -16,7 +16,7 @@ from tqdm import tqdm
 from ciir.training import recipe as recipes
 from ciir.training.loop import checkpoints
 from ciir.training.losses.objective import Objective
-from ciir.training.networks import make
+from ciir.training.networks import make_network
 
 if TYPE_CHECKING:
     from typing import Any
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     Inputs = Tensor | tuple[Tensor, ...]
     """A picture, or all that a network takes where that is more."""
 
-LOOK_EVERY = {"cpu": 1, "cuda": 50}
+CHECK_EVERY = {"cpu": 1, "cuda": 50}
 """Steps between looks at the loss: each makes the CPU wait for the GPU."""
 
 
@@ -37,9 +37,9 @@ class Run:
 
     def __init__(self, recipe: Recipe) -> None:
         """Starts from random weights, which depend on the seed alone. Raises `ValueError` where the recipe is wrong."""
-        self.recipe, self.device = recipe, choose(recipe.device)
+        self.recipe, self.device = recipe, choose_device(recipe.device)
         torch.manual_seed(recipe.seed)
-        network = make(recipe.network, recipe.options)
+        network = make_network(recipe.network, recipe.options)
         if network.scale != recipe.scale:
             raise ValueError(f"scale is {recipe.scale}, and {recipe.network} is made for {network.scale}; see options")
         self.network: nn.Module = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -48,14 +48,14 @@ class Run:
         self.trained = [weight for weight in self.network.parameters() if weight.requires_grad]
         self.optimiser = torch.optim.Adam(self.trained, lr=recipe.learning_rate)
         self.objective = Objective(recipe, self.device)
-        self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, commit()
+        self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, find_commit()
 
     def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
         """One step: LR `(N, 3, h, w)`, or all that the network takes, and HR `(N, 3, H, W)`, float in [0, 1] -> its
         losses, `loss` their sum.
 
         Raises `FloatingPointError` where the loss or its gradient's norm is no finite number, on CUDA within
-        `LOOK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
+        `CHECK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
         saturated.
         """
         inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
@@ -64,27 +64,27 @@ class Run:
         output = output.float()
         terms = self.objective.generator(output, high)
         loss = torch.stack(list(terms.values())).sum()
-        if self.looks and not torch.isfinite(loss):
+        if self.checks_loss and not torch.isfinite(loss):
             raise FloatingPointError(f"step {self.step}: the loss is {loss.item()}; lower learning_rate or set clip")
         self.optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         # Looked at without a limit, too: Adam would divide by its infinite square, and stand still without a word.
         norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
-        if self.looks and not torch.isfinite(norm):
+        if self.checks_loss and not torch.isfinite(norm):
             raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
         rate = learning_rate(self.recipe, self.step)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.optimiser.step()
-        follow(self.average, self.network, min(self.recipe.ema, (self.step + 1) / (self.step + 10)))
+        update_average(self.average, self.network, min(self.recipe.ema, (self.step + 1) / (self.step + 10)))
         judged = self.objective.discriminator(output, high, rate)
         self.step += 1
         return {"loss": loss.detach(), **{name: term.detach() for name, term in terms.items()}, **judged}
 
     @property
-    def looks(self) -> bool:
+    def checks_loss(self) -> bool:
         """Whether the loss of the coming step may be looked at."""
-        return self.step % LOOK_EVERY[self.device.type] == 0
+        return self.step % CHECK_EVERY[self.device.type] == 0
 
     def _placed(self, image: Tensor) -> Tensor:
         if self.device.type == "cuda":
@@ -93,7 +93,7 @@ class Run:
         return image.to(self.device, non_blocking=True, memory_format=layout)
 
     def save(self, path: Path) -> None:
-        """Writes the checkpoint; raises as `checkpoints.save`."""
+        """Writes the checkpoint; raises as `checkpoints.save_checkpoint`."""
         state = {
             "network": self.average.state_dict(),
             "raw": self.network.state_dict(),
@@ -105,12 +105,12 @@ class Run:
             "seconds": self.seconds,
             "psnr": self.psnr,
         }
-        checkpoints.save(path, state)
+        checkpoints.save_checkpoint(path, state)
 
     def resume(self, path: Path) -> None:
         """Goes on from the checkpoint of a run of the same recipe. Raises `ValueError` where it is another's."""
-        state = checkpoints.read(path)
-        differs = recipes.difference(state["recipe"], self.recipe)
+        state = checkpoints.read_checkpoint(path)
+        differs = recipes.find_difference(state["recipe"], self.recipe)
         if differs:
             raise ValueError(
                 f"{path}: made by another recipe: {differs}; name another folder, and this checkpoint as `initial` "
@@ -136,7 +136,7 @@ class Run:
         generator's checkpoint a light-field network takes the weights of the one that it holds.
         """
         try:
-            state = checkpoints.read(path)
+            state = checkpoints.read_checkpoint(path)
         except (OSError, ValueError) as error:
             raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
         there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
@@ -163,7 +163,7 @@ def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
     return (inputs,) if isinstance(inputs, torch.Tensor) else inputs
 
 
-def choose(name: str) -> torch.device:
+def choose_device(name: str) -> torch.device:
     """What a recipe's `device` names. Raises `ValueError` where it is CUDA and there is none."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
@@ -184,7 +184,7 @@ def learning_rate(recipe: Recipe, step: int) -> float:
 
 
 @torch.no_grad()
-def follow(average: nn.Module, network: nn.Module, decay: float) -> None:
+def update_average(average: nn.Module, network: nn.Module, decay: float) -> None:
     """Moves the weights of `average` to `decay` times themselves plus the rest of `network`'s; buffers are copied."""
     for mean, weight in zip(average.parameters(), network.parameters(), strict=True):
         mean.lerp_(weight, 1.0 - decay)
@@ -192,7 +192,7 @@ def follow(average: nn.Module, network: nn.Module, decay: float) -> None:
         buffer.copy_(network.get_buffer(name))
 
 
-def commit() -> str:
+def find_commit() -> str:
     """The commit of the code that runs, with `+` where the checkout differs from it; `unknown` outside a checkout."""
     folder = Path(__file__).parent
 
