@@ -1,1 +1,1 @@
-"""A mesh or an elemental image array -> view images."""
+"""Light fields: read from files or rendered of a mesh, their geometry, and written to files."""

@@ -1,4 +1,4 @@
-"""Where an object stands in front of the lens array."""
+"""Placement of a scene in front of the lens array."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 FILL = 0.94
-"""Share of the array's width or height that the object's images take up, all views together."""
+"""Share of the array's width or height that the object takes up, over all views."""
 CLEARANCE = 0.05
 """Distance from the array to the object's nearest point, as a share of the object's longest side."""
 
 
 def frame_scene(scene: Scene, array: LensArray) -> NDArray[np.float64]:
-    """The 4x4 matrix that puts `scene` in front of `array`, as large as it can be while every view holds all of it.
+    """The 4x4 matrix that puts `scene` in front of `array`, as large as fits into every view.
 
-    The object keeps its orientation (y up, its +z side towards the array); its bounding box is centred on the array's
-    axis. A point at distance d from the array appears, seen along tangent t, displaced by -t*d: so the condition is
-    `|x| + t * d <= FILL * width / 2` for every vertex, with t the outermost view's tangent; likewise for y. It is
+    The object keeps its orientation (y up, its +z side towards the array), and its bounding box is centred on the
+    array's axis. Along tangent t a point at distance d from the array appears displaced by -t*d, so the condition is
+    `|x| + t * d <= FILL * width / 2` for every vertex, with t the tangent of the outermost view; likewise for y. It is
     linear in the scale.
     """
     low, high = scene.bounds()
@@ -37,7 +37,7 @@ def frame_scene(scene: Scene, array: LensArray) -> NDArray[np.float64]:
         distance = high[2] - used[:, 2] + gap
         swept_x = max(swept_x, float((np.abs(used[:, 0] - middle[0]) + reach_x * distance).max()))
         swept_y = max(swept_y, float((np.abs(used[:, 1] - middle[1]) + reach_y * distance).max()))
-    # A flat object that is seen edge-on sweeps nothing along one side, which then sets no limit.
+    # A flat object seen edge-on has no extent along one side, which then sets no limit.
     limits = [side / swept for side, swept in ((array.width, swept_x), (array.height, swept_y)) if swept > 0]
     scale = FILL / 2 * min(limits, default=min(array.width, array.height) / (2 * gap))
     matrix = np.diag([scale, scale, scale, 1.0])

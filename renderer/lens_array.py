@@ -1,4 +1,4 @@
-"""The lens array: where each lens stands and which directions its pixels see."""
+"""The lens array: positions of the lenses and directions of their pixels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_LENSES = 1 << 20
-"""Most lenses along one side; what a picture may hold limits them sooner."""
+"""Most lenses along one side; limits on pictures usually allow fewer."""
 MAX_PIXELS = 1 << 16
 """Most pixels along one side of an elemental image."""
 TANGENT_RANGE = 0.4
@@ -38,7 +38,7 @@ class LensArray:
     pitch: float = 1.0
     """Distance between neighbouring lenses, in scene units."""
     delta: float = 0.0
-    """Tangent from one pixel to the next, pixel size / gap; 0 stands for `TANGENT_RANGE / max(pixels_v, pixels_u)`."""
+    """Tangent between neighbouring pixels, pixel size / gap; 0 means `TANGENT_RANGE / max(pixels_v, pixels_u)`."""
 
     def __post_init__(self) -> None:
         for name, value, most in (
@@ -66,11 +66,11 @@ class LensArray:
         return self.rows * self.pitch
 
     def lens_x(self) -> NDArray[np.float64]:
-        """X of each column's lenses, `(cols,)`, in scene units."""
+        """X of each column of lenses, `(cols,)`, in scene units."""
         return (np.arange(self.cols, dtype=np.float64) - (self.cols - 1) / 2) * self.pitch
 
     def lens_y(self) -> NDArray[np.float64]:
-        """Y of each row's lenses from the top row down, `(rows,)`, in scene units."""
+        """Y of each row of lenses from the top down, `(rows,)`, in scene units."""
         return ((self.rows - 1) / 2 - np.arange(self.rows, dtype=np.float64)) * self.pitch
 
     def tangent_x(self) -> NDArray[np.float64]:
@@ -82,7 +82,7 @@ class LensArray:
         return ((self.pixels_v - 1) / 2 - np.arange(self.pixels_v, dtype=np.float64)) * self.delta
 
     def refine(self, scale: int) -> LensArray:
-        """The array of the same extent with `pitch / scale`: what upscaling by `scale` asks for.
+        """The array of the same extent with `pitch / scale`, whose views are those that upscaling by `scale` estimates.
 
         Raises `InvalidOption` where `scale` is below 1 or the lenses become too many.
         """

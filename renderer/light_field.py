@@ -1,4 +1,4 @@
-"""The light field `L[v, u, y, x, c]` and pixel mapping: views out of an elemental image array, and back."""
+"""The light field `L[v, u, y, x, c]` and pixel mapping between its views and an elemental image array."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from ciir.renderer.lens_array import LensArray
 
 Pickup = Literal["virtual", "optical"]
-"""How an elemental image was taken: upright, as a virtual camera does, or turned by 180 degrees, as a lens does."""
+"""How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
 
 
 def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
-    """The elemental image array of all views, `(rows, cols, 4)` each, given row by row: `(rows*Kv, cols*Ku, 4)`.
+    """The elemental image array `(rows*Kv, cols*Ku, 4)` of all `Kv*Ku` views, `(rows, cols, 4)` each, row by row.
 
-    Written view by view, so that no second copy of them all is held. Raises `ValueError` where they are not `Kv*Ku`.
+    Views are taken one at a time. Raises `ValueError` for any other number of them.
     """
     pixels_v, pixels_u = array.pixels_v, array.pixels_u
     eia = np.empty((array.rows * pixels_v, array.cols * pixels_u, 4), np.uint8)

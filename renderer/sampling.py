@@ -1,8 +1,8 @@
-"""What a sample means, for both backends and both routes.
+"""Point samples and their means over a lens, the same for both backends, by view and by lens.
 
-A pinhole array samples points: view (v, u) holds, for each lens, the colour that the one ray through the lens's centre
-along the pixel's direction meets. A lenslet array averages over the lens: the mean of `samples x samples` such rays,
-which start on a regular grid over the lens cell, in 8-bit display values. The direction is always the pixel's centre.
+A pinhole array samples points: each pixel of view (v, u) is the colour that one ray meets, from the lens's centre in
+the direction of pixel (v, u)'s centre. A lenslet array averages over the lens: the mean, in 8-bit display values, of
+`samples x samples` such rays, which start on a regular grid over the lens cell.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MAX_SAMPLES = 16
 LENSLET_SAMPLES = 4
-"""Samples along each side of a lens cell that stand for a lenslet, and for a clean picture's pixel."""
+"""Samples along each side of a lens cell for a lenslet, and for a pixel of a clean picture."""
 
 
 def check_samples(samples: int) -> None:
@@ -28,7 +28,7 @@ def check_samples(samples: int) -> None:
 
 
 def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
-    """`(samples*rows, samples*cols, c)` point samples -> `(rows, cols, c)`, the mean over each lens cell, rounded."""
+    """The rounded mean over each lens cell, `(rows, cols, c)`, of point samples `(samples*rows, samples*cols, c)`."""
     if samples == 1:
         return picture
     height, width, channels = picture.shape
@@ -37,7 +37,7 @@ def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]
 
 
 def average_pictures(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
-    """The mean over `axes`, rounded to the nearest, halves up."""
+    """The mean over `axes`, rounded to the nearest integer, halves up."""
     count = int(np.prod([pictures.shape[axis] for axis in axes]))
     total = pictures.sum(axis=axes, dtype=np.uint32)
     mean: NDArray[np.uint8] = ((total + count // 2) // count).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""A scene as both rendering backends take it: triangles whose diffuse light is already in their vertex colours."""
+"""A scene for the rendering backends: triangles with diffuse light baked into their vertex colours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Wrap = Literal["repeat", "mirror", "clamp"]
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture on a surface, sampled bilinearly at its full resolution (no mipmaps): a sample is a point."""
+    """A picture on a surface, sampled bilinearly at its full resolution (no mipmaps)."""
 
     pixels: NDArray[np.uint8]
     """`(h, w, 4)` RGBA, display-referred (sRGB) 8-bit values, first row at the top."""
@@ -25,9 +25,9 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles of one material. A point's colour is its vertex colours, interpolated, times its texture's.
+    """Triangles of one material. A point's colour is the interpolated vertex colour times the texture's.
 
-    The colour does not depend on the direction it is seen from, and both sides of a triangle look alike.
+    It is the same from all directions and on both sides of a triangle.
     """
 
     vertices: NDArray[np.float64]
@@ -40,13 +40,13 @@ class Part:
     """`(n, 2)`, origin at the texture's lower left corner (OpenGL's and OBJ's convention); None without a texture."""
     texture: Texture | None = None
     alpha_cutoff: float | None = None
-    """A point whose alpha is below this is not there; None where the part is opaque throughout."""
+    """Points with alpha below this are cut out; None for an opaque part."""
 
     def used_vertices(self) -> NDArray[np.float64]:
         """`(k, 3)`: the vertices that a triangle uses."""
-        is_used = np.zeros(len(self.vertices), bool)  # several times quicker than np.unique
+        is_used = np.zeros(len(self.vertices), bool)  # several times faster than np.unique
         is_used[self.faces] = True
-        return np.compress(is_used, self.vertices, axis=0)  # and this than indexing
+        return np.compress(is_used, self.vertices, axis=0)  # faster than indexing
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ class Scene:
 
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
-    """What was left out or replaced while reading, a line each, for the report."""
+    """Notes on what reading left out or replaced, one line each, for the report."""
     extent: NDArray[np.float64] | None = None
-    """What `bounds` says where triangles were taken out; None where they are all there."""
+    """The bounds before culling; None for a scene that was not culled."""
 
     @property
     def triangles(self) -> int:
@@ -73,8 +73,9 @@ class Scene:
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def transform(self, matrix: NDArray[np.float64]) -> Scene:
-        """The scene with every vertex taken through the 4x4 affine `matrix`. Light that is baked in stays as it is, and
-        of a culled scene the bounds are then those of what is left.
+        """The scene with every vertex transformed by the 4x4 affine `matrix`. Baked light is kept as it is.
+
+        The bounds of a culled scene become those of its remaining triangles.
         """
         linear, offset = matrix[:3, :3], matrix[:3, 3]
         parts = tuple(

@@ -1,8 +1,8 @@
-"""The one light that stands still in the world, baked into vertex colours, and the normals that it needs.
+"""The light, fixed in the world and baked into vertex colours, and the normals that it needs.
 
-Colours are display-referred and multiply. A linear factor goes through the sRGB curve once (`encode`) and is multiplied
-with stored sRGB values as they are. That curve is close to a power law, and a power of a product is the product of the
-powers: so products of encoded values equal encoded products of linear values, up to the sRGB curve's linear toe.
+Colours are display-referred and multiply. A linear factor is encoded once (`encode_srgb`) and multiplied with stored
+sRGB values as they are. The sRGB curve is close to a power law, and the power of a product is the product of the
+powers: products of encoded values equal encoded products of linear values, except for the curve's linear toe.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LIGHT = np.array([-0.4, 0.6, 0.7]) / np.sqrt(0.4**2 + 0.6**2 + 0.7**2)
 """Unit direction towards the light in the world: upper left front."""
 AMBIENT, DIFFUSE = 0.6, 0.4
 CREASE_DEGREES = 40.0
-"""A face that turns further than this from the smooth normal at its corner keeps its own normal there."""
+"""A face at a larger angle to the smooth normal at its corner keeps its own normal there."""
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -28,28 +28,28 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def shade(normals: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Light on unit normals `(n, 3)`: `0.6 + 0.4 (n . LIGHT)` in [0, 1], `(n,)`. From wherever it is seen."""
+    """Light on unit normals `(n, 3)`, from all directions alike: `0.6 + 0.4 (n . LIGHT)` in [0, 1], `(n,)`."""
     light: NDArray[np.float32] = np.clip(AMBIENT + DIFFUSE * (normals @ LIGHT), 0.0, 1.0).astype(np.float32)
     return light
 
 
 def normalize(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Vectors `(..., 3)` brought to length 1; a zero vector stays zero."""
+    """Vectors `(..., 3)` scaled to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     directions: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
     return directions
 
 
-def merge_positions(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], int]:
-    """For each vertex of `(n, 3)` the number of its position, `(n,)`, and how many distinct positions there are."""
-    bits = np.ascontiguousarray(vertices + 0.0).view(np.uint64)  # + 0.0: -0.0 and 0.0 are one place
+def number_positions(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], int]:
+    """Numbers the distinct positions of vertices `(n, 3)`: each vertex's number `(n,)` and how many there are."""
+    bits = np.ascontiguousarray(vertices + 0.0).view(np.uint64)  # + 0.0 makes -0.0 equal to 0.0
     key = np.zeros(len(vertices), np.uint64)
     for axis in range(3):
         key = (key ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
         key ^= key >> np.uint64(29)
     _, first, place = np.unique(key, return_index=True, return_inverse=True)
-    if not np.array_equal(vertices[first[place]], vertices):  # two positions with one hash: the slow way is exact
+    if not np.array_equal(vertices[first[place]], vertices):  # two positions with the same hash
         _, place = np.unique(vertices, axis=0, return_inverse=True)
         return place, int(place.max()) + 1
     return place, len(first)
@@ -58,13 +58,13 @@ def merge_positions(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], in
 def compute_normals(
     vertices: NDArray[np.float64], faces: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Normals for a mesh that has none: smooth, with creases.
+    """Computes smooth normals, with creases, for a mesh that has none.
 
-    A corner takes the angle-weighted mean of the normals of all faces at its position (Thuermer and Wuethrich 1998),
-    unless its own face turns from that by more than `CREASE_DEGREES`: then the face's own. Vertices are split there.
+    A corner takes the angle-weighted mean of the normals of all faces at its position (Thuermer and Wuethrich 1998).
+    Where its own face's normal is more than `CREASE_DEGREES` from that it takes the face's, and the vertex is split.
 
-    Returns `(source, faces, normals)`: for each new vertex the old one, `(k,)`; faces `(m, 3)` on the new vertices;
-    unit normals `(k, 3)`. The first n of the k vertices are the old ones. No face may have zero area.
+    Returns `(source, faces, normals)`: the old vertex of each new one, `(k,)`; faces `(m, 3)` on the new vertices; and
+    unit normals `(k, 3)`. The first n of the k new vertices are the old ones. No face may have zero area.
     """
     corners = vertices[faces]  # (m, 3 corners, 3)
     edges = normalize(np.roll(corners, -1, axis=1) - corners)  # corner i -> corner i + 1
@@ -72,7 +72,7 @@ def compute_normals(
     cosines = -np.einsum("mci,mci->mc", edges, np.roll(edges, 1, axis=1))
     angles = np.arccos(np.clip(cosines, -1.0, 1.0))
 
-    place, places = merge_positions(vertices)
+    place, places = number_positions(vertices)
     corner_place = place[faces]  # (m, 3)
     weighted = angles[:, :, None] * face_normals[:, None, :]
     total = [np.bincount(corner_place.ravel(), weighted[:, :, axis].ravel(), places) for axis in range(3)]

@@ -1,4 +1,4 @@
-"""A surface as a file gives it, and the checks and the light that make it a part of a scene."""
+"""Surfaces as files give them, and the scene that is assembled of them: checked, with normals and light."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_COORDINATE = 1e9
-"""Largest absolute coordinate, in the file's own units: beyond it nothing is a picture of an object."""
+"""Largest absolute coordinate, in the file's own units."""
 MAX_TEXTURE_COORDINATE = 1e4
-"""Largest absolute texture coordinate: beyond it float32 no longer tells a pixel from its neighbour."""
+"""Largest absolute texture coordinate: beyond it float32 no longer separates neighbouring pixels."""
 DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
-"""What has no colour at all, display-referred: a light grey on which the light can be seen."""
-_FLAT = 1e-12  # of the longest edge squared: below it a triangle's area is rounding
+"""Colour of surfaces without one, display-referred: a light grey that shows the shading."""
+_ZERO_AREA = 1e-12  # times the longest edge squared: a smaller area is a rounding error
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles of one material in the scene's coordinates, before light. Nothing about it has been checked."""
+    """Triangles of one material in the scene's coordinates, not yet checked or lit."""
 
     vertices: NDArray[np.float64]
     """`(n, 3)`."""
     faces: NDArray[np.int64]
     """`(m, 3)`."""
     normals: NDArray[np.float64] | None = None
-    """`(n, 3)`, of any length; None where they must be computed."""
+    """`(n, 3)`, of any length; None to compute them."""
     color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     """The material's RGBA, display-referred, [0, 1]."""
     colors: NDArray[np.float32] | None = None
@@ -46,37 +46,37 @@ class Surface:
     texture: Texture | None = None
     alpha_cutoff: float | None = None
     lit: bool = True
-    """False for a material that is drawn without light."""
+    """False for a material that is not shaded."""
 
 
 def assemble_scene(
     surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = DEFAULT_LIMITS.triangles
 ) -> Scene:
-    """Check the surfaces of the file called `name`, give them normals and light, and make a scene of them.
+    """Makes a scene of the surfaces of the file called `name`: checks them, computes normals and bakes the light.
 
     Raises `InvalidGeometry` without one triangle of positive area, or with a vertex that is not finite or beyond
-    `MAX_COORDINATE`; `TooLarge` over `max_triangles`; `Unreadable` where a face names a vertex that isn't there.
+    `MAX_COORDINATE`; `TooLarge` over `max_triangles`; `Unreadable` where a face refers to a vertex that doesn't exist.
     """
     total = sum(len(surface.faces) for surface in surfaces)
     check_size(name, total, sum(len(surface.vertices) for surface in surfaces), max_triangles)
     if total == 0:
         raise InvalidGeometry(f"{name}: no triangles; give a mesh with a surface, not points or lines alone")
     unusable: Counter[str] = Counter()
-    checked = [_checked(surface, name, unusable) for surface in surfaces if len(surface.faces)]
+    checked = [_check_surface(surface, name, unusable) for surface in surfaces if len(surface.faces)]
     kept = [surface for surface in checked if len(surface.faces)]
     dropped = total - sum(len(surface.faces) for surface in kept)
     if not kept:
         raise InvalidGeometry(f"{name}: all {total:,} triangles have zero area; give a mesh with a surface")
     notes = list(notes)
     for what, count in unusable.items():
-        notes.append(f"{count:,} vertices have a {what} that is no usable number: taken as 0")
+        notes.append(f"{count:,} vertices have a {what} that is NaN, infinite or too large: read as 0")
     if dropped:
         notes.append(f"{dropped:,} of {total:,} triangles have zero area and are left out")
-    return Scene(_joined([_lit(surface) for surface in _with_normals(kept)]), tuple(notes))
+    return Scene(_join_parts([_bake_light(surface) for surface in _add_normals(kept)]), tuple(notes))
 
 
 def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> None:
-    """Raises `TooLarge` over `max_triangles`, or over three times as many vertices: more than triangles can use."""
+    """Raises `TooLarge` over `max_triangles`, or over three times as many vertices, more than triangles can use."""
     if triangles > max_triangles or vertices > 3 * max_triangles:
         raise TooLarge(
             f"{name}: {triangles:,} triangles and {vertices:,} vertices; at most {max_triangles:,} and "
@@ -84,8 +84,8 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
         )
 
 
-def _checked(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
-    """The surface without triangles of zero area and without vertices that none uses."""
+def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
+    """The surface without triangles of zero area and vertices that no triangle uses. Raises as `assemble_scene`."""
     faces, vertices = surface.faces, surface.vertices
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise Unreadable(
@@ -103,19 +103,21 @@ def _checked(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
     edges = np.roll(corners, -1, axis=1) - corners
     doubled_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("mci,mci->mc", edges, edges).max(axis=1)
-    faces = faces[doubled_area > _FLAT * longest]
+    faces = faces[doubled_area > _ZERO_AREA * longest]
 
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     renumbered = np.cumsum(used) - 1
-    taken = _taking(surface, np.flatnonzero(used), renumbered[faces])
+    taken = _select_vertices(surface, np.flatnonzero(used), renumbered[faces])
     return replace(
-        taken, colors=_sane(taken.colors, "colour", unusable), uv=_sane(taken.uv, "texture coordinate", unusable)
+        taken,
+        colors=_zero_unusable(taken.colors, "colour", unusable),
+        uv=_zero_unusable(taken.uv, "texture coordinate", unusable),
     )
 
 
-def _sane(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDArray[Any] | None:
-    """Values of vertices with 0 for those from which no picture can be made, which are counted."""
+def _zero_unusable(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDArray[Any] | None:
+    """Values of vertices, with 0 for NaN and for magnitudes over `MAX_TEXTURE_COORDINATE`, counted in `unusable`."""
     if values is None:
         return None
     usable = np.abs(values) <= MAX_TEXTURE_COORDINATE  # False for NaN
@@ -125,8 +127,8 @@ def _sane(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDA
     return np.where(usable, values, 0).astype(values.dtype)
 
 
-def _taking(surface: Surface, index: NDArray[np.integer], faces: NDArray[np.int64]) -> Surface:
-    """The surface on the vertices `index` of its own."""
+def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArray[np.int64]) -> Surface:
+    """The surface of `faces` on the vertices `index`."""
     return replace(
         surface,
         vertices=surface.vertices[index],
@@ -137,8 +139,8 @@ def _taking(surface: Surface, index: NDArray[np.integer], faces: NDArray[np.int6
     )
 
 
-def _with_normals(surfaces: list[Surface]) -> list[Surface]:
-    """All surfaces with unit normals. Those without any are one mesh here: no seams in the light between materials."""
+def _add_normals(surfaces: list[Surface]) -> list[Surface]:
+    """All surfaces with unit normals, which are computed over all surfaces without any: no seams between materials."""
     for i, surface in enumerate(surfaces):
         if surface.normals is not None:
             normals = normalize(np.where(np.isfinite(surface.normals), surface.normals, 0.0))
@@ -156,12 +158,12 @@ def _with_normals(surfaces: list[Surface]) -> list[Surface]:
     for n, i in enumerate(bare):
         own = faces[face_start[n] : face_start[n + 1]]
         index, local = np.unique(own, return_inverse=True)
-        taken = _taking(surfaces[i], source[index] - vertex_start[n], local.reshape(-1, 3))
+        taken = _select_vertices(surfaces[i], source[index] - vertex_start[n], local.reshape(-1, 3))
         surfaces[i] = replace(taken, normals=normals[index])
     return surfaces
 
 
-def _lit(surface: Surface) -> Part:
+def _bake_light(surface: Surface) -> Part:
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors
@@ -180,15 +182,15 @@ def _lit(surface: Surface) -> Part:
     )
 
 
-def _joined(parts: list[Part]) -> tuple[Part, ...]:
-    """One part for each texture and cutoff: everything else is in the vertices, and a backend pays for each part."""
+def _join_parts(parts: list[Part]) -> tuple[Part, ...]:
+    """One part for each texture and cutoff; all else is in the vertices. Each part costs a backend time."""
     groups: dict[tuple[int, float | None], list[Part]] = {}
     for part in parts:
         groups.setdefault((id(part.texture), part.alpha_cutoff), []).append(part)
-    return tuple(_concatenated(group) for group in groups.values())
+    return tuple(_concatenate_parts(group) for group in groups.values())
 
 
-def _concatenated(parts: list[Part]) -> Part:
+def _concatenate_parts(parts: list[Part]) -> Part:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     uvs = [part.uv for part in parts if part.uv is not None]
     return Part(

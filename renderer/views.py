@@ -1,4 +1,4 @@
-"""Which views are asked for."""
+"""Views by their indices (v, u), and the text that selects them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from ciir.errors import InvalidOption
 
 View = tuple[int, int]
-"""(v, u): the view's pixel row and column under each lens, from the top left."""
+"""(v, u): the row and the column of the view's pixel under each lens, from the top left."""
 
 
 def center_view(pixels_v: int, pixels_u: int) -> View:
@@ -16,10 +16,10 @@ def center_view(pixels_v: int, pixels_u: int) -> View:
 
 
 def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
-    """The views that `spec` names, of `pixels_v x pixels_u` there are.
+    """The views that `spec` selects from `pixels_v x pixels_u`.
 
     `center`; `cross` (upper, left, centre, right, lower: the paper's figure 4), each view once; `all`, row by row;
-    or pairs `v,u;v,u`. Raises `InvalidOption` for anything else and for a view that isn't there.
+    or pairs `v,u;v,u`. Raises `InvalidOption` for other text and for a view that doesn't exist.
     """
     v, u = center_view(pixels_v, pixels_u)
     if spec == "center":

@@ -1,4 +1,4 @@
-"""A globe on its stand: the sample scene that is all texture."""
+"""A globe on its stand: the sample scene of rich texture."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _over(
 
 
 def _write(ink: NDArray[np.bool_], text: str, longitude: float, latitude: float, dot: int) -> None:
-    """Letters into the mask, wider towards the poles so that they keep their shape on the sphere."""
+    """Sets the text's pixels in the mask, wider towards the poles so that letters keep their shape on the sphere."""
     columns = np.frombuffer(bytes.fromhex("".join(_LETTERS[letter] + "00" for letter in text)), np.uint8)
     dots = (columns[None, :] >> np.arange(7)[:, None] & 1).astype(bool)
     wide = max(1, round(dot / np.cos(np.radians(latitude))))

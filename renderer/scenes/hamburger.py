@@ -71,7 +71,7 @@ def _lettuce() -> Surface:
     radius = 0.55 + 0.68 * out + 0.05 * out**2 * np.sin(7 * turn + 0.5)
     height = -0.385 - 0.03 * out**3 + 0.06 * out**7 * ruffle + 0.01 * out**7 * np.sin(31 * turn)
     vertices = np.stack(np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)), -1).reshape(-1, 3)
-    # From the inner rim outwards the sheet faces down: turned over so that its upper side counts as outside.
+    # From the inner rim outwards the sheet faces down: reversed, so that its upper side is the outside.
     faces = make_grid_faces(rows, cols)[:, ::-1]
     veins = np.abs(np.sin(8 * turn + 0.8 * np.sin(3 * out * 3))) ** 6 * (1 - 0.6 * out)
     leaf = blend((0.80, 0.88, 0.50), (0.30, 0.58, 0.16), (out + 0.12 * np.sin(17 * turn)).ravel())
@@ -84,7 +84,7 @@ def _cheese() -> Surface:
     x, z = np.meshgrid(np.linspace(-side, side, count), np.linspace(side, -side, count))
     radius = np.hypot(x, z)
     beyond = np.maximum(radius - 1.0, 0)
-    # What hangs over the patty's edge turns down: it keeps its length along the sheet, not its width.
+    # Beyond the patty's edge the sheet bends down and keeps its length, not its width.
     hang = 1.15 * beyond
     shrink = np.where(radius > 0, (np.minimum(radius, 1.0) + 0.5 * beyond) / np.maximum(radius, 1e-9), 1.0) * 1.14
     y = 0.012 * np.sin(3 * x) * np.cos(2.5 * z) - hang
@@ -143,7 +143,7 @@ def _top_bun() -> list[Surface]:
 
 
 def _sesame(outline: NDArray[np.float64]) -> Surface:
-    """Seeds on the bun's upper side, evenly by the golden angle, each lying flat and turned at random."""
+    """Seeds on the bun's upper side, spaced by the golden angle, each flat on it and rotated at random."""
     rng = np.random.default_rng(6)
     crust = outline[outline[:, 1] > 0.45]
     crust = crust[np.argsort(crust[:, 0])]
@@ -163,7 +163,7 @@ def _sesame(outline: NDArray[np.float64]) -> Surface:
     first = np.cos(spin)[:, None] * out + np.sin(spin)[:, None] * around
     second = np.cross(normal, first)
     centre = np.stack([radius * np.sin(turn), height + 0.008, radius * np.cos(turn)], 1)
-    # Columns are where the seed's own x, y and z go: right-handed, so that outside stays outside.
+    # Columns are the images of the seed's x, y and z axes: right-handed, so that outside stays outside.
     frames = np.stack([second, first, np.cross(second, first)], axis=-1)
     placed = np.einsum("sij,vj->svi", frames, seed) + centre[:, None]
     every = (faces[None] + (np.arange(SEEDS) * len(seed))[:, None, None]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Shapes and noise that the sample scenes are made of: numpy alone, the same on every machine to rounding."""
+"""Shapes, noise and colours for the sample scenes, made with numpy: the same on every machine up to rounding."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ def make_grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
 
 
 def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """A profile turned about the y axis: vertices `(k*(segments+1), 3)`, faces and uv, outside where it goes up.
+    """Revolves a profile about the y axis: vertices `(k*(segments+1), 3)`, faces and uv.
 
-    `profile`: `(k, 2)` of radius and y. u runs round from 0 to 1, v along the profile by its length.
+    `profile`: `(k, 2)` of radius and y; its outside is outside where y goes up. u goes around from 0 to 1, v along the
+    profile by its length.
     """
     points = np.asarray(profile, np.float64)
-    turn = np.arange(segments + 1) % segments * (2 * np.pi / segments)  # % segments: the seam's two sides coincide
+    turn = np.arange(segments + 1) % segments * (2 * np.pi / segments)  # % segments: both sides of the seam coincide
     radius, height = points[:, :1], points[:, 1:]
     vertices = np.stack(
         np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)),
@@ -46,14 +47,14 @@ def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDA
 
 
 def drop_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Faces two of whose corners are not at one place, as they are where a profile meets the axis."""
+    """Faces without those that have two corners at the same position, as where a profile meets the axis."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     distinct = [np.abs(p - q).max(axis=1) > 1e-12 for p, q in ((a, b), (b, c), (c, a))]
     return faces[np.logical_and.reduce(distinct)]
 
 
 def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
-    """`(count, 2)` points on a Catmull-Rom curve through `the points `(k, 2)`; a doubled point is a corner."""
+    """`(count, 2)` points on a Catmull-Rom curve through `points` `(k, 2)`; a doubled point is a corner."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
     at = np.linspace(0, len(p) - 3 - 1e-9, count)
@@ -85,7 +86,7 @@ def make_torus(
 
 
 def rotate_vertices(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
-    """Vertices turned about a coordinate axis, counter-clockwise as seen from its positive end."""
+    """Vertices rotated about a coordinate axis, counter-clockwise as seen from its positive end."""
     angle = np.radians(degrees)
     matrix = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -168,5 +169,5 @@ def to_vertex_colors(colors: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def rotate_surfaces(surfaces: list[Surface], axis: int, degrees: float) -> list[Surface]:
-    """Surfaces turned about a coordinate axis, before they are lit."""
+    """Surfaces rotated about a coordinate axis."""
     return [replace(surface, vertices=rotate_vertices(surface.vertices, axis, degrees)) for surface in surfaces]

@@ -1,4 +1,4 @@
-"""Every view holds the whole object, and the object is as large as that allows."""
+"""Every view holds the whole object, which is as large as that allows."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_orientation_and_proportions_stay():
 
 
 @pytest.mark.parametrize("flat", [(0, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 0)])
-def test_flat_objects_stand_in_front_of_the_array(flat):
+def test_flat_objects_are_in_front_of_the_array(flat):
     array = LensArray(10, 10, 1, 1)
     bounds = cloud(4, (1, 2, 3)).transform(np.diag([*flat, 1.0]))
     placed = bounds.transform(frame_scene(bounds, array)).bounds()

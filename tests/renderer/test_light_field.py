@@ -45,7 +45,7 @@ def test_views_are_no_copy(pickup: Pickup) -> None:
     assert (field.views == 7).all()
 
 
-def test_an_optical_pickup_turns_each_elemental_image_by_half_a_turn() -> None:
+def test_an_optical_pickup_rotates_each_elemental_image_by_180_degrees() -> None:
     eia = picture(6, 10, 3, np.uint16)
     turned = LightField.from_eia(eia, rows=2, cols=2).eia(pickup="optical")
     for y in (0, 1):

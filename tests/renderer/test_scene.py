@@ -1,4 +1,4 @@
-"""What a scene says of itself: its extent and its triangles, and how it moves."""
+"""Bounds and triangles of a scene, and its transforms."""
 
 import numpy as np
 
@@ -13,24 +13,24 @@ def part(vertices):
 
 
 def test_bounds_are_of_the_vertices_that_triangles_use():
-    # Files hold control points and left-overs far from the object: it would be framed as a speck.
+    # Files hold control points far from the object, with which it would be framed as a speck.
     stray = part(np.concatenate([SQUARE, [[-50.0, 0, 0], [0, 0, 900]]]))
     np.testing.assert_array_equal(Scene((stray,)).bounds(), [[0, 0, -1], [2, 3, 0]])
     np.testing.assert_array_equal(Scene((stray, part(SQUARE + 1))).bounds(), [[0, 0, -1], [3, 4, 1]])
 
 
-def test_triangles_are_those_of_all_parts():
+def test_triangles_of_all_parts_count():
     assert Scene((part(SQUARE), part(SQUARE))).triangles == 4
 
 
-def test_what_is_moved_has_moved_bounds():
+def test_a_transformed_scene_has_transformed_bounds():
     matrix = np.diag([2.0, 2, 2, 1])
     matrix[:3, 3] = (1, 0, -5)
     np.testing.assert_array_equal(Scene((part(SQUARE),)).transform(matrix).bounds(), [[1, 0, -7], [5, 6, -5]])
 
 
-def test_a_culled_scene_keeps_its_extent_until_it_is_moved():
+def test_a_culled_scene_keeps_its_bounds_until_it_is_transformed():
     extent = np.array([[-9.0, -9, -9], [9, 9, 9]])
-    left = Scene((part(SQUARE),), extent=extent)
-    assert left.bounds() is extent
-    np.testing.assert_array_equal(left.transform(np.eye(4)).bounds(), [[0, 0, -1], [2, 3, 0]])
+    culled = Scene((part(SQUARE),), extent=extent)
+    assert culled.bounds() is extent
+    np.testing.assert_array_equal(culled.transform(np.eye(4)).bounds(), [[0, 0, -1], [2, 3, 0]])

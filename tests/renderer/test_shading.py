@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.renderer.scenes.modelling import revolve
-from ciir.renderer.shading import LIGHT, compute_normals, encode_srgb, merge_positions, normalize, shade
+from ciir.renderer.shading import LIGHT, compute_normals, encode_srgb, normalize, number_positions, shade
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 CUBE_FACES = np.array(
@@ -16,7 +16,7 @@ CUBE_FACES = np.array(
 
 
 def test_encode_is_the_srgb_curve() -> None:
-    # 0.5 -> 188 and 0.2 -> 124 of 255 are the figures that everyone's tables have.
+    # 0.5 -> 188 and 0.2 -> 124 of 255 are the figures of published tables.
     assert np.rint(encode_srgb(np.array([0.0, 0.2, 0.5, 1.0])) * 255).tolist() == [0, 124, 188, 255]
     assert encode_srgb(np.array([-1.0, 2.0])).tolist() == [0.0, 1.0]
     assert encode_srgb(np.array([0.001]))[0] == pytest.approx(0.01292)
@@ -33,17 +33,17 @@ def test_light_from_the_upper_left_front() -> None:
     assert shade(normals) == pytest.approx([1.0, 0.2, 0.6 + 0.4 * LIGHT[2], 0.6 - 0.4 * LIGHT[2]])
 
 
-def test_unit_leaves_zero_alone() -> None:
+def test_normalize_keeps_zero() -> None:
     assert normalize(np.array([[3.0, 0, 4], [0, 0, 0]])).tolist() == [[0.6, 0, 0.8], [0, 0, 0]]
 
 
-def test_positions_are_merged_exactly() -> None:
-    place, count = merge_positions(np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 2, 1], [0, 1, 2]]))
+def test_positions_are_numbered_exactly() -> None:
+    place, count = number_positions(np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 2, 1], [0, 1, 2]]))
     assert count == 2
     assert place[0] == place[1] == place[3] != place[2]
 
 
-def test_positions_are_merged_exactly_where_hashes_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_positions_with_equal_hashes_are_numbered_exactly(monkeypatch: pytest.MonkeyPatch) -> None:
     vertices = np.array([[0.0, 1, 2], [5, 6, 7], [0, 1, 2]])
     real = np.unique
     first_call = iter([True])
@@ -52,7 +52,7 @@ def test_positions_are_merged_exactly_where_hashes_meet(monkeypatch: pytest.Monk
         return real(np.zeros_like(values) if next(first_call, False) else values, **options)
 
     monkeypatch.setattr("ciir.renderer.shading.np.unique", colliding)
-    place, count = merge_positions(vertices)
+    place, count = number_positions(vertices)
     assert count == 2
     assert place[0] == place[2] != place[1]
 

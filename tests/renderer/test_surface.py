@@ -28,14 +28,14 @@ def test_given_normals_are_used_whatever_their_length() -> None:
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
-def test_normals_that_are_none_are_computed(bad: float) -> None:
+def test_unusable_normals_are_computed(bad: float) -> None:
     normals = np.tile([0.0, 1.0, 0.0], (4, 1))
     normals[2] = bad
     (part,) = assemble_scene([Surface(SQUARE, FACES, normals=normals)], name="a").parts
     assert part.colors[:, 0] == pytest.approx(FRONT)
 
 
-def test_unlit_is_not_lit() -> None:
+def test_an_unlit_surface_keeps_its_colour() -> None:
     (part,) = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 0.5, 0.5, 1), lit=False)], name="a").parts
     assert part.colors[:, :3] == pytest.approx(0.5)
 
@@ -70,7 +70,7 @@ def test_light_has_no_seam_between_materials() -> None:
     assert np.ptp(part.colors[on_the_bend, 0]) < 1e-6
 
 
-def test_vertices_that_no_triangle_uses_play_no_part() -> None:
+def test_vertices_that_no_triangle_uses_are_dropped() -> None:
     vertices = np.concatenate([[[np.nan, 0, 0], [1e30, 0, 0]], SQUARE])
     (part,) = assemble_scene([Surface(vertices, FACES + 2)], name="a").parts
     assert len(part.vertices) == 4
@@ -96,7 +96,7 @@ def test_no_triangles() -> None:
             assemble_scene(surfaces, name="a")
 
 
-def test_zero_area_alone() -> None:
+def test_only_triangles_of_zero_area() -> None:
     line = np.array([[0.0, 0, 0], [1, 1, 1], [3, 3, 3]])
     for faces in ([[0, 1, 2]], [[0, 0, 1]], [[1, 1, 1]]):
         with pytest.raises(InvalidGeometry, match="all 1 triangles have zero area"):
@@ -114,7 +114,7 @@ def test_a_small_triangle_far_from_the_origin_stays() -> None:
 
 
 @pytest.mark.parametrize("index", [-1, 4, 2**40])
-def test_a_face_that_names_no_vertex(index: int) -> None:
+def test_a_face_of_a_missing_vertex(index: int) -> None:
     with pytest.raises(Unreadable, match=f"a: a face names vertex {index} but there are 4"):
         assemble_scene([Surface(SQUARE, np.array([[0, 1, 2], [0, 2, index]]))], name="a")
 
@@ -125,7 +125,7 @@ def test_too_many_triangles() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30])
-def test_colours_and_texture_coordinates_that_are_no_numbers_are_zero_with_a_note(bad: float) -> None:
+def test_unusable_colours_and_texture_coordinates_are_zero_with_a_note(bad: float) -> None:
     colors = np.ones((4, 4), np.float32)
     uv = SQUARE[:, :2].copy()
     colors[1, 2] = uv[3, 0] = bad
@@ -136,13 +136,13 @@ def test_colours_and_texture_coordinates_that_are_no_numbers_are_zero_with_a_not
     assert part.uv is not None
     assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
     assert scene.notes == (
-        "1 vertices have a colour that is no usable number: taken as 0",
-        "1 vertices have a texture coordinate that is no usable number: taken as 0",
+        "1 vertices have a colour that is NaN, infinite or too large: read as 0",
+        "1 vertices have a texture coordinate that is NaN, infinite or too large: read as 0",
     )
 
 
-def test_many_surfaces_with_the_same_fault_make_one_note() -> None:
+def test_many_surfaces_with_the_same_error_make_one_note() -> None:
     bad = Surface(SQUARE, FACES, colors=np.full((4, 4), np.nan, np.float32))
     assert assemble_scene([bad] * 3, name="a").notes == (
-        "12 vertices have a colour that is no usable number: taken as 0",
+        "12 vertices have a colour that is NaN, infinite or too large: read as 0",
     )

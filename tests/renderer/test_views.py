@@ -15,7 +15,7 @@ def test_named_views():
 
 
 @pytest.mark.parametrize("spec", ["", "middle", "1", "1,2,3", "-1,0", "1.5,0", "1,2;", "0,0" * 1000])
-def test_what_is_not_understood(spec):
+def test_text_that_is_not_understood(spec):
     with pytest.raises(InvalidOption, match="give center, cross, all") as error:
         parse_views(spec, 15, 15)
     assert "\n" not in str(error.value)
@@ -23,14 +23,14 @@ def test_what_is_not_understood(spec):
 
 
 @pytest.mark.parametrize("spec", ["15,0", "0,15", "999999,0"])
-def test_views_that_are_not_there(spec):
+def test_views_that_do_not_exist(spec):
     with pytest.raises(InvalidOption, match="0 to 14"):
         parse_views(spec, 15, 15)
 
 
 @settings(derandomize=True, deadline=None, max_examples=50)
 @given(st.integers(1, 20), st.integers(1, 20), st.sampled_from(["center", "cross", "all"]))
-def test_named_views_are_there_and_differ(pixels_v, pixels_u, spec):
+def test_named_views_exist_and_differ(pixels_v, pixels_u, spec):
     views = parse_views(spec, pixels_v, pixels_u)
     assert len(set(views)) == len(views) >= 1
     assert all(0 <= v < pixels_v and 0 <= u < pixels_u for v, u in views)

@@ -34,11 +34,11 @@ def test_a_revolved_profile_is_closed_with_its_outside_out() -> None:
     assert np.ptp(vertices[front], axis=0).tolist() == [0, 0, 0]
 
 
-def test_a_ring_is_closed_with_its_outside_out() -> None:
+def test_a_torus_is_closed_with_its_outside_out() -> None:
     assert volume(*make_torus(2, 0.5, 96, 64)) == pytest.approx(2 * np.pi**2 * 2 * 0.25, rel=0.01)
 
 
-def test_turning_is_counter_clockwise_from_the_positive_end() -> None:
+def test_rotation_is_counter_clockwise_from_the_positive_end() -> None:
     axes = np.eye(3)
     for axis in range(3):
         assert rotate_vertices(axes[[(axis + 1) % 3]], axis, 90)[0] == pytest.approx(axes[(axis + 2) % 3])

@@ -1,6 +1,6 @@
-"""Whatever address a file gives for another one, nothing but the bundle is asked for it.
+"""Addresses in a mesh file are never followed: readers take files from the bundle only.
 
-The readers run in a process of their own, in which opening a file, a socket or a process is an event that is counted.
+The readers run in a process of their own, in which an audit hook records each opening of a file, socket or process.
 """
 
 import subprocess
@@ -79,7 +79,7 @@ WATCHED = {"open", "os", "socket", "subprocess", "urllib", "ftplib", "http", "ct
 count = 0
 for address in ADDRESSES:
     for main, given in files(address):
-        assert len(read(main, given)) > 0, (address, main)  # that it isn't there is told
+        assert len(read(main, given)) > 0, (address, main)  # a note or an error on the missing file
         count += 1
 WATCHED = set()
 print(count, seen)

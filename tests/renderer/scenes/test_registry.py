@@ -30,7 +30,7 @@ def test_scenes_are_the_same_each_time(name: str) -> None:
             assert np.array_equal(one.texture.pixels, other.texture.pixels)
 
 
-def test_they_rise_in_complexity() -> None:
+def test_scenes_rise_in_complexity() -> None:
     assert list(SCENES) == ["vase", "globe", "hamburger"]
     vase, globe, hamburger = (load_scene(name) for name in SCENES)
     assert [part.texture for part in vase.parts] == [None]
@@ -55,6 +55,6 @@ def test_the_vase_is_one_closed_surface_lit_from_outside() -> None:
     assert np.abs(part.colors[part.faces][:, :, 0].mean(axis=1) - expected).mean() < 0.01
 
 
-def test_no_such_scene() -> None:
+def test_unknown_scene() -> None:
     with pytest.raises(InvalidOption, match="scene:teapot: no such scene; the scenes are vase, globe, hamburger"):
         load_scene("teapot")
