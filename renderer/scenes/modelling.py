@@ -29,7 +29,7 @@ def make_grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
 def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Revolves a profile about the y axis: vertices `(k*(segments+1), 3)`, faces and uv.
 
-    `profile`: `(k, 2)` of radius and y; its outside is outside where y goes up. u goes around from 0 to 1, v along the
+    `profile`: `(k, 2)` of radius and y; faces point outwards where y rises. u goes around from 0 to 1, v along the
     profile by its length.
     """
     points = np.asarray(profile, np.float64)
