@@ -6,6 +6,7 @@ import pytest
 
 from ciir.models import catalogue
 from ciir.training import recipe as recipes
+from tests.support.paths import ROOT
 
 SHIPPED = sorted((Path(recipes.__file__).parent / "recipes").glob("*.toml"))
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'
@@ -80,7 +81,7 @@ def test_a_field_that_came_later_counts_as_its_default(smallest):
 
 @pytest.mark.parametrize("name", [field.name for field in fields(recipes.Recipe)])
 def test_every_field_is_documented(name):
-    text = (Path(recipes.__file__).parents[1] / "docs" / "training.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
     table = text[text.index("### Fields") : text.index("### Watch")]
     assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
 
@@ -90,7 +91,7 @@ def legs(folder):
     said = " ".join(path.read_text(encoding="utf-8") for path in SHIPPED).replace("\\\n#", " ")
     means = {
         out: re.findall(r"runs/([\w-]+)/", of)
-        for of, out in re.findall(r"training\.average (.*?) -o runs/([\w-]+)/", said)
+        for of, out in re.findall(r"training\.export\.average (.*?) -o runs/([\w-]+)/", said)
     }
     return [leg for name in means[folder] for leg in legs(name)] if folder in means else [folder]
 
