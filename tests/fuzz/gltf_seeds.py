@@ -110,7 +110,7 @@ def glb() -> list[bytes]:
     return [glb_of(document, stored() + picture)]
 
 
-def decode_draco() -> list[bytes]:
+def draco() -> list[bytes]:
     """A GLB whose one primitive is compressed."""
     import DracoPy
 
