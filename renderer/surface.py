@@ -164,6 +164,7 @@ def _add_normals(surfaces: list[Surface]) -> list[Surface]:
 
 
 def _bake_light(surface: Surface) -> Part:
+    """The surface with its material, vertex colours and light multiplied into one colour per vertex."""
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors

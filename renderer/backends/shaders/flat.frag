@@ -1,5 +1,5 @@
 #version 330 core
-// A point's colour is its interpolated vertex colour times its texture's, whichever way it is seen from.
+// A point's colour is its interpolated vertex colour times its texture's, the same from all directions.
 struct Material {
 #ifdef HAS_BASE_COLOR_TEX
     sampler2D base_color_texture;

@@ -18,7 +18,7 @@ CORNERS_AND_MIDDLE = [(0, 0), (0, 14), (7, 7), (14, 0), (14, 14)]
 
 def find_disagreements(one, other, *, textured):
     """What is out of bounds between two sets of RGBA views `(n, rows, cols, 4)`, `other` being the exact one."""
-    faults = []
+    errors = []
     mask, exact = one[..., 3] > 0, other[..., 3] > 0
     edge = np.zeros_like(exact)
     for axis in (1, 2):
@@ -30,20 +30,20 @@ def find_disagreements(one, other, *, textured):
     differ = mask != exact
     # OpenGL snaps vertices to 1/256 of a pixel; an edge crosses a pixel's centre within that for about 1 in 100.
     if differ.sum() > 0.02 * edge.sum():
-        faults.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
+        errors.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
     signed = int(mask.sum()) - int(exact.sum())
     if abs(signed) > max(3.0, 3.0 * np.sqrt(differ.sum())):
-        faults.append(f"silhouette: biased by {signed} pixels of {differ.sum()}")
+        errors.append(f"silhouette: biased by {signed} pixels of {differ.sum()}")
     inside = mask & exact
     error = (one[..., :3].astype(int) - other[..., :3])[inside]
     if textured:
         if np.abs(error).mean() > 2.0:
-            faults.append(f"texture: mean absolute difference {np.abs(error).mean():.2f}")
+            errors.append(f"texture: mean absolute difference {np.abs(error).mean():.2f}")
         if np.abs(error.mean(0)).max() > 0.3:
-            faults.append(f"texture: bias {error.mean(0)}")
+            errors.append(f"texture: bias {error.mean(0)}")
     elif (np.abs(error).max(-1) <= 3).mean() < 0.995:
-        faults.append(f"colour: {(np.abs(error).max(-1) > 3).mean():.4f} of the pixels differ by more than 3")
-    return faults
+        errors.append(f"colour: {(np.abs(error).max(-1) > 3).mean():.4f} of the pixels differ by more than 3")
+    return errors
 
 
 @pytest.mark.parametrize("name", [*SCENES, *MESHES])
