@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
@@ -35,50 +36,33 @@ class Metrics:
     """The metrics of one process, in a registry of their own."""
 
     def __init__(self) -> None:
-        self.registry = registry = CollectorRegistry()
-        ProcessCollector(registry=registry)
-        self.requests = Counter(
-            "ciir_http_requests", "Requests answered", ("method", "route", "status"), registry=registry
+        self.registry = CollectorRegistry()
+        ProcessCollector(registry=self.registry)
+        counter = partial(Counter, registry=self.registry)
+        gauge = partial(Gauge, registry=self.registry)
+        histogram = partial(Histogram, registry=self.registry, buckets=_SECONDS)
+        self.requests = counter("ciir_http_requests", "Requests answered", ("method", "route", "status"))
+        self.latency = histogram(
+            "ciir_http_request_seconds", "From the head of a request to the end of its response", ("method", "route")
         )
-        self.latency = Histogram(
-            "ciir_http_request_seconds",
-            "Seconds from the head of a request to the end of its response",
-            ("method", "route"),
-            buckets=_SECONDS,
-            registry=registry,
+        self.received = counter("ciir_http_received_bytes", "Bytes of request bodies")
+        self.sent = counter("ciir_http_sent_bytes", "Bytes of response bodies")
+        self.submitted = counter(
+            "ciir_jobs_submitted", "Reconstructions requested; kind: accepted, known or refused", ("kind",)
         )
-        self.received = Counter("ciir_http_received_bytes", "Bytes of request bodies", registry=registry)
-        self.sent = Counter("ciir_http_sent_bytes", "Bytes of response bodies", registry=registry)
-        self.submitted = Counter(
-            "ciir_jobs_submitted",
-            "Reconstructions requested; kind: accepted, known or refused",
-            ("kind",),
-            registry=registry,
+        self.waiting = gauge("ciir_queue_waiting", "Waiting jobs")
+        self.running = gauge("ciir_queue_running", "Running jobs, on all machines")
+        self.queue_up = gauge("ciir_queue_up", "1 if the queue can be reached, else 0")
+        self.workers = gauge("ciir_workers", "Worker processes of this machine that have loaded the models")
+        self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that run a job")
+        self.ended = counter(
+            "ciir_jobs_ended", "Reconstructions ended; status: 200, a problem's, or an exception's name", ("status",)
         )
-        self.waiting = Gauge("ciir_queue_waiting", "Waiting jobs", registry=registry)
-        self.running = Gauge("ciir_queue_running", "Running jobs, on all machines", registry=registry)
-        self.queue_up = Gauge("ciir_queue_up", "1 if the queue can be reached, else 0", registry=registry)
-        self.workers = Gauge(
-            "ciir_workers", "Worker processes of this machine that have loaded the models", registry=registry
-        )
-        self.busy = Gauge("ciir_workers_busy", "Worker processes of this machine that run a job", registry=registry)
-        self.ended = Counter(
-            "ciir_jobs_ended",
-            "Reconstructions ended; status: 200, that of the problem, or the name of the exception",
-            ("status",),
-            registry=registry,
-        )
-        self.seconds = Histogram(
-            "ciir_job_seconds", "Seconds of a worker process per reconstruction", buckets=_SECONDS, registry=registry
-        )
-        self.stages = Counter(
-            "ciir_stage_seconds", "Seconds of finished reconstructions by stage", ("stage",), registry=registry
-        )
-        self.written = Counter("ciir_result_bytes", "Bytes of results of finished reconstructions", registry=registry)
-        self.pixels = Counter("ciir_model_pixels", "Input pixels of models", registry=registry)
-        self.skipped = Counter(
-            "ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",), registry=registry
-        )
+        self.seconds = histogram("ciir_job_seconds", "Of a worker process per reconstruction")
+        self.stages = counter("ciir_stage_seconds", "Seconds of finished reconstructions by stage", ("stage",))
+        self.written = counter("ciir_result_bytes", "Bytes of the results of finished reconstructions")
+        self.pixels = counter("ciir_model_pixels", "Input pixels of models")
+        self.skipped = counter("ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",))
 
     def text(self) -> bytes:
         """All metrics in Prometheus' text format."""
