@@ -2,7 +2,6 @@
 
 import re
 import socket
-import time
 from pathlib import Path
 
 import httpx2
@@ -14,6 +13,7 @@ from ciir.service.cli.main import main
 from tests.load.server import descendants
 from tests.support.inputs import EIA, EIA_PNG
 from tests.support.servers import run_ciir, run_python, run_server
+from tests.support.waiting import wait_until
 
 
 def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
@@ -42,7 +42,7 @@ def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
 def test_the_queues_password_is_in_no_log(tmp_path):
     log = tmp_path / "log"
     with run_ciir(log, "worker", CIIR_QUEUE="redis://:swordfish@127.0.0.1:1/0", CIIR_WORKERS="1"):
-        until(lambda: "take jobs from redis://...@127.0.0.1:1/0" in log.read_text())
+        wait_until(lambda: "take jobs from redis://...@127.0.0.1:1/0" in log.read_text())
     assert "swordfish" not in log.read_text()
 
 
@@ -50,18 +50,10 @@ def test_the_queues_password_is_in_no_log(tmp_path):
 def test_worker_processes_are_started_without_the_servers_secrets(tmp_path, words):
     secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0"}
     with run_ciir(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
-        (worker,) = until(lambda: workers_of(process.pid))
+        (worker,) = wait_until(lambda: workers_of(process.pid))
         environment = (worker / "environ").read_bytes()
     assert b"CIIR_WORKERS=1" in environment
     assert b"swordfish" not in environment
-
-
-def until(condition):
-    deadline = time.monotonic() + 60
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "it didn't come about in time"
-        time.sleep(0.05)
-    return found
 
 
 def workers_of(pid):
