@@ -1,4 +1,4 @@
-"""What several commands do alike: find the input, collect the options, write the report."""
+"""Helpers of several commands: options, reports, progress and output."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 _PREFIX = "option_"
 
 
-def options(args: argparse.Namespace) -> Options:
-    """The options that were given on the command line."""
+def parse_options(args: argparse.Namespace) -> Options:
+    """The options on the command line. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return Options.parse(given)
 
 
 def check_report(path: str | None, out: Path) -> None:
-    """Before any work: raises `InvalidOption` where the report can't be written to `path`, beside the output `out`."""
+    """Raises `InvalidOption` where the report can't be written to `path`, beside the output `out`; before any work."""
     if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
-        raise InvalidOption(f"--report: {path!r} is no place of its own; name a file for the report")
+        raise InvalidOption(f"--report: {path!r} is empty or the output itself; name another file for the report")
 
 
-def report_path(path: str | None) -> list[Path]:
-    """Where the report goes, if one is asked for."""
+def list_report_paths(path: str | None) -> list[Path]:
+    """The report's path; empty where no report is wanted."""
     return [] if path is None else [Path(path)]
 
 
-def finish(report: Report, path: str | None) -> None:
-    """Writes the report to `path`, if one was given, and tells its notes."""
+def write_report(report: Report, path: str | None) -> None:
+    """Writes the report to `path`, if one was given, and prints its notes."""
     if path is not None:
         with replacing(Path(path)) as file:
             file.write(report_json(report))
@@ -66,11 +66,11 @@ def progress_bar(unit: str) -> Iterator[Progress]:
         yield progress
 
 
-def say(text: str) -> None:
-    """A line for whoever asked."""
+def print_line(text: str) -> None:
+    """Prints a line at once, also into a pipe."""
     print(text, flush=True)
 
 
-def timings(report: Report) -> str:
+def format_timings(report: Report) -> str:
     """`decode 3, render 20, total 31 ms`."""
     return ", ".join(f"{stage} {ms:.0f}" for stage, ms in report["timings_ms"].items()) + " ms"

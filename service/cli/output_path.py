@@ -1,4 +1,4 @@
-"""What `-o` names: a file by its suffix, or a folder. What looks like a file of another kind is refused."""
+"""Decides whether `-o` names a file or a folder, by its suffix, and refuses suffixes of other files."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _FILES = re.compile(
     r"\.(7z|avif|bmp|bz2|exr|gif|glb|gltf|gz|heic|heif|ico|jp2|jpe|jpeg|jpg|json|jxl|mat|npy|npz|obj|off|pdf|pgm|ply|"
     r"png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|txt|webp|xz|zip)"
 )
-"""Suffixes that nobody gives to a folder by intent."""
+"""Suffixes that are not taken for a folder's."""
 
 
-def is_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
+def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     """Whether `text` names a file with one of `suffixes` (lower case), not a folder; `what` is to be written there.
 
-    A folder is what is there as one, what ends with a slash, and what has no suffix of a file. Raises `InvalidOption`
-    where `text` is empty or its suffix is another file's.
+    A folder is an existing one, a name that ends with a slash, and a name without a file's suffix. Raises
+    `InvalidOption` where `text` is empty or its suffix is another file's.
     """
     if not text:
         raise InvalidOption(f"-o: '' is no name; give one for {what}")
@@ -36,9 +36,9 @@ def is_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     return suffix in suffixes
 
 
-def folder(text: str, *, what: str) -> Path:
-    """The folder that `text` names; raises as `is_file`."""
-    is_file(text, (), what=what)
+def resolve_folder(text: str, *, what: str) -> Path:
+    """The folder that `text` names; raises as `names_file`."""
+    names_file(text, (), what=what)
     return Path(text)
 
 

@@ -1,1 +1,1 @@
-"""TODO"""
+"""The demo: the shipped scenes from mesh to upscaled view."""

@@ -1,4 +1,4 @@
-"""One view of several scenes, made in four ways, side by side in one picture."""
+"""Draws the contact sheet: one view of each scene in four ways, side by side."""
 
 from __future__ import annotations
 

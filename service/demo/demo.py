@@ -1,4 +1,4 @@
-"""The shipped scenes from mesh to upscaled view: pictures for the README, and where the time goes."""
+"""Makes the demo: the shipped scenes from mesh to upscaled view, with the time of each stage."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 SCENES = ("vase", "globe", "hamburger")
-"""Of rising complexity, as in the field's papers; the last is followed step by step."""
+"""Of rising complexity; the pictures of single steps are of the last."""
 LENSES, PIXELS = (100, 100), (15, 15)
 COLUMNS = (*STAGES, "total")
 WIDTH = 46
@@ -46,11 +46,11 @@ class Step:
     report: Report
 
 
-def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[Step], None]) -> None:
+def run_demo(write: Callable[[str, bytes], None], backend: Backend, report_step: Callable[[Step], None]) -> None:
     """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`.
 
-    `tell` hears of each step when it is done. Lenses average over their pitch, as real ones do. Scenes, backend and
-    network are made ready before anything is timed.
+    `report_step` is called after each step. Lenses average over their pitch, as real ones do. Scenes, backend and
+    network are loaded before the first step is timed.
     """
     upscaler = catalogue.load_upscaler(catalogue.DEFAULT)
     upscaler(np.zeros((1, 3, *LENSES), np.float32))
@@ -61,14 +61,14 @@ def run(write: Callable[[str, bytes], None], backend: Backend, tell: Callable[[S
         scenes.load_scene(scene)
         eias: list[bytes] = []
         made = render_eia(scene, mesh, partial(_keep_png, eias))
-        tell(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
+        report_step(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
         picture = Bundle.from_upload(f"{scene}.png", eias[0])
         views = {}
         for model in ("none", "bicubic", catalogue.DEFAULT):
             views[model], report = _view(picture, Options(lenses=LENSES, model=model))
-        tell(Step(scene, "EIA to view, upscaled", report))
+        report_step(Step(scene, "EIA to view, upscaled", report))
         truth, report = _view(scene, replace(mesh, sampling="pinhole", strategy="direct"))
-        tell(Step(scene, "mesh to view, direct", report))
+        report_step(Step(scene, "mesh to view, direct", report))
         pixels = [decode(png, name=scene) for png in (*views.values(), truth)]
         rows.append(contact_sheet.Row(scene, *pixels))  # mapped, bicubic, network, truth
     write("eia.png", eias[0])
@@ -89,12 +89,12 @@ def _view(source: Source, options: Options) -> tuple[bytes, Report]:
     return file.getvalue(), report
 
 
-def header() -> str:
+def format_header() -> str:
     """The first line of the table of timings."""
     return f"{'milliseconds':<{WIDTH}}" + "".join(f"{column:>9}" for column in COLUMNS)
 
 
-def line(step: Step) -> str:
+def format_step(step: Step) -> str:
     """A step's line of the table."""
     timings = step.report["timings_ms"]
     cells = (f"{timings[column]:>9.1f}" if column in timings else f"{'':>9}" for column in COLUMNS)

@@ -1,1 +1,1 @@
-"""One module for each command of `ciir`, with `run(args)`; imported only when its command is given."""
+"""The commands: one module each, with `run(args)`, imported when the command is given."""

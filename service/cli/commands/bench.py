@@ -1,4 +1,4 @@
-"""`ciir bench`: the door to `benchmarks.bench`."""
+"""`ciir bench`: runs `benchmarks.bench`."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measures and writes; says where."""
-    to = output_path.folder(args.out, what="the results")
+    """Measures, writes the results, and prints where they are."""
+    to = output_path.resolve_folder(args.out, what="the results")
     if to.is_file():
         raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
     asked = _asked(args)
     from ciir.benchmarks.bench.run import bench
 
     found = bench(asked, to)
-    common.say(
+    common.print_line(
         f"{to}: results.md, results.csv, results.json, pareto.png, crops.png"
         + (", growth.png" if asked.extras else "")
         + f" written after {found['seconds']:.0f} s"
     )
     for where, names in found["frontier"].items():
-        common.say(f"{where}: best for its time: {', '.join(names)}")
+        common.print_line(f"{where}: best for its time: {', '.join(names)}")
 
 
 def _asked(args: argparse.Namespace) -> Asked:
@@ -52,7 +52,7 @@ def _asked(args: argparse.Namespace) -> Asked:
         asked = replace(asked, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
     if args.only_views:
         asked = replace(asked, extras=False)
-    return replace(asked, array=common.options(args))
+    return replace(asked, array=common.parse_options(args))
 
 
 def _name(text: str) -> str:

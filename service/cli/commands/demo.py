@@ -1,4 +1,4 @@
-"""`ciir demo`."""
+"""`ciir demo`: makes pictures of the shipped scenes."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes the pictures, and prints where the time went."""
-    options = common.options(args)
-    staged = Staged(output_path.folder(args.out, what="the demo's pictures"))
+    options = common.parse_options(args)
+    staged = Staged(output_path.resolve_folder(args.out, what="the demo's pictures"))
     names: list[str] = []
 
     def write(name: str, data: bytes) -> None:
         staged.write(name, data)
         names.append(name)
 
-    def tell(step: demo.Step) -> None:
-        common.say(demo.line(step))
+    def print_step(step: demo.Step) -> None:
+        common.print_line(demo.format_step(step))
 
-    common.say(demo.header())
+    common.print_line(demo.format_header())
     try:
-        demo.run(write, options.backend, tell)
+        demo.run_demo(write, options.backend, print_step)
         staged.commit()
     finally:
         staged.discard()
-    *of_one, sheet = names
-    common.say(f"{args.out}: {', '.join(of_one)} of the {demo.SCENES[-1]}; {sheet} of all scenes")
+    *single, sheet = names
+    common.print_line(f"{args.out}: {', '.join(single)} of the {demo.SCENES[-1]}; {sheet} of all scenes")

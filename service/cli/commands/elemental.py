@@ -1,4 +1,4 @@
-"""`ciir elemental`."""
+"""`ciir elemental`: renders a mesh's elemental image array."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def run(args: argparse.Namespace) -> None:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES or args.out.endswith("/"):
         listed = ", ".join(SUFFIXES)
-        raise InvalidOption(f"{args.out or '-o'}: no picture's name; end it with one of {listed}")
-    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
+        raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}")
+    output_path.check_not_input([path, *common.list_report_paths(args.report)], args.input)
     common.check_report(args.report, path)
-    options, source = common.options(args), open_source(args.input)
+    options, source = common.parse_options(args), open_source(args.input)
     with replacing(path) as file:
 
         def keep(pixels: Pixels) -> None:
             file.write(encode(pixels, suffix))
 
         report = pipeline.render_eia(source, options, keep)
-    common.finish(report, args.report)
+    common.write_report(report, args.report)
     array = report["lens_array"]
     width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]
-    common.say(f"{args.out}: {width}x{height} pixels ({common.timings(report)})")
+    common.print_line(f"{args.out}: {width}x{height} pixels ({common.format_timings(report)})")

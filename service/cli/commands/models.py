@@ -1,4 +1,4 @@
-"""`ciir models`."""
+"""`ciir models`: lists the models."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def run(args: argparse.Namespace) -> None:
     reasons = {entry.name: entry.unsupported_reason for entry in catalogue.list_entries()}
     models = [model | {"unsupported_reason": reasons[model["name"]]} for model in listing.list_models()]
     if args.json:
-        common.say(json.dumps(models, indent=2, ensure_ascii=False))
+        common.print_line(json.dumps(models, indent=2, ensure_ascii=False))
         return
     rows = [HEAD, *map(_row, models)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     for row in rows:
-        common.say("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
-    common.say(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_MODEL}")
+        common.print_line("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
+    common.print_line(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_MODEL}")
     for model in models:
         if reason := model["unsupported_reason"]:
-            common.say(f"{model['name']} is not for this machine: {reason}; {_remedy(model['card'])}")
+            common.print_line(f"{model['name']} is not for this machine: {reason}; {_remedy(model['card'])}")
 
 
 def _row(model: dict[str, Any]) -> tuple[str, ...]:

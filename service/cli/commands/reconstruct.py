@@ -1,4 +1,4 @@
-"""`ciir reconstruct`."""
+"""`ciir reconstruct`: the main job, from files to files."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes the views and the report, and prints what was written."""
-    is_file = output_path.is_file(args.out, list(BY_SUFFIX), what="views")
+    """Writes the views and the report, and prints a line about them."""
+    is_file = output_path.names_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
-    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
+    output_path.check_not_input([path, *common.list_report_paths(args.report)], args.input)
     common.check_report(args.report, path)
-    options, source = common.options(args), open_source(args.input)
+    options, source = common.parse_options(args), open_source(args.input)
     report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
-    common.finish(report, args.report)
+    common.write_report(report, args.report)
     views = report["views"]
     size = f"{views[0]['width']}x{views[0]['height']}"
-    common.say(f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.timings(report)})")
+    common.print_line(
+        f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.format_timings(report)})"
+    )
 
 
 def _to_file(source: Source, options: Options, path: Path) -> Report:

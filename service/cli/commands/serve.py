@@ -1,4 +1,4 @@
-"""`ciir serve`."""
+"""`ciir serve`: serves the HTTP API."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _log = logging.getLogger("ciir")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Serves HTTP until it is told to stop, and does the jobs unless CIIR_WORKERS is 0."""
+    """Serves HTTP until SIGTERM or Ctrl-C, and runs jobs unless CIIR_WORKERS is 0."""
     if args.show_settings:
         from ciir.service.settings_table import format_values
 
-        common.say(format_values())
+        common.print_line(format_values())
         return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
@@ -32,19 +32,19 @@ def run(args: argparse.Namespace) -> None:
     found = settings.read_settings()
     settings.unset_secrets()
     with _listening(args.host, int(args.port)) as listener:
-        # Connections inherit it. asyncio sets it on its own sockets alone; else a body waits 40 ms for its head.
+        # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         host, port = listener.getsockname()[:2]
         logs.configure(found.log_format)
         if is_open(host, len(found.api_keys)):
             _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: whoever reaches it may ask", host)
         app = create_app(found)
-        common.say(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
+        common.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
         DrainingServer(app).run([listener])
 
 
 def is_open(host: str, keys: int) -> bool:
-    """Whether other machines may ask at an IP address without one of so many keys."""
+    """Whether other machines can use the service at an IP address without one of so many keys."""
     return not keys and not ipaddress.ip_address(host.partition("%")[0]).is_loopback
 
 

@@ -1,4 +1,4 @@
-"""`ciir stress`: the door to `benchmarks.stress`."""
+"""`ciir stress`: runs `benchmarks.stress`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BROKEN = 1
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measures and tells; writes the JSON where it is asked for. Ends with `BROKEN` where a bound breaks."""
+    """Measures and prints; writes the JSON file where one is named. Exits with `BROKEN` where a bound does not hold."""
     if args.json is not None:
         if not args.json:
             raise InvalidOption("--json: '' is no name; name a file for the results")
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> None:
 
     groups = stress.chosen_groups(args.only)
     models, unsuited = stress.chosen_models(args.model)
-    found = stress.stress(groups, Effort(models, quick=args.quick), say=common.say, skipped=unsuited)
+    found = stress.stress(groups, Effort(models, quick=args.quick), say=common.print_line, skipped=unsuited)
     if args.json is not None:
         with replacing(Path(args.json)) as file:
             file.write((json.dumps(found, indent=2, allow_nan=False) + "\n").encode())

@@ -1,4 +1,4 @@
-"""`ciir evaluate`, `ciir train` and `ciir export`: the doors to `training`, whose packages need not be installed."""
+"""`ciir evaluate`, `ciir train` and `ciir export`: run `training`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ciir.models.cards import Accuracy
 
 VIEWS, DEGRADATION = "5x5", "bicubic"
-"""BasicLFSR's protocol: what a light field is evaluated on where nothing else is said."""
+"""BasicLFSR's protocol: a light field's evaluation by default."""
 OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
 """Fields of a recipe that may be given as options too."""
 
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _evaluate(args: argparse.Namespace) -> None:
-    options, names = common.options(args), list(args.words)
+    options, names = common.parse_options(args), list(args.words)
     if args.light_field is not None:
         _evaluate_views(args, options.scale)
         return
@@ -47,7 +47,7 @@ def _evaluate(args: argparse.Namespace) -> None:
             score = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _tell(names[0], score, "pictures")
+        _print_score(names[0], score, "pictures")
 
 
 def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
@@ -64,11 +64,11 @@ def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
         score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
-    _tell(model, score, "views")
+    _print_score(model, score, "views")
 
 
-def _tell(model: str, score: Accuracy, counted: str) -> None:
-    common.say(
+def _print_score(model: str, score: Accuracy, counted: str) -> None:
+    common.print_line(
         f"{model} on {score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}"
     )
 
@@ -81,7 +81,7 @@ def _train(args: argparse.Namespace) -> None:
         read = replace(recipe.read_recipe(Path(args.recipe)), **given)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
-    to = output_path.folder(args.out, what="a run")
+    to = output_path.resolve_folder(args.out, what="a run")
     from ciir.training.loop.interrupt import Stopped
     from ciir.training.loop.train import train
 
@@ -92,7 +92,7 @@ def _train(args: argparse.Namespace) -> None:
     except Stopped as stop:
         print(f"ciir: {join_lines(str(stop))}", file=sys.stderr)
         raise SystemExit(128 + stop.number) from None  # as a shell has it for a signal
-    common.say(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
+    common.print_line(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
 
 
 def _export(args: argparse.Namespace) -> None:
@@ -101,12 +101,12 @@ def _export(args: argparse.Namespace) -> None:
     if not source.is_file():
         what = "the weights" if args.weights else "the checkpoint.pt that `ciir train` wrote"
         raise InvalidOption(f"{source}: no such file; give {what}")
-    to = output_path.folder(args.out, what="a network and its card")
+    to = output_path.resolve_folder(args.out, what="a network and its card")
     name = args.name or ""
     folders, calibrate = _folders(args.on), _folders(args.calibrate, what="pictures")
     from ciir.training.export import export
 
-    common.say(f"exporting {source}: half a minute, and longer with --int8 or --on")
+    common.print_line(f"exporting {source}: half a minute, and longer with --int8 or --on")
     try:
         if args.weights:
             from ciir.training.export.external_weights import export_weights
@@ -118,7 +118,7 @@ def _export(args: argparse.Namespace) -> None:
             card = export.export_network(source, to, name=name, accuracy_on=folders)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
-    common.say(f"{card.with_suffix('.onnx')} and {card}: written")
+    common.print_line(f"{card.with_suffix('.onnx')} and {card}: written")
 
 
 def _check_export(args: argparse.Namespace) -> None:

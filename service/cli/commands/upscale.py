@@ -1,4 +1,4 @@
-"""`ciir upscale`."""
+"""`ciir upscale`: upscales a picture or a folder of pictures."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
     common.check_report(args.report, path)
-    output_path.check_not_input([path, *common.report_path(args.report)], args.input)
-    options, bundle = common.options(args), _bundle(args.input)
+    output_path.check_not_input([path, *common.list_report_paths(args.report)], args.input)
+    options, bundle = common.parse_options(args), _bundle(args.input)
     if bundle.main is None:
-        output_path.folder(args.out, what="several pictures")
+        output_path.resolve_folder(args.out, what="several pictures")
         names = [name for name in bundle.files if is_picture(name) and "/" not in name]
-        left_out = [name for name in bundle.files if name not in names]
+        others = [name for name in bundle.files if name not in names]
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
         report = _folder(bundle, output_names(names), path, options)
-        report["notes"] = [f"left out, not a picture of this folder: {name}" for name in left_out]
-    elif output_path.is_file(args.out, SUFFIXES, what="a picture"):
+        report["notes"] = [f"not a picture in this folder, skipped: {name}" for name in others]
+    elif output_path.names_file(args.out, SUFFIXES, what="a picture"):
         report = _single(bundle, bundle.main, path, options)
     else:
         outputs = output_names([bundle.main])
         output_path.check_not_input([path / name for name in outputs.values()], args.input)
         report = _folder(bundle, outputs, path, options)
-    common.finish(report, args.report)
+    common.write_report(report, args.report)
     done = report["pictures"]
-    common.say(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.timings(report)})")
+    common.print_line(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.format_timings(report)})")
 
 
 def _bundle(text: str) -> Bundle:
     try:
         return open_bundle(text)
-    except UnsupportedType as error:  # whose advice lists meshes too
+    except UnsupportedType as error:  # its remedy lists meshes too
         raise UnsupportedType(str(error).replace(READ, _TAKEN)) from error
 
 

@@ -1,4 +1,4 @@
-"""`ciir worker`."""
+"""`ciir worker`: runs jobs that a web process takes in."""
 
 from __future__ import annotations
 
@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     from ciir.service.metrics import Metrics
 
 LOOK_SECONDS = 0.5
-"""Python's signal handlers run in the main thread, when it next does something: one that came just before it began to
-wait would not be heard of while it waits."""
+"""How often the main thread wakes: Python runs signal handlers only there, between two instructions."""
 _log = logging.getLogger("ciir")
 
 
 def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
-    """Does the jobs of a queue that a web process fills, until SIGTERM or Ctrl-C; then finishes what runs, or puts it
-    back.
-    """
+    """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
     from ciir.service import logs, settings
     from ciir.service.jobs.engine import Engine
     from ciir.service.metrics import Metrics

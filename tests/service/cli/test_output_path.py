@@ -76,7 +76,7 @@ def test_a_file_of_another_kind_is_refused_before_any_work(folder, capsys, monke
 
 
 def test_the_demo_takes_a_folder(folder, capsys, monkeypatch):
-    monkeypatch.setattr("ciir.service.demo.demo.run", pytest.fail)
+    monkeypatch.setattr("ciir.service.demo.demo.run_demo", pytest.fail)
     refused(capsys, ["demo", "-o", "zz.png"], "zz.png", "/ for a folder")
 
 
@@ -91,13 +91,13 @@ def test_elemental_makes_no_folder(folder, capsys):
 
 
 def test_names_of_folders(tmp_path):
-    assert not output_path.is_file("run.v2", [".png"], what="views")
-    assert not output_path.is_file(str(tmp_path), [".png"], what="views")
+    assert not output_path.names_file("run.v2", [".png"], what="views")
+    assert not output_path.names_file(str(tmp_path), [".png"], what="views")
     (tmp_path / "there.jpg").mkdir()
-    assert not output_path.is_file(str(tmp_path / "there.jpg"), [".png"], what="views")
-    assert output_path.is_file("a.PNG", [".png"], what="views")
+    assert not output_path.names_file(str(tmp_path / "there.jpg"), [".png"], what="views")
+    assert output_path.names_file("a.PNG", [".png"], what="views")
     with pytest.raises(InvalidOption, match="-o"):
-        output_path.folder("", what="views")
+        output_path.resolve_folder("", what="views")
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, "elemental"])

@@ -10,7 +10,8 @@ torch = pytest.importorskip("torch", reason="needs the training extra")
 from PIL import Image
 
 from ciir.service.cli.commands.training import OVERRIDES
-from ciir.service.cli.main import main, parser
+from ciir.service.cli.main import main
+from ciir.service.cli.parser import parse_arguments
 from ciir.training.data.crops import Crops
 from ciir.training.data.layered_scenes import TEXTURE
 from ciir.training.data.light_field_crops import LightFieldCrops
@@ -251,7 +252,7 @@ def test_the_command_line(recipe, tmp_path, capsys, monkeypatch):
 
 
 def test_options_of_the_command_are_fields_of_the_recipe():
-    args = parser().parse_args(["train", "a.toml", "-o", "out"])
+    args = parse_arguments(["train", "a.toml", "-o", "out"])
     assert set(OVERRIDES) == {field.name for field in fields(Recipe)} & set(vars(args))
 
 
