@@ -2,31 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 
-from ciir.service.jobs.job import Problem
-
 if TYPE_CHECKING:
-    import threading
-    from collections.abc import Callable, Mapping
-    from typing import Any, Protocol
-
-    from ciir.service.jobs.job import Result
-    from ciir.service.jobs.workers.task import Task
-
-    class Runs(Protocol):
-        """A pool of worker processes, or a wrapper of one."""
-
-        def run(
-            self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
-        ) -> Result | Problem:
-            """Runs `work` and returns its outcome."""
-            ...
-
+    from collections.abc import Mapping
+    from typing import Any
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
 _SKIPPED = ("uniform", "repeated")
@@ -68,42 +51,13 @@ class Metrics:
         """All metrics in Prometheus' text format."""
         return generate_latest(self.registry)
 
-    def count_result(self, result: Result) -> None:
-        """Adds the stages, bytes and pixels of a finished reconstruction."""
-        self.written.inc(result.size)
-        for stage, milliseconds in result.report["timings_ms"].items():
+    def count_result(self, size: int, report: Mapping[str, Any]) -> None:
+        """Adds the stages, bytes and pixels of a finished reconstruction; `size`: bytes of its result."""
+        self.written.inc(size)
+        for stage, milliseconds in report["timings_ms"].items():
             self.stages.labels(stage).inc(milliseconds / 1000)
-        skipped: Mapping[str, float] | None = result.report["plan"]["skipped"]
+        skipped: Mapping[str, float] | None = report["plan"]["skipped"]
         if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even where no model ran
             self.pixels.inc(skipped["pixels"])
             for reason in _SKIPPED:
                 self.skipped.labels(reason).inc(round(skipped["pixels"] * skipped[reason]))
-
-
-class CountingPool:
-    """A pool that counts its work in `metrics`."""
-
-    def __init__(self, pool: Runs, metrics: Metrics) -> None:
-        self._pool, self._metrics = pool, metrics
-
-    def run(
-        self, work: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
-    ) -> Result | Problem:
-        """Runs `work` as the pool does."""
-        begun = time.perf_counter()
-        status = "?"
-        self._metrics.busy.inc()
-        try:
-            outcome = self._pool.run(work, progress=progress, cancelled=cancelled)
-        except BaseException as error:
-            status = type(error).__name__
-            raise
-        else:
-            status = str(outcome.status) if isinstance(outcome, Problem) else "200"
-        finally:
-            self._metrics.busy.dec()
-            self._metrics.seconds.observe(time.perf_counter() - begun)
-            self._metrics.ended.labels(status).inc()
-        if not isinstance(outcome, Problem):
-            self._metrics.count_result(outcome)
-        return outcome

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import NotReady, QueueUnavailable
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
-from ciir.service.metrics import CountingPool
+from ciir.service.jobs.workers.counting_pool import CountingPool
 
 if TYPE_CHECKING:
     from ciir.service.jobs.workers.pool import Pool

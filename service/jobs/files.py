@@ -16,8 +16,8 @@ from typing import IO, TYPE_CHECKING, BinaryIO
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import InvalidOption, QueueUnavailable
-from ciir.service.jobs.error_log import ErrorLog
+from ciir.errors import InvalidOption
+from ciir.service.jobs.resource import Resource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -46,7 +46,7 @@ class Files:
 
         Raises `InvalidOption` if it can't be used.
         """
-        self._errors = ErrorLog("the files")
+        self._place = Resource("the files", self._describe)
         try:
             self._fs, root = fsspec.core.url_to_fs(place, use_listings_cache=False)  # other servers write there too
             self._is_local = isinstance(self._fs, LocalFileSystem)
@@ -63,7 +63,7 @@ class Files:
 
     def put(self, folder: str, name: str, file: BinaryIO) -> None:
         """Writes all of `file`, from its beginning."""
-        with self._translate_errors():
+        with self._place.use():
             file.seek(0)
             if self._is_local:
                 self._put_locally(self._path(folder, name), name, file)
@@ -82,18 +82,18 @@ class Files:
 
     def open(self, folder: str, name: str) -> IO[bytes]:
         """Opens the file for reading; raises `FileNotFoundError`."""
-        with self._translate_errors():
+        with self._place.use():
             opened: IO[bytes] = self._fs.open(self._path(folder, name), "rb")
         return opened
 
     def exists(self, folder: str, name: str) -> bool:
         """Whether there is such a file."""
-        with self._translate_errors():
+        with self._place.use():
             return bool(self._fs.exists(self._path(folder, name)))
 
     def remove(self, folder: str, name: str) -> None:
         """Removes the file, and what an interrupted `put` left, if there is any."""
-        with suppress(FileNotFoundError), self._translate_errors():
+        with suppress(FileNotFoundError), self._place.use():
             (self._runs / f"{name}{_PARTIAL}").unlink(missing_ok=True)
             self._fs.rm_file(self._path(folder, name))
 
@@ -105,7 +105,7 @@ class Files:
         """
         folder = self._runs / result
         try:
-            with self._translate_errors():
+            with self._place.use():
                 folder.mkdir()
                 path = Path(self._path(INPUTS, source))
                 if not self._is_local:
@@ -119,7 +119,7 @@ class Files:
             self.remove_run(result)
 
     def _publish(self, target: Path, result: str) -> None:
-        with self._translate_errors():
+        with self._place.use():
             if self._is_local:
                 target.replace(self._path(RESULTS, result))
             else:
@@ -131,36 +131,25 @@ class Files:
 
     def list_names(self, folder: str) -> list[str]:
         """The names of all files in `folder`."""
-        with suppress(FileNotFoundError), self._translate_errors():  # an object store has no empty folders
+        with suppress(FileNotFoundError), self._place.use():  # an object store has no empty folders
             return [str(path).rpartition("/")[2] for path in self._fs.ls(self._path(folder), detail=False)]
         return []
 
     def get_age(self, folder: str, name: str) -> float:
         """Seconds since the file was written, by the system clock; raises `FileNotFoundError`."""
-        with self._translate_errors():
+        with self._place.use():
             return time.time() - float(self._fs.modified(self._path(folder, name)).timestamp())
 
     def list_runs(self) -> list[str]:
         """The results that runs on this machine are making, or were making when they died."""
-        with self._translate_errors():
+        with self._place.use():
             return [path.name for path in self._runs.iterdir() if path.is_dir()]
 
-    @contextmanager
-    def _translate_errors(self) -> Iterator[None]:
-        """Raises `QueueUnavailable` for every `OSError` but `FileNotFoundError`.
-
-        For an object store, for every exception: each store's client has exceptions of its own.
+    def _describe(self, error: Exception) -> str | None:
+        """The message for an error of the place: any `OSError` but `FileNotFoundError`, or any exception of an object
+        store, as each store's client has its own.
         """
-        try:
-            yield
-        except FileNotFoundError:
-            raise
-        except Exception as error:
-            if self._is_local and not isinstance(error, OSError):
-                raise
-            self._errors.log_error(str(error))
-            reason = getattr(error, "strerror", None) or "their store doesn't answer"
-            raise QueueUnavailable(
-                f"the server's files can't be used ({reason}); free disk space, or try again later"
-            ) from error
-        self._errors.log_success()
+        if isinstance(error, FileNotFoundError) or (self._is_local and not isinstance(error, OSError)):
+            return None
+        reason = getattr(error, "strerror", None) or "their store doesn't answer"
+        return f"the server's files can't be used ({reason}); free disk space, or try again later"

@@ -12,8 +12,6 @@ from ciir.service.jobs.files import INPUTS, RESULTS
 from ciir.service.jobs.job import FINAL, Event, Job, Problem, Result
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ciir.service.jobs.files import Files
     from ciir.service.jobs.queue import Queue
     from ciir.service.jobs.records import Records
@@ -44,26 +42,21 @@ class Lifecycle:
             if job is None or job.state != "queued":
                 return None
             attempts = job.attempts + 1
-            return job.add_event(
-                Event("running", {"attempt": attempts}), state="running", attempts=attempts, lease=lease
-            )
+            event = Event("running", {"attempt": attempts})
+            return job.add_event(event, state="running", attempts=attempts, lease=lease)
 
         return self._records.update(id_, step)
 
     def add_progress(self, run: Job, data: dict[str, Any]) -> bool:
         """Adds a progress event; False if the lease is lost: the job was cancelled, or its consumer declared dead."""
-        return self._update(run, lambda job: job.add_event(Event("progress", data))) is not None
+        return self._update(run, Event("progress", data)) is not None
 
     def finish(self, run: Job, outcome: Result | Problem) -> bool:
         """Ends the job. If the lease is lost, removes the run's result file and returns False."""
-
-        def step(job: Job) -> Job:
-            if isinstance(outcome, Problem):
-                return job.add_event(Event("failed", asdict(outcome)), state="failed", problem=outcome)
-            data = {"format": outcome.format, "size": outcome.size}
-            return job.add_event(Event("done", data), state="done", result=outcome)
-
-        done = self._update(run, step)
+        if isinstance(outcome, Problem):
+            done = self._update(run, Event("failed", asdict(outcome)), problem=outcome)
+        else:
+            done = self._update(run, Event("done", {"format": outcome.format, "size": outcome.size}), result=outcome)
         if done is None:
             now = self._records.get(run.id)
             if now is not None and now.lease == run.lease and (now.result or now.problem) == outcome:
@@ -76,29 +69,16 @@ class Lifecycle:
 
     def requeue(self, run: Job) -> None:
         """Puts the job of a run that was stopped back into the queue."""
-        self._requeue(run, lambda job: job.add_event(Event("queued"), state="queued"))
+        self._retry(run, None)
 
     def retry_after_worker_death(self, run: Job) -> None:
         """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`."""
-
-        def step(job: Job) -> Job:
-            deaths = job.worker_deaths + 1
-            if deaths >= WORKER_DEATH_LIMIT:
-                failed = Event("failed", asdict(WORKER_STOPPED))
-                return job.add_event(failed, state="failed", problem=WORKER_STOPPED, worker_deaths=deaths)
-            return job.add_event(Event("queued"), state="queued", worker_deaths=deaths)
-
-        self._requeue(run, step)
+        deaths = run.worker_deaths + 1
+        self._retry(run, WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None, worker_deaths=deaths)
 
     def retry_after_consumer_death(self, run: Job) -> None:
         """Queues the job again, or fails it after `ATTEMPT_LIMIT`; removes the run's files."""
-
-        def step(job: Job) -> Job:
-            if job.attempts >= ATTEMPT_LIMIT:
-                return job.add_event(Event("failed", asdict(INTERRUPTED)), state="failed", problem=INTERRUPTED)
-            return job.add_event(Event("queued"), state="queued")
-
-        if self._requeue(run, step):
+        if self._retry(run, INTERRUPTED if run.attempts >= ATTEMPT_LIMIT else None):
             self._files.remove_run(run.output)
             self._files.remove(RESULTS, run.output)
 
@@ -133,18 +113,23 @@ class Lifecycle:
         """Stores that the ended job with the input `name`, of `size` bytes with its result, was used just now."""
         self._queue.finished.put(name, json.dumps([time.time(), size]).encode())
 
-    def _update(self, run: Job, step: Callable[[Job], Job]) -> Job | None:
-        def guarded(job: Job | None) -> Job | None:
+    def _update(self, run: Job, event: Event, **changes: Any) -> Job | None:
+        """Adds an event, whose kind is the new state unless it is progress; None if the lease is lost."""
+        state = "running" if event.kind == "progress" else event.kind
+
+        def step(job: Job | None) -> Job | None:
             has_lease = job is not None and job.state == "running" and job.lease == run.lease
-            return step(job) if job is not None and has_lease else None
+            return job.add_event(event, state=state, **changes) if job is not None and has_lease else None
 
-        return self._records.update(run.id, guarded)
+        return self._records.update(run.id, step)
 
-    def _requeue(self, run: Job, step: Callable[[Job], Job]) -> bool:
-        job = self._update(run, step)
+    def _retry(self, run: Job, problem: Problem | None, **changes: Any) -> bool:
+        """Queues the job again, or fails it with `problem`; False if the lease is lost."""
+        event = Event("queued") if problem is None else Event("failed", asdict(problem))
+        job = self._update(run, event, problem=problem, **changes)
         if job is None:
             return False
-        if job.state in FINAL:
+        if problem is not None:
             self.settle(job)
         else:
             _log.warning("job %s: run %d was stopped; queued again", job.id, job.attempts)

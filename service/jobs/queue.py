@@ -14,7 +14,6 @@ import copy
 import sqlite3
 import threading
 import time
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from huey.constants import EmptyData
@@ -24,12 +23,12 @@ from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 from redis.retry import Retry
 
-from ciir.errors import InvalidOption, QueueUnavailable
-from ciir.service.jobs.error_log import ErrorLog
+from ciir.errors import InvalidOption
 from ciir.service.jobs.lanes import LANES
+from ciir.service.jobs.resource import Resource
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from ciir.service.jobs.job import Lane
@@ -79,33 +78,22 @@ class _Redis(RedisStorage):  # type: ignore[misc]
         return bool(self._swap(keys=[self.result_key], args=[key, old, *([] if new is None else [new])]))
 
 
-class _ErrorTranslator:
-    """Raises `QueueUnavailable` for errors of the storage, and logs them."""
-
-    def __init__(self) -> None:
-        self._errors = ErrorLog("the queue")
-
-    @contextmanager
-    def __call__(self) -> Iterator[None]:
-        """Clients get a message without the server's address or path."""
-        try:
-            yield
-        except (RedisError, sqlite3.Error) as error:
-            self._errors.log_error(str(error))
-            reason = "its server doesn't answer" if isinstance(error, RedisError) else str(error)
-            raise QueueUnavailable(f"the queue can't be used ({reason}); try again later") from error
-        self._errors.log_success()
+def _describe(error: Exception) -> str | None:
+    """The message for an error of the storage, without the server's address or path."""
+    if isinstance(error, RedisError):
+        return "the queue can't be used (its server doesn't answer); try again later"
+    return f"the queue can't be used ({error}); try again later" if isinstance(error, sqlite3.Error) else None
 
 
 class Table:
     """Values by key. Every method raises `QueueUnavailable` if the storage can't be reached or written."""
 
-    def __init__(self, storage: _Sqlite | _Redis, translate_errors: _ErrorTranslator) -> None:
-        self._storage, self._translate_errors = storage, translate_errors
+    def __init__(self, storage: _Sqlite | _Redis, resource: Resource) -> None:
+        self._storage, self._resource = storage, resource
 
     def get(self, key: str) -> bytes | None:
         """The value, or None."""
-        with self._translate_errors():
+        with self._resource.use():
             value = self._storage.peek_data(key)
         return None if value is EmptyData else bytes(value)
 
@@ -113,29 +101,29 @@ class Table:
         """The values of those keys that have one."""
         if not keys:
             return {}
-        with self._translate_errors():
+        with self._resource.use():
             return {key: bytes(value) for key, value in self._storage.peek_many(keys).items()}
 
     def items(self) -> dict[str, bytes]:
         """All values by key."""
-        with self._translate_errors():
+        with self._resource.use():
             return {key: bytes(value) for key, value in self._storage.result_items().items()}
 
     def put(self, key: str, value: bytes) -> None:
         """Sets the value."""
-        with self._translate_errors():
+        with self._resource.use():
             self._storage.put_data(key, value)
 
     def swap(self, key: str, old: bytes | None, new: bytes | None) -> bool:
         """Replaces `old` by `new` atomically; False if the value is not `old`. None stands for no value."""
-        with self._translate_errors():
+        with self._resource.use():
             if old is None:
                 return new is not None and bool(self._storage.put_if_empty(key, new))
             return self._storage.swap(key, old, new)
 
     def remove(self, key: str) -> None:
         """Removes the value, if there is one."""
-        with self._translate_errors():
+        with self._resource.use():
             self._storage.delete_data(key)
 
 
@@ -144,7 +132,7 @@ class Queue:
 
     def __init__(self, folder: Path, url: str = "") -> None:
         """`url`: a Redis server; empty: `FILE` in `folder`. Raises `InvalidOption` if that can't be opened."""
-        self._translate_errors = _ErrorTranslator()
+        self._resource = Resource("the queue", _describe)
         self._pool: ConnectionPool | None = None
         self._sqlite: _Sqlite | None = None
         if url:
@@ -157,13 +145,13 @@ class Queue:
                     f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or remove the file"
                 ) from error
         self._lanes = {lane: self._open(f"ciir{lane}") for lane in LANES}
-        self.jobs = Table(self._open("ciirjobs"), self._translate_errors)
+        self.jobs = self._open_table("ciirjobs")
         """Id -> the job's record."""
-        self.active = Table(self._open("ciiractive"), self._translate_errors)
+        self.active = self._open_table("ciiractive")
         """Name of a job's input -> nothing, from before the input is stored until the job is settled."""
-        self.finished = Table(self._open("ciirfinished"), self._translate_errors)
+        self.finished = self._open_table("ciirfinished")
         """Name of an ended job's input -> when it was last used (seconds since 1970), and its bytes."""
-        self.heartbeats = Table(self._open("ciirheartbeats"), self._translate_errors)
+        self.heartbeats = self._open_table("ciirheartbeats")
         """Name of a consumer -> a count that rises while it lives."""
         self._pushed = threading.Condition()
         self._wakes = 0
@@ -174,9 +162,12 @@ class Queue:
         assert self._pool is not None  # noqa: S101 - one of them is set
         return _Redis(name, self._pool)
 
+    def _open_table(self, name: str) -> Table:
+        return Table(self._open(name), self._resource)
+
     def push(self, lane: Lane, id_: str) -> None:
         """Appends an id to a lane, which may hold it twice. Raises `QueueUnavailable`."""
-        with self._translate_errors():
+        with self._resource.use():
             self._lanes[lane].enqueue(id_.encode())
         self.wake()
 
@@ -186,7 +177,7 @@ class Queue:
         Raises `QueueUnavailable`.
         """
         if self._pool is not None:
-            with self._translate_errors():
+            with self._resource.use():
                 conn = self._lanes[lanes[0]].conn
                 found = conn.brpop([self._lanes[lane].queue_key for lane in lanes], timeout=seconds)
             return None if found is None else found[1].decode()
@@ -194,10 +185,9 @@ class Queue:
         pause = POLL_SECONDS[0]
         is_woken = False
         while True:
-            with self._pushed:
-                wakes = self._wakes
+            wakes = self._wakes
             for lane in lanes:
-                with self._translate_errors():
+                with self._resource.use():
                     id_ = self._lanes[lane].dequeue()
                 if id_ is not None:
                     return bytes(id_).decode()
@@ -205,9 +195,7 @@ class Queue:
             if remaining <= 0 or is_woken:
                 return None
             with self._pushed:
-                if self._wakes == wakes:
-                    self._pushed.wait(min(pause, remaining))
-                is_woken = self._wakes != wakes
+                is_woken = self._pushed.wait_for(lambda: self._wakes != wakes, min(pause, remaining))  # noqa: B023
             pause = min(2 * pause, POLL_SECONDS[1])
 
     def wake(self) -> None:
@@ -218,12 +206,12 @@ class Queue:
 
     def count_waiting(self, lane: Lane) -> int:
         """How many ids are in a lane. Raises `QueueUnavailable`."""
-        with self._translate_errors():
+        with self._resource.use():
             return int(self._lanes[lane].queue_size())
 
     def list_waiting(self) -> set[str]:
         """All ids in the lanes. Raises `QueueUnavailable`."""
-        with self._translate_errors():
+        with self._resource.use():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 
     def close(self) -> None:

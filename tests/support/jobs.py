@@ -52,6 +52,12 @@ def list_files(jobs):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
+def read_metrics(metrics, *names):
+    """The values of metrics by their names and labels in Prometheus' text format."""
+    lines = dict(line.rsplit(" ", 1) for line in metrics.text().decode().splitlines() if not line.startswith("#"))
+    return [float(lines[name]) for name in names]
+
+
 def write_double(task, progress, cancelled):
     """A task's work: writes the input's bytes twice."""
     task.target.write_bytes(task.source.read_bytes() * 2)

@@ -1,0 +1,40 @@
+"""A resource whose errors become `QueueUnavailable`, logged once when they begin and once when they are over."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from ciir.errors import QueueUnavailable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+_log = logging.getLogger("ciir.jobs")
+
+
+class Resource:
+    """The queue, or the files. Threads may share it."""
+
+    def __init__(self, name: str, describe: Callable[[Exception], str | None]) -> None:
+        """`describe`: the message for clients if an exception is an error of this resource, else None."""
+        self._name, self._describe = name, describe
+        self._error = ""
+
+    @contextmanager
+    def use(self) -> Iterator[None]:
+        """Raises `QueueUnavailable` for an error of the resource, which is logged unless the last one was the same."""
+        try:
+            yield
+        except Exception as error:
+            message = self._describe(error)
+            if message is None:
+                raise
+            if str(error) != self._error:
+                self._error = str(error)
+                _log.warning("%s: %s", self._name, error)
+            raise QueueUnavailable(message) from error
+        if self._error:
+            self._error = ""
+            _log.warning("%s can be used again", self._name)

@@ -1,0 +1,42 @@
+"""Metrics of the tasks that a pool runs."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from ciir.service.jobs.job import Problem
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Callable
+
+    from ciir.service.jobs.workers.consumer import Runner
+    from ciir.service.jobs.workers.task import Outcome, Task
+    from ciir.service.metrics import Metrics
+
+
+class CountingPool:
+    """A pool that counts its tasks in `metrics`."""
+
+    def __init__(self, pool: Runner, metrics: Metrics) -> None:
+        self._pool, self._metrics = pool, metrics
+
+    def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+        """Runs `task` as the pool does."""
+        started = time.perf_counter()
+        status = ""
+        self._metrics.busy.inc()
+        try:
+            outcome = self._pool.run(task, progress=progress, cancelled=cancelled)
+            status = str(outcome.status) if isinstance(outcome, Problem) else "200"
+        except BaseException as error:
+            status = type(error).__name__
+            raise
+        finally:
+            self._metrics.busy.dec()
+            self._metrics.seconds.observe(time.perf_counter() - started)
+            self._metrics.ended.labels(status).inc()
+        if not isinstance(outcome, Problem):
+            self._metrics.count_result(outcome.size, outcome.report)
+        return outcome

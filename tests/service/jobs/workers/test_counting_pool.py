@@ -1,0 +1,39 @@
+import threading
+
+import pytest
+
+from ciir.errors import WorkerDied
+from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.workers.counting_pool import CountingPool
+from ciir.service.jobs.workers.task import Task
+from ciir.service.metrics import Metrics
+from tests.support.jobs import StandInPool, read_metrics
+
+TASK = Task("id", None, None, None)
+RESULT = Result("png", 123, {"timings_ms": {"total": 3000}, "plan": {"skipped": None}})
+
+
+def run(metrics, work):
+    pool = CountingPool(StandInPool(lambda *_: work()), metrics)
+    return pool.run(TASK, progress=print, cancelled=threading.Event())
+
+
+def test_outcomes_are_counted_by_status():
+    def die():
+        raise WorkerDied
+
+    metrics = Metrics()
+    assert run(metrics, lambda: RESULT) is RESULT
+    run(metrics, lambda: Problem(415, "T", "d"))
+    with pytest.raises(WorkerDied):
+        run(metrics, die)
+    assert read_metrics(
+        metrics,
+        'ciir_jobs_ended_total{status="200"}',
+        'ciir_jobs_ended_total{status="415"}',
+        'ciir_jobs_ended_total{status="WorkerDied"}',
+        "ciir_job_seconds_count",
+        "ciir_workers_busy",
+        "ciir_result_bytes_total",
+        'ciir_stage_seconds_total{stage="total"}',
+    ) == [1, 1, 1, 3, 0, 123, 3]
