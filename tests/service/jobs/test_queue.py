@@ -25,39 +25,31 @@ def test_other_lanes_keep_their_ids(queue):
     assert queue.pop(("large", "small"), 0.01) == "a"
 
 
-def test_push_ends_a_wait(queue):
+def pop_during(queue, act):
+    """The id that `pop`, waiting in a thread, returns after `act(thread)`."""
     found = []
-    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
+    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
     thread.start()
-    queue.push("small", "a")
+    act(thread)
     thread.join(30)
-    assert found == ["a"]
+    return found[0]
+
+
+def test_push_ends_a_wait(queue):
+    assert pop_during(queue, lambda _: queue.push("small", "a")) == "a"
 
 
 def test_push_and_wake_end_a_wait_in_this_process_without_a_poll(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "POLL_SECONDS", (60.0, 60.0))
     queue = Queue(tmp_path)
-    found = []
-    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
-    thread.start()
-    queue.push("small", "a")
-    thread.join(30)
-    assert found == ["a"]
-    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 60)))
-    thread.start()
-    wait_until(lambda: queue.wake() or not thread.is_alive())
-    assert found == ["a", None]
+    assert pop_during(queue, lambda _: queue.push("small", "a")) == "a"
+    assert pop_during(queue, lambda thread: wait_until(lambda: queue.wake() or not thread.is_alive())) is None
     queue.close()
 
 
 def test_push_through_another_connection_ends_a_wait(queue, queue_url, tmp_path):
     other = Queue(tmp_path, queue_url)
-    found = []
-    thread = threading.Thread(target=lambda: found.append(queue.pop(("small",), 30)))
-    thread.start()
-    other.push("small", "a")
-    thread.join(30)
-    assert found == ["a"]
+    assert pop_during(queue, lambda _: other.push("small", "a")) == "a"
     other.close()
 
 
