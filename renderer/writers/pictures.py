@@ -41,6 +41,7 @@ FORMATS = (
     PictureFormat("png", (".png",), "image/png"),
     PictureFormat("tiff", (".tif", ".tiff"), "image/tiff"),
     PictureFormat("jpeg", (".jpg", ".jpeg"), "image/jpeg"),
+    PictureFormat("webp", (".webp",), "image/webp"),
 )
 BY_SUFFIX = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
 SUFFIXES = tuple(BY_SUFFIX)
