@@ -16,13 +16,18 @@ COPY models models
 COPY training training
 COPY service service
 COPY benchmarks benchmarks
-# Then what no request needs goes: tests, debug symbols, OpenGL for other platforms, tools to make networks, pip.
+# Then what no request needs goes: tests, debug symbols, OpenGL for other platforms, tools to make networks, codecs of
+# formats that are not read, pip.
 RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && find /opt/ciir -depth -type d -name tests -exec rm -r {} + \
     && find /opt/ciir/lib/python*/site-packages/swagger_ui_bundle -name '*.map' -delete \
     && cd /opt/ciir/lib/python*/site-packages \
     && rm -r onnxruntime/datasets onnxruntime/quantization onnxruntime/tools onnxruntime/transformers OpenGL/DLLS \
         OpenGL/GLES* OpenGL/WGL OpenGL/raw/GLES* OpenGL/raw/WGL pyrender/fonts \
+    && rm onnxruntime/capi/libonnxruntime.so.* \
+    && for codec in avif htj2k pcodec sperr sz3 ultrahdr; do rm imagecodecs/_$codec.*.so; done \
+    && for library in SPERR SZ3c aom avif cpcodec openjph uhdr; do rm imagecodecs.libs/lib$library-*; done \
+    && rm PIL/_avif.*.so pillow.libs/libavif-* \
     && strip --strip-debug DracoPy*.so PIL/*.so imagecodecs/*.so \
     && pip uninstall --yes pip setuptools
 

@@ -8,7 +8,7 @@ import tifffile
 
 from ciir.renderer.readers.pictures import decode
 
-LIMIT = 900e6
+LIMIT = 650e6
 HARD = ("--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL", "--security-opt", "no-new-privileges")  # noqa: S108 - there
 
 
