@@ -48,7 +48,7 @@ LIBRARIES = {
 FOLDERS = ("renderer", "models", "service", "training", "benchmarks")
 MOST_MODULES = 12
 """In one folder, without `__init__` and `conftest`."""
-PENDING = {"service.metrics imports service.jobs.job", "service/pipeline", "tests/fuzz"}
+PENDING = {"service.metrics imports service.jobs.job", "renderer/writers", "tests/fuzz"}
 """What does not keep these rules yet: to be corrected, then removed from here."""
 
 
