@@ -7,6 +7,7 @@ from ciir.benchmarks.stress import run as stress
 from ciir.benchmarks.stress.case import Effort, Found, Skipped
 from ciir.models import processor
 from ciir.service.cli.main import main
+from tests.support.paths import ROOT
 
 
 def good(effort):
@@ -134,5 +135,5 @@ def test_all_groups_have_cases_that_say_what_they_stress():
 
 
 def test_the_page_explains_every_group():
-    page = (stress.catalogue.SHIPPED.parents[1] / "docs" / "numerics.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "numerics.md").read_text(encoding="utf-8")
     assert [name for name in stress.GROUPS if f"`{name}`" not in page] == []
