@@ -1,28 +1,76 @@
+"""The commands and the code of the README, the tutorial, docs/python.md and the notebook run as they stand."""
+
 import json
 import re
+import shlex
 
+import numpy as np
+import pytest
+
+from ciir.renderer.writers.pictures import encode_png
+from ciir.service.cli.main import main
 from tests.support.paths import ROOT
 
 
-def test_the_code_of_the_page_runs(tmp_path, monkeypatch, capsys):
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) > 5
+    return tmp_path
+
+
+def read_page(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def find_code(page):
+    return re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+
+
+def find_commands(page):
+    return [shlex.split(line, comments=True)[1:] for line in re.findall(r"^ciir .*$", page, re.MULTILINE)]
+
+
+def run_code(blocks, name):
     scope = {}
     for block in blocks:
-        exec(compile(block, "docs/python.md", "exec"), scope)  # noqa: S102 - our own page
+        exec(compile(block, name, "exec"), scope)  # noqa: S102 - our own page
+    return scope
+
+
+def test_readme(folder, capsys):
+    page = read_page("README.md")
+    (folder / "demo-out").mkdir()  # as `make demo` leaves it
+    (folder / "demo-out" / "view_before.png").write_bytes(encode_png(np.zeros((20, 20, 3), np.uint8)))
+    commands = [words for words in find_commands(page) if words[0] not in ("serve", "COMMAND")]
+    assert len(commands) > 5
+    for words in commands:
+        assert main(words) == 0, (words, capsys.readouterr().err)
+    run_code(find_code(page), "README.md")
+    assert (folder / "views.zip").is_file()
+
+
+def test_tutorial(folder, capsys):
+    page = read_page("docs/tutorial.md")
+    for words in find_commands(page):
+        assert main(words) == 0, (words, capsys.readouterr().err)
+    capsys.readouterr()
+    run_code(find_code(page), "docs/tutorial.md")
+    scores = {model: float(psnr) for model, psnr in re.findall(r"(\w+): PSNR (.*) dB", capsys.readouterr().out)}
+    assert scores["bicubic"] < scores["fast"] < scores["field"]
+
+
+def test_python_page(folder, capsys):
+    blocks = find_code(read_page("docs/python.md"))
+    assert len(blocks) > 5
+    run_code(blocks, "docs/python.md")
     printed = capsys.readouterr().out
     for line in re.findall(r"print\(\w+\) +# (.+)", "".join(blocks)):
         assert line.removesuffix("...").rstrip() in printed
-    assert {path.name for path in tmp_path.iterdir()} == {"eia.png", "views.zip", "cross.zip"}
+    assert {path.name for path in folder.iterdir()} == {"eia.png", "views.zip", "cross.zip"}
 
 
-def test_the_notebook_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    notebook = json.loads((ROOT / "examples" / "light_field.ipynb").read_text(encoding="utf-8"))
-    scope = {}
-    for cell in notebook["cells"]:
-        if cell["cell_type"] == "code":
-            exec(compile("".join(cell["source"]), "light_field.ipynb", "exec"), scope)  # noqa: S102 - our own notebook
+def test_notebook(folder):
+    cells = json.loads(read_page("examples/light_field.ipynb"))["cells"]
+    scope = run_code(["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"], "light_field.ipynb")
     assert scope["psnr"](scope["large"].view(2, 2)) > scope["psnr"](scope["simple"]) + 1
-    assert {path.name for path in tmp_path.iterdir()} == {"eia.png", "views.zip"}
+    assert {path.name for path in folder.iterdir()} == {"eia.png", "views.zip"}
