@@ -1,38 +1,41 @@
-"""Checkpoints: written whole or not at all, read with a word on what is wrong."""
+"""Checkpoints of training runs: atomic writes, and reading with clear errors."""
 
 from __future__ import annotations
 
 import io
+import os
 import pickle
 from typing import TYPE_CHECKING, Any
 
 import torch
 
-from ciir.training import atomic_write
+from ciir.renderer.writers.atomic_write import replacing
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 KEYS = frozenset({"network", "optimiser", "step", "recipe", "commit", "seconds"})
-"""What every checkpoint has. Since there is a running mean: `raw` too, and `psnr`; since there are adversaries:
-`objective`."""
+"""What every checkpoint has. Newer ones also have `raw`, `psnr` and `objective`."""
 
 
 def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
-    """Writes a checkpoint, `KEYS` and more, whole or not at all.
+    """Writes a checkpoint, `KEYS` and more, atomically.
 
-    Raises `FloatingPointError` where a tensor in it is not finite, and `OSError` where there is no room: what was in
-    `path` stands.
+    Raises `FloatingPointError` where a tensor in it is not finite, and `OSError` where the disk is full; the file that
+    was at `path` then stays.
     """
-    if not _finite(state):
+    if not _is_finite(state):
         raise FloatingPointError(f"step {state['step']}: a weight is not a number; lower learning_rate or set clip")
-    buffer = io.BytesIO()  # torch tells of a full disk only as an error in its own archive
+    buffer = io.BytesIO()  # torch.save reports a full disk as an error in its own archive
     torch.save(state, buffer)
-    atomic_write.write(path, buffer.getvalue())
+    with replacing(path) as file:
+        file.write(buffer.getvalue())
+        file.flush()
+        os.fsync(file.fileno())  # otherwise a power cut could leave the new name on an empty file
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """The checkpoint in `path`, tensors on the CPU. Raises `ValueError` where it is none."""
+    """Reads a checkpoint, tensors on the CPU. Raises `ValueError` where the file is not one."""
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
@@ -44,11 +47,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return state
 
 
-def _finite(value: Any) -> bool:
+def _is_finite(value: Any) -> bool:
     if isinstance(value, torch.Tensor):
         return bool(torch.isfinite(value).all())
     if isinstance(value, dict):
-        return all(_finite(part) for part in value.values())
+        return all(_is_finite(part) for part in value.values())
     if isinstance(value, (list, tuple)):
-        return all(_finite(part) for part in value)
+        return all(_is_finite(part) for part in value)
     return True

@@ -7,7 +7,7 @@ import io
 import sys
 from typing import TYPE_CHECKING
 
-from ciir.training import atomic_write
+from ciir.renderer.writers.atomic_write import replacing
 from ciir.training.loop import plot
 from ciir.training.loop.events import Events
 
@@ -68,12 +68,13 @@ class Log:
     def add(self, row: Row) -> None:
         """`row`: `OTHER` and the losses."""
         self.rows.append(row)
-        atomic_write.write(self.out / "log.csv", _to_csv(self.rows))
+        with replacing(self.out / "log.csv") as file:
+            file.write(_to_csv(self.rows))
         if self._draw:
             try:
-                atomic_write.write(
-                    self.out / "curve.png", plot.draw_curves(self.rows, list_losses(self.rows), self.title)
-                )
+                picture = plot.draw_curves(self.rows, list_losses(self.rows), self.title)
+                with replacing(self.out / "curve.png") as file:
+                    file.write(picture)
             except ModuleNotFoundError as error:
                 self._draw = False
                 _note_missing(error, "curve.png")

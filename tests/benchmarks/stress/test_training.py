@@ -65,5 +65,5 @@ def test_a_guard_that_looks_away_is_noticed(monkeypatch):
 
 
 def test_a_checkpoint_that_takes_anything_is_noticed(monkeypatch):
-    monkeypatch.setattr("ciir.training.loop.checkpoints._finite", lambda value: True)
+    monkeypatch.setattr("ciir.training.loop.checkpoints._is_finite", lambda value: True)
     assert broken(training.guards) == ["NaN in a checkpoint's weight, saved"]

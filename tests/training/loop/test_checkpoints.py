@@ -1,3 +1,6 @@
+import errno
+import resource
+
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs torch, of the training extra")
@@ -21,6 +24,21 @@ def test_a_weight_that_is_not_a_number_is_not_saved(tmp_path, value):
     with pytest.raises(FloatingPointError, match="step 1: a weight is not a number"):
         checkpoints.save_checkpoint(path, STATE | {"optimiser": {"state": [{"m": torch.tensor([0, value])}]}})
     assert checkpoints.read_checkpoint(path)["optimiser"] == 1
+
+
+def test_the_old_checkpoint_survives_a_full_disk(tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(b"old")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with pytest.raises(OSError, match="large") as caught:
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+            checkpoints.save_checkpoint(path, STATE | {"network": {"w": torch.ones(2000)}})
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.errno == errno.EFBIG
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("data", [b"", b"text", b"PK\x03\x04" + bytes(40), None])
