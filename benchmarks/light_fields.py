@@ -25,7 +25,7 @@ from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.readers.bundle import Bundle
 from ciir.service.pipeline.options import Options
-from ciir.training.data import degrade, light_fields
+from ciir.training.data import downscale, light_fields
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def captured(folder: Path, row: Row) -> None:
     for count in GRIDS:
         views = light_fields.read_views(folder, grid=(count, count))
         middle, last = count // 2, count - 1
-        for kind in degrade.KINDS:
+        for kind in downscale.KINDS:
             pair = light_fields.degrade_views(views, kind, 2)
             row(f"{folder.name} {count}x{count} {kind}, inner", pair.low, of(pair, [(middle, middle)]))
             row(f"{folder.name} {count}x{count} {kind}, corners", pair.low, of(pair, [(0, 0), (0, last), (last, last)]))
@@ -138,7 +138,7 @@ def moved(low: Views, shift: int) -> Views:
 def parallax(folder: Path, models: Sequence[str], write: Callable[[str], object]) -> None:
     """Median and 90 % quantile of how far disparity is off, over textured patches, right and down of the middle."""
     views = light_fields.read_views(folder, grid=(7, 7))
-    for kind in degrade.KINDS:
+    for kind in downscale.KINDS:
         low, high = light_fields.degrade_views(views, kind, 2)
         for model in models:
             far: list[NDArray[np.float64]] = []

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from ciir.training.data import degrade
+from ciir.training.data import degrade, downscale
 from ciir.training.data.corrupt import Corruption
 from ciir.training.data.pictures import MEMORY, Pictures
 
@@ -57,7 +57,7 @@ class Photograph:
     @property
     def size(self) -> tuple[int, int]:
         """See `Pair`."""
-        covered = degrade.cell_size(self.kind, self.scale)
+        covered = downscale.cell_size(self.kind, self.scale)
         height, width = self.among.sizes[self.index]
         return height // covered, width // covered
 
@@ -110,7 +110,7 @@ class Crops:
         """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
         `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of
-        `training.data.degrade.KINDS` and,
+        `training.data.downscale.KINDS` and,
         with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`, `jpeg`: see
         `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed only.
 
@@ -122,7 +122,7 @@ class Crops:
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
             kind: [Photograph(photographs, index, kind, scale) for index in range(len(photographs))]
-            for kind in degrade.KINDS
+            for kind in downscale.KINDS
             if kind in degradations
         }
         if scenes or meshes:
@@ -169,7 +169,7 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
     """Raises `ValueError` where these can't be; `rendered`: whether there are views of scenes or meshes."""
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
-    known = (*degrade.KINDS, *RENDERED, BICUBIC_VIEW) if rendered else degrade.KINDS
+    known = (*downscale.KINDS, *RENDERED, BICUBIC_VIEW) if rendered else downscale.KINDS
     for kind, share in degradations.items():
         if kind not in known:
             raise ValueError(

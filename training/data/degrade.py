@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import torch
 from torch.nn import functional
 
+from ciir.training.data.downscale import cell_size, check_kind
+
 if TYPE_CHECKING:
     from torch import Tensor
 
 
 Pair = tuple["Tensor", "Tensor"]
 """LR `(C, h, w)` and HR `(C, scale*h, scale*w)`, 8 bit."""
-KINDS = ("bicubic", "box", "point")
-"""What `make_pair` makes of a photograph."""
 MARGINS = {"bicubic": 2, "box": 0, "point": 0}
 """LR samples around a part of a picture that its LR still depends on: the bicubic kernel ends 2 LR samples away."""
 
@@ -56,25 +56,13 @@ def point(image: Tensor, scale: int) -> Tensor:
     return _to_8_bit(cells[:, :, :, middle, :, middle].mean((3, 5)))
 
 
-def cell_size(kind: str, scale: int) -> int:
-    """How many pixels of a photograph an LR sample covers along each side.
-
-    A point must be smaller than a pixel of the truth: so for `point` the HR picture is the photograph at half its size.
-    """
-    return 2 * scale if kind == "point" else scale
-
-
 def make_pair(kind: str, photograph: Tensor, scale: int) -> Pair:
     """LR and HR of a photograph `(C, H, W)`, 8 bit, cut to whole cells.
 
-    Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell.
+    Raises `ValueError` as `training.data.downscale.check_kind`.
     """
-    if kind not in KINDS:
-        raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
+    check_kind(kind, photograph.shape[-2], photograph.shape[-1], scale)
     covered = cell_size(kind, scale)
-    if min(photograph.shape[-2:]) < covered:
-        height, width = photograph.shape[-2:]
-        raise ValueError(f"a picture of {height}x{width} is smaller than the {covered}x{covered} of one LR pixel")
     high = crop_to_multiple(photograph[None].float().div(255.0), covered)
     if kind == "point":
         low, high = point(high, covered), box(high, 2)

@@ -17,7 +17,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
-from ciir.training.data import degrade, layered_scenes
+from ciir.training.data import degrade, downscale, layered_scenes
 from ciir.training.data.crops import RENDERED, check_degradations
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_sample import Inputs
@@ -71,7 +71,7 @@ class LightFieldCrops:
     ) -> None:
         """`folder`: pictures for the sheets of scenes; those smaller than `layered.TEXTURE` are left out.
 
-        `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.degrade.KINDS`, and with `meshes`
+        `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.downscale.KINDS`, and with `meshes`
         of
         `training.data.crops.RENDERED`. `eased`: steps over which windows at the border, and all that is strange, come
         in:
@@ -81,7 +81,7 @@ class LightFieldCrops:
         """
         if scale != 2:
             raise ValueError(f"scale is {scale}; light fields are upscaled by 2: give that")
-        known = (*degrade.KINDS, *RENDERED) if meshes else degrade.KINDS
+        known = (*downscale.KINDS, *RENDERED) if meshes else downscale.KINDS
         for kind in degradations:
             if kind not in known:
                 raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")

@@ -41,9 +41,9 @@ def evaluate(
     scale: int = 2,
     degradation: str = "bicubic",
 ) -> Accuracy:
-    """`score` of a model by its name in the catalogue, or of any exported network by the path of its card.
+    """Scores a model by its name in the catalogue, or an exported network by the path of its card.
 
-    A model of single pictures goes view by view. Raises as `score`, and `ciir.errors.ModelError` where there is no
+    A single-picture model upscales view by view. Raises as `score`, and `ciir.errors.ModelError` where there is no
     such model.
     """
     return score(_network(model, scale), folder, grid=grid, degradation=degradation)
@@ -56,14 +56,14 @@ def score(
     grid: tuple[int, int] = GRID,
     degradation: str = "bicubic",
 ) -> Accuracy:
-    """Mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
+    """Returns mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
 
-    Each view is degraded as `training.data.degrade.make_pair` does and upscaled with only the views of the grid, as in
-    BasicLFSR. This differs from its protocol in that LR and output are RGB of 8 bits, where BasicLFSR makes Y
-    small and never rounds it, and in that a border of `scale` pixels is cut, as it is for pictures.
+    Each view is degraded by `training.data.downscale.downscale_picture` and upscaled with only the views of the grid,
+    as in BasicLFSR. Two things differ from its protocol: LR and output are 8-bit RGB, where BasicLFSR downscales Y and
+    never rounds it, and a border of `scale` pixels is cut, as for pictures.
 
-    Raises `ValueError` where there is no full grid of views of one size, or it is smaller than `grid`, or the views are
-    too small to be scored, or too few for a light-field network.
+    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
+    too small to be scored or too few for a light-field network.
     """
     if isinstance(network, LightFieldNetwork) and min(grid) < MINIMUM_GRID:
         raise ValueError(

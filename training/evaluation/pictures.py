@@ -1,7 +1,4 @@
-"""Accuracy on the public test sets by the published protocol, through `models` as a user runs it.
-
-Supplied LR pictures need no torch; LR that is made here of any HR pictures does.
-"""
+"""Accuracy on the public test sets by the published protocol, through `models` as a user runs it."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ from ciir.models.catalogue import load_upscaler
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
+from ciir.training.data.downscale import downscale_picture
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -35,14 +33,14 @@ PROTOCOL = (
 
 
 def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
-    """Mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
+    """Returns the mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
 
-    Without a `degradation` over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
+    Without a `degradation`: over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
     `*_HR.png`, or else over all its pictures (see `training.data.pictures.find_pictures`), with LR made by
-    `training.data.degrade.make_pair`.
+    `training.data.downscale.downscale_picture`.
 
     Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
-    picture is missing or not `scale` times as large as its LR; `ModuleNotFoundError` where a degradation wants torch.
+    picture is missing or not `scale` times as large as its LR.
     """
     psnrs, ssims = [], []
     for file, low, high in _degrade_pairs(folder, degradation, upscaler.scale) if degradation else _read_pairs(folder):
@@ -63,12 +61,12 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
 
 
 def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
-    """`score` for `load_model(model, scale=scale)`. Raises as both do."""
+    """Scores a model that is named as for `load_model`. Raises as `load_model` and `score`."""
     return score(load_model(model, scale=scale), folder, degradation=degradation)
 
 
 def load_model(model: str, *, scale: int = 2) -> Upscaler:
-    """A model by its name in the catalogue, or any exported network by the path of its card.
+    """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
     Raises `ciir.errors.ModelError` where there is no such model.
     """
@@ -86,7 +84,7 @@ def find_low_files(folder: Path) -> list[Path]:
 
 
 def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
-    """Each HR file, and the pixels of its LR and of itself."""
+    """Yields each HR file with the pixels of its LR file and of itself."""
     for low_file in tqdm(find_low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
         high_file = low_file.with_name(low_file.name.replace("_LR.png", "_HR.png"))
         if not high_file.is_file():
@@ -95,22 +93,17 @@ def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
 
 
 def _degrade_pairs(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
-    """Each HR file, and the pixels of LR made of it and of HR, `(H, W, 1 or 3)`."""
-    import torch
-
-    from ciir.training.data import degrade
-
+    """Yields each HR file with the pixels of its LR, which is made here, and of HR, `(H, W, 1 or 3)`."""
     files = pictures.find_pictures(folder)
     files = [file for file in files if file.name.endswith("_HR.png")] or files
     for file in tqdm(files, desc=folder.name, disable=None, unit="picture", leave=False):
-        photograph = torch.from_numpy(pictures.read_picture(file)).permute(2, 0, 1)
         try:
-            low, high = (made.permute(1, 2, 0).numpy() for made in degrade.make_pair(kind, photograph, scale))
+            low, high = downscale_picture(kind, pictures.read_picture(file), scale)
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from error
         yield file, low, high
 
 
 def _luma(picture: Picture) -> NDArray[np.float64]:
-    """As the published scripts have it: grey isn't squeezed into the studio range, which would add 1.3 dB."""
+    """Y as the published scripts compute it: grey keeps its full range (the studio range would add 1.3 dB)."""
     return rgb_to_luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)

@@ -9,7 +9,7 @@ import torch
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
-from ciir.training.data import degrade, light_field_crops, mesh_views, pictures
+from ciir.training.data import degrade, downscale, light_field_crops, mesh_views, pictures
 from ciir.training.data.light_field_sample import Inputs
 from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
 
@@ -45,7 +45,7 @@ LIGHT_FIELDS = 2
 
 
 def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
-    """Of each folder's pictures, degraded in turn by each of `degrade.KINDS`, and of the built-in scenes' views.
+    """Of each folder's pictures, degraded in turn by each of `downscale.KINDS`, and of the built-in scenes' views.
 
     Raises `ValueError` where a folder has no picture, or one can't be read or is smaller than one LR pixel.
     """
@@ -55,10 +55,10 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
         chosen = files[:: max(1, len(files) // PICTURES)][:PICTURES]
         for index, file in enumerate(chosen):
             photograph = torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1)
-            kind = degrade.KINDS[index % len(degrade.KINDS)]
+            kind = downscale.KINDS[index % len(downscale.KINDS)]
             try:
                 low, high = degrade.make_pair(
-                    kind, _crop_middle(photograph, SIDE * degrade.cell_size(kind, scale)), scale
+                    kind, _crop_middle(photograph, SIDE * downscale.cell_size(kind, scale)), scale
                 )
             except ValueError as error:
                 raise ValueError(f"{file}: {error}; take it out of the folder") from error
@@ -78,7 +78,7 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
     """
     found: list[Example] = []
     for folder in folders:
-        kinds = dict.fromkeys(degrade.KINDS, 1.0)
+        kinds = dict.fromkeys(downscale.KINDS, 1.0)
         crops = light_field_crops.LightFieldCrops(
             folder, crop=SIDE * scale, scale=scale, batch=SCENES_PER_BATCH, seed=0, degradations=kinds
         )

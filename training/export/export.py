@@ -20,7 +20,7 @@ from ciir.models.cards import Sizes
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.sessions import count_available_cores, open_session
 from ciir.models.single.network import SingleImageNetwork
-from ciir.training.data import degrade
+from ciir.training.data.downscale import KINDS
 from ciir.training.evaluation import light_fields, pictures
 from ciir.training.export import inputs as examples
 from ciir.training.export import measure, to_onnx
@@ -174,7 +174,7 @@ def _command(card: cards.Card, folders: Sequence[Path]) -> str:
     names = [folder.as_posix() for folder in folders]
     if not card.is_light_field:
         return " ".join(["ciir evaluate", card.name, *names])
-    tries = itertools.product(names, degrade.KINDS)
+    tries = itertools.product(names, KINDS)
     return "; ".join(f"ciir evaluate {card.name} --light-field {name} --degradation {kind}" for name, kind in tries)
 
 
@@ -184,7 +184,7 @@ def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
         upscaler = SingleImageNetwork(path)
         return tuple(pictures.score(upscaler, folder) for folder in folders)
     network = LightFieldNetwork(path)
-    tries = itertools.product(folders, degrade.KINDS)
+    tries = itertools.product(folders, KINDS)
     return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
 
 

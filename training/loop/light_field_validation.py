@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from ciir.models.light_field.windows import select_axis
-from ciir.training.data import degrade, light_fields
+from ciir.training.data import light_fields
+from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_sample import Inputs
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
@@ -23,13 +24,13 @@ if TYPE_CHECKING:
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
-    """The light field in `folder`, made small in each way of `degrade.KINDS`; read once, before the first step.
+    """The light field in `folder`, made small in each way of `KINDS`; read once, before the first step.
 
     Raises `ValueError` as `light_fields.read_views` does.
     """
     views = light_fields.read_views(folder)
     middle = tuple(slice(max(0, count // 2 - 2), count // 2 + 3) for count in views.shape[:2])
-    return [light_fields.degrade_views(views[middle], kind, scale) for kind in degrade.KINDS]
+    return [light_fields.degrade_views(views[middle], kind, scale) for kind in KINDS]
 
 
 def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:

@@ -1,4 +1,4 @@
-"""How good a network is while it is trained: Y-PSNR on a small set, which is read once, before the first step."""
+"""Validation of a single-picture network during training: Y-PSNR on a small set that is read once, at the start."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from ciir.training.data import degrade, pictures
+from ciir.training.data.downscale import Pair, downscale_picture
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -16,12 +17,9 @@ if TYPE_CHECKING:
 
     from ciir.training.data.pictures import Picture
 
-    Pair = tuple[Picture, Picture]
-    """LR `(H, W, 3)` and HR `(scale*H, scale*W, 3)`, 8-bit RGB."""
-
 
 def read_pairs(folder: Path, scale: int) -> list[Pair]:
-    """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all pictures there, with LR made bicubically.
+    """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all its pictures, with bicubic LR.
 
     Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
     """
@@ -40,15 +38,15 @@ def read_pairs(folder: Path, scale: int) -> list[Pair]:
                 f"{truth}: {high.shape[0]}x{high.shape[1]} pixels, where its LR is {low.shape[0]}x{low.shape[1]}; "
                 f"name a folder of pairs at scale {scale}"
             )
-        read.append((low, high))
+        read.append(Pair(low, high))
     return read
 
 
 def _make_pair(path: Path, scale: int) -> Pair:
-    high = degrade.crop_to_multiple(degrade.to_tensor(torch.from_numpy(pictures.read_rgb(path))), scale)
-    if min(high.shape[-2:]) < 3 * scale:  # the protocol cuts a border of `scale`: something must be left
-        raise ValueError(f"{path}: too small to validate on at scale {scale}; take it out of the folder")
-    return _to_pixels(degrade.bicubic(high, scale)), _to_pixels(high)
+    picture = pictures.read_rgb(path)
+    if min(picture.shape[:2]) < 3 * scale:  # the protocol cuts a border of `scale`, and something must remain
+        raise ValueError(f"{path}: too small to validate on at scale {scale}; remove it from the folder")
+    return downscale_picture("bicubic", picture, scale)
 
 
 def _to_pixels(image: Tensor) -> Picture:

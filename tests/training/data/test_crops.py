@@ -9,6 +9,7 @@ import torch
 from ciir.training.data import crops as data
 from ciir.training.data import degrade, pictures
 from ciir.training.data.crops import Crops
+from ciir.training.data.downscale import KINDS
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def test_a_folder_without_pictures(tmp_path):
         Crops(tmp_path, crop=24, scale=2, batch=1, seed=0)
 
 
-@pytest.mark.parametrize("kind", degrade.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
     """The mean over an LR cell of HR is near the LR sample; a pixel off, it is several times further from it."""
     crops = Crops(Path(recipe.train), crop=16, scale=2, batch=16, seed=9, degradations={kind: 1})
@@ -70,7 +71,7 @@ def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
 
 
 @pytest.mark.parametrize("scale", [2, 3, 4])
-@pytest.mark.parametrize("kind", degrade.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_crops_are_cut_out_of_whole_degraded_pictures(recipe, kind, scale):
     """To the bit, borders included: 3 pictures of odd sizes, many crops of them."""
     crops = Crops(Path(recipe.train), crop=2 * scale, scale=scale, batch=1, seed=9, degradations={kind: 1})

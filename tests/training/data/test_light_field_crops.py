@@ -12,6 +12,7 @@ from PIL import Image
 
 from ciir.models.light_field.windows import select_axis
 from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
+from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops, Window
 from ciir.training.loop.prefetch import prefetch_batches
@@ -84,7 +85,7 @@ class Drawn:
 
 
 def test_shapes_and_range(folder):
-    crops = crops_of(folder, batch=2, degradations=dict.fromkeys(degrade.KINDS, 1))
+    crops = crops_of(folder, batch=2, degradations=dict.fromkeys(KINDS, 1))
     for step in range(3):
         (image, around, rows, cols), high = crops.make_batch(step)
         assert (image.shape, around.shape, high.shape) == ((2, 3, 16, 16), (2, 25, 16, 16), (2, 3, 32, 32))
@@ -126,7 +127,7 @@ def test_turns_are_of_all_parts_alike(flat, turns):
 
 
 def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
-    crops = crops_of(folder, crop=48, degradations=dict.fromkeys(degrade.KINDS, 1))
+    crops = crops_of(folder, crop=48, degradations=dict.fromkeys(KINDS, 1))
     windows = set()
     for step in range(16):
         (_, around, rows, cols), _ = crops.make_batch(step)
@@ -136,7 +137,7 @@ def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
     assert len(windows) > 3
 
 
-@pytest.mark.parametrize("kind", degrade.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
     crops = crops_of(folder, degradations={kind: 1})
     for step in range(8):
@@ -150,7 +151,7 @@ def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
         assert (made - inputs.image).abs().max() <= 1.01 / 255  # sums in another order may round otherwise
 
 
-@pytest.mark.parametrize("kind", degrade.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_small_and_truth_of_fine_samples(kind):
     """The truth is the mean of 2x2 of them; a pinhole sees the middle of the 4x4 of its LR pixel."""
     fine = torch.randint(0, 256, (3, 24, 32), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
@@ -165,7 +166,7 @@ def test_small_and_truth_of_fine_samples(kind):
 
 
 def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
-    crops = crops_of(folder, degradations=dict.fromkeys(degrade.KINDS, 1))
+    crops = crops_of(folder, degradations=dict.fromkeys(KINDS, 1))
     for step in range(6):
         image, around, _ = crops._crop_scenes(np.random.default_rng(step), step)
         # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights

@@ -1,13 +1,11 @@
-"""Folders of views for validation and evaluation: what is read_views, made small, and refused."""
+"""Folders of views for validation and evaluation: reading, degrading and errors."""
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch", reason="needs the training extra")
-import torch
 from PIL import Image
 
-from ciir.training.data import degrade, light_fields
+from ciir.training.data import light_fields
+from ciir.training.data.downscale import KINDS, downscale_picture
 from ciir.training.data.light_fields import LEAST, degrade_views, read_views
 
 
@@ -41,37 +39,37 @@ def test_grey_views_become_rgb(tmp_path):
     assert found.flags.c_contiguous
 
 
-@pytest.mark.parametrize("kind", degrade.KINDS)
-def test_each_view_is_made_small_as_a_photograph(kind):
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_view_is_degraded_as_a_photograph(kind):
     pixels = views(2, 3, 19, 26)
     low, high = degrade_views(pixels, kind, 2)
     for v in range(2):
         for u in range(3):
-            wanted = degrade.make_pair(kind, torch.from_numpy(pixels[v, u]).permute(2, 0, 1), 2)
-            for got, want in zip((low, high), wanted, strict=True):
-                np.testing.assert_array_equal(got[v, u], want.permute(1, 2, 0))
+            wanted = downscale_picture(kind, pixels[v, u], 2)
+            np.testing.assert_array_equal(low[v, u], wanted.low)
+            np.testing.assert_array_equal(high[v, u], wanted.high)
 
 
 def refused(folder, **options):
-    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are the tests'
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the tests check the message
         read_views(folder, **options)
-    said = str(caught.value)
-    assert "\n" not in said
-    assert said.count(str(folder)) == 1
-    assert said.startswith(f"{folder}: ")
-    return said
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.count(str(folder)) == 1
+    assert message.startswith(f"{folder}: ")
+    return message
 
 
-def test_what_names_do_not_tell(tmp_path):
-    """The service's `pixels` is no option here."""
-    said = refused(save(tmp_path / "a", views(1, 5), name="picture{u}x"))
-    assert "5 pictures whose names don't tell their place" in said
-    assert said.endswith("name them view_VV_UU.png by row and column, or take out those that are no views")
-    assert "give pixels" not in said
+def test_names_without_a_position(tmp_path):
+    """The error does not name the option `pixels`, which reconstruction alone has."""
+    message = refused(save(tmp_path / "a", views(1, 5), name="picture{u}x"))
+    assert "5 pictures without rows and columns in their names" in message
+    assert message.endswith("name them view_VV_UU.png by row and column, or remove the pictures that are not views")
+    assert "give pixels" not in message
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("damage", "message"),
     [
         (lambda a: (a / "view_01_01.png").unlink(), "no view \\(1, 1\\); add it"),
         (lambda a: (a / "view_01_01.png").write_bytes(b"x"), "view_01_01.png: not a picture"),
@@ -81,9 +79,9 @@ def test_what_names_do_not_tell(tmp_path):
         (lambda a: [path.unlink() for path in a.iterdir() if "00_00" not in path.name], "no set of views; name"),
     ],
 )
-def test_a_folder_at_fault_is_named(tmp_path, spoil, message):
+def test_a_folder_at_fault_is_named(tmp_path, damage, message):
     folder = save(tmp_path / "a", views(2, 3))
-    spoil(folder)
+    damage(folder)
     with pytest.raises(ValueError, match=message):
         read_views(folder)
     refused(folder)
@@ -96,7 +94,7 @@ def test_no_folder(tmp_path):
 
 
 def test_views_too_small_or_of_a_kind_that_is_not_read(tmp_path):
-    small = f"views of {LEAST - 1}x{LEAST} pixels; at least {LEAST}x{LEAST} are of use: name larger views"
+    small = f"views of {LEAST - 1}x{LEAST} pixels; at least {LEAST}x{LEAST} are needed: name larger views"
     assert small in refused(save(tmp_path / "small", views(3, 3, LEAST - 1, LEAST)))
     clear = np.concatenate([views(2, 2), views(2, 2)[..., :1]], axis=-1)
     assert "views of 4 channels, uint8; give 8-bit grey or RGB" in refused(save(tmp_path / "clear", clear))
@@ -106,10 +104,10 @@ def test_views_too_small_or_of_a_kind_that_is_not_read(tmp_path):
 
 def test_fewer_views_than_are_asked_for(tmp_path):
     folder = save(tmp_path / "a", views(3, 4))
-    assert "3x4 views; --grid 4x4 asks for more: give fewer" in refused(folder, grid=(4, 4))
+    assert "3x4 views; --grid 4x4 needs more: give a smaller grid" in refused(folder, grid=(4, 4))
 
 
 def test_the_least_size_serves_every_way_of_making_small():
-    for kind in degrade.KINDS:
+    for kind in KINDS:
         low, _ = degrade_views(views(1, 2, light_fields.LEAST, light_fields.LEAST), kind, 4)
         assert low.shape[0:2] == (1, 2)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the training extra")
+pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 from PIL import Image
 
 from ciir import models
@@ -37,10 +37,10 @@ def field(down: int, across: int) -> dict[tuple[int, int], np.ndarray]:
     return {(v, u): small[v, u].repeat(2, axis=0).repeat(2, axis=1) for v in range(down) for u in range(across)}
 
 
-class Told(LightFieldNetwork):
+class Repeat(LightFieldNetwork):
     """A stand-in for a network: repeats each view's pixels, and notes in what window it stood."""
 
-    name, scale, radius, threads = "told", 2, 0, 1
+    name, scale, radius, threads = "repeat", 2, 0, 1
 
     def __init__(self):
         self.windows = []
@@ -50,7 +50,7 @@ class Told(LightFieldNetwork):
         return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
 
 
-@pytest.mark.parametrize("network", [Nearest(2), Told()])
+@pytest.mark.parametrize("network", [Nearest(2), Repeat()])
 def test_a_known_error(tmp_path, network):
     """Of 5x6 views the middle 3x4: cells of 2x2 grey pixels, of which one is 4k levels lighter, and so their mean k.
 
@@ -68,7 +68,7 @@ def test_a_known_error(tmp_path, network):
 
 
 def test_views_outside_the_grid_play_no_part(tmp_path):
-    network, views = Told(), field(5, 5)
+    network, views = Repeat(), field(5, 5)
     score(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
     assert len(network.windows) == 9
     (around, rows, cols), middle = network.windows[0], network.windows[4]
@@ -94,8 +94,8 @@ def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
 
 
 def test_too_few_views_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="--grid 2x3: told takes 3x3 views or more; give those"):
-        score(Told(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
+    with pytest.raises(ValueError, match="--grid 2x3: repeat takes 3x3 views or more; give those"):
+        score(Repeat(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
 
 
 def refused(folder: Path, **options) -> str:
@@ -121,8 +121,8 @@ def test_a_wrong_count(tmp_path):
     (tmp_path / "v").mkdir()
     for number, pixels in enumerate(field(2, 4).values()):
         Image.fromarray(pixels).save(tmp_path / "v" / f"{'abcdefgh'[number]}.png")
-    assert "no square of them" in refused(tmp_path / "v")
-    assert "3x3 views; --grid 5x5 asks for more" in refused(save(tmp_path / "w", field(3, 3)))
+    assert "not a square number" in refused(tmp_path / "v")
+    assert "3x3 views; --grid 5x5 needs more" in refused(save(tmp_path / "w", field(3, 3)))
 
 
 def test_what_is_no_set_of_views(tmp_path):

@@ -78,7 +78,6 @@ def test_a_pair_of_another_scale(tmp_path):
 @pytest.mark.parametrize(("kind", "psnr"), [("bicubic", 33.68), ("box", 33.86), ("point", 30.15)])
 def test_degradations_of_set5(kind, psnr):
     """Bicubic LR that is made here scores as the supplied one does, but for its border: 33.66 dB."""
-    pytest.importorskip("torch", reason="needs the training extra")
     scored = score(models.load_upscaler("bicubic"), IMAGES / "Set5", degradation=kind)
     assert scored.psnr == pytest.approx(psnr, abs=0.02)
     assert (scored.data, scored.pictures) == (f"Set5 ({kind})", 5)
@@ -86,7 +85,6 @@ def test_degradations_of_set5(kind, psnr):
 
 def test_any_pictures_can_be_degraded(tmp_path):
     """Nearest undoes a box of flat 2x2 cells; grey stays one channel, odd sides are cut."""
-    pytest.importorskip("torch", reason="needs the training extra")
     low = np.random.default_rng(0).integers(0, 255, (12, 13, 3), np.uint8)
     flat = low.repeat(2, axis=0).repeat(2, axis=1)
     save(tmp_path, "colour.png", np.pad(flat, ((0, 1), (0, 1), (0, 0))))
@@ -98,7 +96,6 @@ def test_any_pictures_can_be_degraded(tmp_path):
 
 
 def test_pictures_that_can_not_be_degraded_or_scored(tmp_path):
-    pytest.importorskip("torch", reason="needs the training extra")
     with pytest.raises(ValueError, match="no picture in it"):
         score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((1, 9), np.uint8))
@@ -118,6 +115,7 @@ def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
 
     code = (
         "import sys; from pathlib import Path;"
+        "from ciir.training.evaluation import light_fields;"
         "from ciir.training.evaluation.pictures import *;"
         f"print(evaluate('nearest', Path({recipe.validate!r})).pictures, 'torch' in sys.modules)"
     )

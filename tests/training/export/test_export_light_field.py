@@ -16,7 +16,7 @@ from ciir.models import cards, processor
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.windows import select_axis
 from ciir.models.sessions import open_session
-from ciir.training.data import degrade
+from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import TEXTURE
 from ciir.training.evaluation import light_fields
 from ciir.training.export import calibration, qdq, to_onnx
@@ -64,8 +64,8 @@ def test_the_card(exported, views):
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 4 + 2 + 1 + 1 + 1 + 1, 7)
     assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
-    assert card.accuracy == tuple(light_fields.score(network, views, degradation=kind) for kind in degrade.KINDS)
-    assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in degrade.KINDS]
+    assert card.accuracy == tuple(light_fields.score(network, views, degradation=kind) for kind in KINDS)
+    assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in KINDS]
     commands = card.command.split("; ")
     assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"
     assert len(commands) == len(card.accuracy)

@@ -30,12 +30,12 @@ def test_the_old_checkpoint_survives_a_full_disk(tmp_path):
     path = tmp_path / "checkpoint.pt"
     path.write_bytes(b"old")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with pytest.raises(OSError, match="large") as caught:
-        try:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(OSError, match="large") as caught:
             checkpoints.save_checkpoint(path, STATE | {"network": {"w": torch.ones(2000)}})
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert caught.value.errno == errno.EFBIG
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 from torch import nn
 
-from ciir.training.data import degrade
+from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import LUMA
 from ciir.training.data.light_fields import Pair, degrade_views
 from ciir.training.loop import light_field_validation
@@ -35,8 +35,8 @@ def test_the_middle_of_a_folder_is_made_small_in_each_way(tmp_path):
         for u in range(6):
             Image.fromarray(pixels[v, u]).save(tmp_path / f"view_{v}_{u}.png")
     found = light_field_validation.read_light_field(tmp_path, 2)
-    assert len(found) == len(degrade.KINDS)
-    for kind, pair in zip(degrade.KINDS, found, strict=True):
+    assert len(found) == len(KINDS)
+    for kind, pair in zip(KINDS, found, strict=True):
         wanted = degrade_views(pixels[1:6, 1:6], kind, 2)
         assert all(np.array_equal(got, want) for got, want in zip(pair, wanted, strict=True))
 

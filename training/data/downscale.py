@@ -1,0 +1,94 @@
+"""Low-resolution versions of whole pictures for evaluation and validation, in numpy.
+
+The methods and the phase are those of `training.data.degrade`, which does the same to training crops in torch.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from PIL import Image
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.training.data.pictures import Picture
+
+KINDS = ("bicubic", "box", "point")
+"""Degradations of a photograph: MATLAB's `imresize`, the mean of each cell, the middle of each cell."""
+
+
+class Pair(NamedTuple):
+    """A low-resolution picture `(h, w, C)` and its truth `(scale*h, scale*w, C)`, 8 bit."""
+
+    low: Picture
+    high: Picture
+
+
+def cell_size(kind: str, scale: int) -> int:
+    """How many pixels of a photograph an LR sample covers along each side.
+
+    A point must be smaller than a pixel of the truth: so for `point` the HR picture is the photograph at half its size.
+    """
+    return 2 * scale if kind == "point" else scale
+
+
+def check_kind(kind: str, height: int, width: int, scale: int) -> None:
+    """Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell."""
+    if kind not in KINDS:
+        raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
+    covered = cell_size(kind, scale)
+    if min(height, width) < covered:
+        raise ValueError(f"a picture of {height}x{width} is smaller than the {covered}x{covered} of one LR pixel")
+
+
+def downscale_picture(kind: str, photograph: Picture, scale: int) -> Pair:
+    """Makes LR and HR of a photograph `(H, W, C)`, 8 bit, cut to whole cells. Raises `ValueError` as `check_kind`."""
+    height, width = photograph.shape[:2]
+    check_kind(kind, height, width, scale)
+    covered = cell_size(kind, scale)
+    photograph = photograph[: height - height % covered, : width - width % covered]
+    if kind == "bicubic":
+        return Pair(_downscale_bicubic(photograph, scale), photograph)
+    if kind == "box":
+        return Pair(_average_cells(photograph, scale), photograph)
+    return Pair(_sample_cells(photograph, covered), _average_cells(photograph, 2))
+
+
+def _downscale_bicubic(picture: Picture, scale: int) -> Picture:
+    """Keys' cubic with a = -0.5, widened by `scale`; Pillow adds up in float64, and halves are rounded up."""
+    size = (picture.shape[1] // scale, picture.shape[0] // scale)
+    planes = [
+        np.asarray(Image.fromarray(plane.astype(np.float32)).resize(size, Image.Resampling.BICUBIC))
+        for plane in np.moveaxis(picture, 2, 0)
+    ]
+    return np.floor(np.stack(planes, axis=2) + np.float32(0.5)).clip(0, 255).astype(np.uint8)
+
+
+def _average_cells(picture: Picture, scale: int) -> Picture:
+    cells = _split_cells(picture, scale)
+    total: NDArray[np.float32] = np.zeros_like(cells[:, 0, :, 0])  # (h, w, C)
+    for row in range(scale):
+        for col in range(scale):
+            total += cells[:, row, :, col]
+    return _to_bytes(np.divide(total, scale**2, dtype=np.float32))
+
+
+def _sample_cells(picture: Picture, scale: int) -> Picture:
+    """The mean of the four samples around the middle of each cell; `scale` is even."""
+    cells, after = _split_cells(picture, scale), scale // 2
+    upper, lower = (cells[:, row, :, after - 1] + cells[:, row, :, after] for row in (after - 1, after))
+    return _to_bytes(np.divide(upper + lower, 4, dtype=np.float32))
+
+
+def _split_cells(picture: Picture, scale: int) -> NDArray[np.float32]:
+    """`(H, W, C)` -> `(H / scale, scale, W / scale, scale, C)` in [0, 1]."""
+    height, width, channels = picture.shape
+    values: NDArray[np.float32] = picture.astype(np.float32) / np.float32(255)
+    return np.reshape(values, (height // scale, scale, width // scale, scale, channels))
+
+
+def _to_bytes(values: NDArray[np.float32]) -> Picture:
+    levels: Picture = np.rint(values * np.float32(255)).astype(np.uint8)
+    return levels
