@@ -22,9 +22,9 @@ r = 8, a third of each side. What else was tried, all of it the same to the bit 
   enough; but onnxruntime's `Pad` took as much time as the smaller box won;
 - that before every second or fourth layer, and no padding in between. It wins, least on large views, but takes a second
   file for each network, and where the object is nearer than 2*r to an edge of the view that axis needs the zeros;
-- boxes cut in two along rows or columns where that saves enough (`models.single.skipping.boxes`, which does so): the
-globe at 512
-  lenses gains; at 100 and 200 the halo that a cut adds costs what it saves.
+- boxes cut in two along rows or columns where that saves enough, which
+  `models.single.skipping.cover_with_boxes` does: the globe at 512 lenses gains; at 100 and 200 the halo
+  that a cut adds costs what it saves.
 """
 
 from __future__ import annotations

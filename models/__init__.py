@@ -8,23 +8,13 @@
 
 from __future__ import annotations
 
-from ciir.errors import BadCard, BrokenNetwork, InvalidImage, ModelError, UnknownModel, UnsupportedScale
-from ciir.models.cards import Accuracy, Card
 from ciir.models.catalogue import DEFAULT, Entry, default_name, list_entries, list_names, load_upscaler
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.upscaler import Upscaler
 
 __all__ = [
     "DEFAULT",
-    "Accuracy",
-    "BadCard",
-    "BrokenNetwork",
-    "Card",
     "Entry",
-    "InvalidImage",
-    "ModelError",
-    "UnknownModel",
-    "UnsupportedScale",
     "Upscaler",
     "default_name",
     "list_entries",

@@ -1,4 +1,4 @@
-"""A network's card: what it is, what it was made from, what it costs and how accurate it is. One `.json` file."""
+"""Cards of networks: design, training, cost and accuracy, one `.json` file for each network."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tensor:
-    """An input or output of the network."""
+    """An input or output of a network."""
 
     name: str
     shape: tuple[str | int, ...]
@@ -24,17 +24,17 @@ class Tensor:
     dtype: str
     low: float
     high: float
-    """The range of its values; an output may leave it by a little and is clipped."""
+    """The range of its values; outputs may exceed it slightly and are clipped."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """How the weights were made."""
+    """How the weights were trained."""
 
     recipe: dict[str, Any]
     """Every field of `training.recipe.Recipe`, data included."""
     commit: str
-    """The commit whose code trained it; `+` at its end: with changes that were not committed."""
+    """The commit whose code trained it; it ends in `+` where there were uncommitted changes."""
     iterations: int
     seed: int
 
@@ -54,18 +54,18 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The pictures that a network takes; `models.sessions` repeats the edge pixels of others until they fit."""
+    """The sizes of pictures that a network takes; others are padded with their edge pixels until they fit."""
 
     minimum: int = 8
-    """Shortest side, pixels. Ours met no picture in training that was mostly zero padding: white of 1x1 came out as
-    dark grey. From 5 pixels on a flat picture is as flat as a large one."""
+    """Shortest side, pixels. Smaller pictures would be mostly zero padding, which did not occur in training: a white
+    1x1 picture came out dark grey. From 5 pixels on a flat picture comes out flat."""
     multiple_of: int = 1
-    """What both sides are multiples of."""
+    """Both sides are multiples of this."""
     square: bool = False
-    """Whether both sides are the same."""
+    """Whether both sides must be equal."""
 
-    def fitted(self, height: int, width: int) -> tuple[int, int]:
-        """The least height and width, not below those given, that the network takes."""
+    def round_up(self, height: int, width: int) -> tuple[int, int]:
+        """The smallest height and width that the network takes and that are not below those given."""
         step = self.multiple_of
         rows, cols = (-(-max(side, self.minimum) // step) * step for side in (height, width))
         return (max(rows, cols), max(rows, cols)) if self.square else (rows, cols)
@@ -76,11 +76,11 @@ PRECISIONS = ("float32", "int8")
 
 @dataclass(frozen=True)
 class Card:
-    """All that is known of a shipped network; the `.onnx` of the same stem lies beside it."""
+    """The description of a shipped network; the `.onnx` of the same stem lies beside its `.json`."""
 
     name: str
     kind: str
-    """The design, in words."""
+    """A short description of the design."""
     scale: int
     sha256: str
     """Of the `.onnx`, 64 hexadecimal digits."""
@@ -90,35 +90,35 @@ class Card:
     radius: int
     """Receptive field radius: how many input pixels away an input pixel can still change an output pixel.
 
-    Of a network whose field is wider than tiles can be: how far they overlap to differ from the whole by less than half
-    a level of 8 bits."""
+    For a network whose receptive field is wider than a tile: the overlap at which tiles differ from the whole picture
+    by less than half an 8-bit level."""
     parameters: int
-    """Numbers that were learnt; constants, such as the kernel of an interpolated base, are none."""
+    """Learnt numbers; constants, such as the kernel of an interpolated base, do not count."""
     macs_per_output_pixel: float
-    """Multiply-adds of all layers, an interpolated base's too, for each output pixel (three channels together)."""
+    """Multiply-adds of all layers, an interpolated base included, for each output pixel (three channels together)."""
     training: Training
     protocol: str
-    """How `accuracy` was measured, in words."""
+    """How `accuracy` was measured."""
     command: str
     """The command that printed `accuracy`."""
     accuracy: tuple[Accuracy, ...]
     precision: str = "float32"
-    """What the convolutions compute in, one of `PRECISIONS`; `models.processor` says where int8 is of use."""
+    """The type that convolutions compute in, one of `PRECISIONS`; see `models.processor` for int8."""
     float_twin: str = ""
-    """Of an int8 network: the name of the float one that it was made from."""
+    """For an int8 network: the name of the float network that it was made from."""
     sizes: Sizes = Sizes()
-    further: tuple[Tensor, ...] = ()
-    """Inputs beside `input`: of a light-field network, the window of views around the one that is upscaled."""
-    further_outputs: tuple[Tensor, ...] = ()
-    """Outputs after `output`: of a light-field network, how little those views have to do with that one."""
+    extra_inputs: tuple[Tensor, ...] = ()
+    """Inputs besides `input`; for a light-field network, the window of views around the upscaled one."""
+    extra_outputs: tuple[Tensor, ...] = ()
+    """Outputs besides `output`; for a light-field network, its uncertainty."""
 
     @property
     def is_light_field(self) -> bool:
-        """Whether it upscales a view with the help of those around it: see `models.light_field.network`."""
-        return bool(self.further)
+        """Whether it upscales a view with the help of the views around it: see `models.light_field.network`."""
+        return bool(self.extra_inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The card as JSON values, which `read_card` reads back."""
+        """The card as JSON values."""
         return dataclasses.asdict(self)
 
     def __post_init__(self) -> None:
@@ -135,7 +135,7 @@ class Card:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
 
 
-_PLAIN: dict[str, tuple[type, ...]] = {
+_JSON_TYPES: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "int": (int,),
     "bool": (bool,),
@@ -143,50 +143,49 @@ _PLAIN: dict[str, tuple[type, ...]] = {
     "dict[str, Any]": (dict,),
     "tuple[str | int, ...]": (list,),
 }
-_NESTED: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy, "Sizes": Sizes}
-
+_RECORDS: dict[str, type] = {"Tensor": Tensor, "Training": Training, "Accuracy": Accuracy, "Sizes": Sizes}
 _LISTS: dict[str, type] = {"tuple[Accuracy, ...]": Accuracy, "tuple[Tensor, ...]": Tensor}
 
 
-def _build(kind: type, table: object, where: str) -> Any:
-    """An instance of the dataclass `kind` from parsed JSON, every key and type checked."""
+def _build_record(kind: type, table: object, place: str) -> Any:
+    """An instance of the dataclass `kind` from parsed JSON, with every key and type checked."""
     if not isinstance(table, dict):
-        raise BadCard(f"{where}: a table is needed, not {table!r}")
-    known = {field.name: str(field.type) for field in dataclasses.fields(kind)}
-    needed = {field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING}
-    odd = sorted((needed - table.keys()) | (table.keys() - known.keys()))
-    if odd:
-        state = "missing" if odd[0] in known else "unknown"
-        raise BadCard(f"{where}: key {odd[0]!r} is {state}; write the card with `ciir export`")
+        raise BadCard(f"{place}: a table is needed, not {table!r}")
+    annotations = {field.name: str(field.type) for field in dataclasses.fields(kind)}
+    required = {field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING}
+    wrong = sorted((required - table.keys()) | (table.keys() - annotations.keys()))
+    if wrong:
+        state = "missing" if wrong[0] in annotations else "unknown"
+        raise BadCard(f"{place}: key {wrong[0]!r} is {state}; write the card with `ciir export`")
     values: dict[str, Any] = {}
     for key, value in table.items():
-        annotation, place = known[key], f"{where}: {key}"
-        if annotation in _NESTED:
-            values[key] = _build(_NESTED[annotation], value, place)
+        annotation, inner = annotations[key], f"{place}: {key}"
+        if annotation in _RECORDS:
+            values[key] = _build_record(_RECORDS[annotation], value, inner)
         elif annotation in _LISTS and isinstance(value, list):
-            values[key] = tuple(_build(_LISTS[annotation], item, place) for item in value)
-        elif isinstance(value, _PLAIN.get(annotation, ())) and isinstance(value, bool) == (annotation == "bool"):
+            values[key] = tuple(_build_record(_LISTS[annotation], item, inner) for item in value)
+        elif isinstance(value, _JSON_TYPES.get(annotation, ())) and isinstance(value, bool) == (annotation == "bool"):
             values[key] = tuple(value) if isinstance(value, list) else value
         else:
-            raise BadCard(f"{place} is {value!r}; {annotation} is needed")
+            raise BadCard(f"{inner} is {value!r}; {annotation} is needed")
     return kind(**values)
 
 
 def read_card(path: Path) -> Card:
-    """The card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
+    """Reads the card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BadCard(f"{path}: can't be read ({error.strerror}); give the .json that `ciir export` wrote") from error
     except ValueError as error:
         raise BadCard(f"{path}: can't be read as JSON ({error}); write the card with `ciir export`") from error
-    card = _build(Card, table, str(path))
-    assert isinstance(card, Card)  # noqa: S101 - tells the type checker what `_build` was asked for
+    card = _build_record(Card, table, str(path))
+    assert isinstance(card, Card)  # noqa: S101 - for the type checker
     if card.name != path.stem:
         raise BadCard(f"{path}: names its network {card.name!r}; name the files after the network")
     return card
 
 
 def write_card(card: Card, path: Path) -> None:
-    """Writes `card` as JSON that `read_card` takes back."""
+    """Writes `card` as JSON."""
     path.write_text(json.dumps(card.to_dict(), indent=2) + "\n", encoding="utf-8")

@@ -1,4 +1,7 @@
-"""The models that ship with the project, by name."""
+"""The registry of models: the networks in `shipped/`, and interpolation.
+
+To add a network, put its `.onnx` file and its `.json` card into `shipped/`.
+"""
 
 from __future__ import annotations
 
@@ -10,31 +13,32 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
 from ciir.models import cards, processor
+from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import SCALES, Bicubic, Nearest
+from ciir.models.single.network import SingleImageNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ciir.models.light_field.network import LightFieldNetwork
     from ciir.models.upscaler import Upscaler
 
 SHIPPED = Path(__file__).parent / "shipped"
-"""Holds an `.onnx` and a `.json` card for each network."""
+"""The folder of networks, an `.onnx` and a `.json` card for each."""
 DEFAULT = "fast"
-"""The float network for single pictures where none is named; `default_name` says what takes its place."""
+"""The default network for single pictures, in float; see `default_name`."""
 LIGHT_FIELD_DEFAULT = "field"
-"""The one for views of a light field where none is named; `light_field_default_name` says what takes its place."""
+"""The default network for views of a light field, in float; see `light_field_default_name`."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
-"""Name -> constructor from a scale."""
+"""Interpolation by name: constructors from a scale."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the catalogue."""
+    """A model of the catalogue."""
 
     name: str
     kind: str
-    """What it is, in words."""
+    """A short description."""
     scales: tuple[int, ...]
     """The factors it upscales by, ascending."""
     card: cards.Card | None
@@ -42,114 +46,107 @@ class Entry:
 
     @property
     def is_light_field(self) -> bool:
-        """Whether it upscales a view with the help of those around it, and so not a single picture."""
+        """Whether it upscales a view with the help of the views around it, rather than single pictures."""
         return self.card is not None and self.card.is_light_field
 
     @property
     def unsupported_reason(self) -> str:
-        """Why it can't run on this machine, in words; empty where it can."""
+        """Why it can't run on this machine; empty where it can."""
         return processor.int8_unsupported_reason() if self.card is not None and self.card.precision == "int8" else ""
 
 
 def list_entries() -> list[Entry]:
-    """All models: the networks by name, then the baselines. Raises `BadCard` where a shipped card is damaged."""
-    return [*_networks(SHIPPED), *(Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES)]
+    """All models: the networks sorted by name, then interpolation. Raises `BadCard` where a shipped card is damaged."""
+    return [*_read_networks(SHIPPED), *(Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES)]
 
 
 @cache
-def _networks(folder: Path) -> tuple[Entry, ...]:
-    """Those whose cards are in a folder, which is looked at once: they don't change while we run."""
-    read = (cards.read_card(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
-    return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in read)
+def _read_networks(folder: Path) -> tuple[Entry, ...]:
+    """The networks in a folder, which is read once per process."""
+    found = (cards.read_card(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
+    return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in found)
 
 
 def list_names() -> list[str]:
-    """The names of `list_entries`, in their order."""
+    """The names of all models, in the order of `list_entries`."""
     return [entry.name for entry in list_entries()]
 
 
 def list_single_image_names() -> list[str]:
-    """The names that `load_upscaler` takes, in the order of `list_entries`."""
+    """The names of the models that `load_upscaler` takes, in the order of `list_entries`."""
     return [entry.name for entry in list_entries() if not entry.is_light_field]
 
 
 def default_name() -> str:
-    """The model that is used for single pictures where none is named: `prefer_int8` of `DEFAULT`."""
+    """The model for single pictures where none is named: `DEFAULT` or its int8 twin, see `prefer_int8`."""
     return prefer_int8(DEFAULT)
 
 
 def light_field_default_name() -> str:
-    """The one that is used for views of a light field where none is named: `prefer_int8` of `LIGHT_FIELD_DEFAULT`."""
+    """The model for views of a light field where none is named: `LIGHT_FIELD_DEFAULT` or its int8 twin."""
     return prefer_int8(LIGHT_FIELD_DEFAULT)
 
 
 def prefer_int8(name: str) -> str:
-    """The int8 twin of the network `name` where one is shipped and this processor is made for it, else `name`."""
+    """The int8 twin of the network `name`, where one is shipped and this processor supports it; else `name`."""
     if processor.int8_unsupported_reason():
         return name
-    cards_of_all = [entry.card for entry in list_entries() if entry.card is not None]
-    return next((card.name for card in cards_of_all if card.float_twin == name and card.precision == "int8"), name)
+    found = [entry.card for entry in list_entries() if entry.card is not None]
+    return next((card.name for card in found if card.float_twin == name and card.precision == "int8"), name)
 
 
-_loaded: dict[tuple[str, int, int | None], Upscaler] = {}
-_fields: dict[tuple[str, int | None], LightFieldNetwork] = {}
 _lock = threading.Lock()
+"""Held while a model is loaded, so that threads which ask at once share one."""
 
 
 def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
-    """The model `name`, made once for each combination of arguments; may be called from several threads.
+    """The single-image model `name`, loaded once for each combination of arguments. Thread-safe.
 
-    `threads`: cores for each call of a network, all of the process's where None.
+    `threads`: cores for each call of a network; None: all cores of the process.
 
     Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedModel` for a light-field network, `UnsuitedProcessor` for an
-    int8 network on a processor that gets those wrong, or `BadCard` where the installation is damaged.
+    int8 network on a processor that computes it wrongly, or `BadCard` where the installation is damaged.
     """
-    key = (name, scale, threads)
     with _lock:
-        if key not in _loaded:
-            _loaded[key] = _make(name, scale, threads)
-        return _loaded[key]
+        return _load_upscaler(name, scale, threads)
 
 
 def load_light_field_network(
     name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, threads: int | None = None
 ) -> LightFieldNetwork:
-    """The light-field network `name`, made once; may be called from several threads. See `models.light_field.views`.
+    """The light-field network `name`, loaded once; `models.light_field.views` calls it. Thread-safe.
 
-    Raises as `load_upscaler`, and `UnsuitedModel` where the model takes single pictures.
+    Raises as `load_upscaler`, and `UnsuitedModel` for a single-image model.
     """
     with _lock:
-        entry = _entry(name, scale)
-        if (name, threads) not in _fields:
-            if not entry.is_light_field:
-                raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
-            from ciir.models.light_field.network import LightFieldNetwork
-
-            _fields[name, threads] = LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads)
-        return _fields[name, threads]
+        return _load_light_field_network(name, scale, threads)
 
 
-def _entry(name: str, scale: int) -> Entry:
-    """Raises `UnknownModel` or `UnsupportedScale`."""
-    known = {entry.name: entry for entry in list_entries()}
-    if name not in known:
-        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
-    if scale not in known[name].scales:
-        scales = ", ".join(map(str, known[name].scales))
-        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
-    return known[name]
-
-
-def _make(name: str, scale: int, threads: int | None) -> Upscaler:
+@cache
+def _load_upscaler(name: str, scale: int, threads: int | None) -> Upscaler:
     if name in BASELINES:
         return BASELINES[name](scale)
-    if _entry(name, scale).is_light_field:
+    if _find_entry(name, scale).is_light_field:
         raise UnsuitedModel(
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
         )
-    from ciir.models.single.network import (
-        SingleImageNetwork,  # not before a network is asked for: `ciir models` needs none
-    )
-
     return SingleImageNetwork(SHIPPED / f"{name}.json", threads=threads)
+
+
+@cache
+def _load_light_field_network(name: str, scale: int, threads: int | None) -> LightFieldNetwork:
+    if not _find_entry(name, scale).is_light_field:
+        raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
+    return LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads)
+
+
+def _find_entry(name: str, scale: int) -> Entry:
+    """Raises `UnknownModel` or `UnsupportedScale`."""
+    entries = {entry.name: entry for entry in list_entries()}
+    if name not in entries:
+        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(entries)}")
+    if scale not in entries[name].scales:
+        scales = ", ".join(map(str, entries[name].scales))
+        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
+    return entries[name]

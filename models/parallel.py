@@ -1,4 +1,4 @@
-"""Calls that don't need one another, side by side: each in a thread of its own, as many at once as there are cores."""
+"""Independent calls in parallel: each in a thread of its own, as many at once as there are cores."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-FULL = 2
-"""Rounds that all cores must be busy for. Of fewer calls the last ones would leave cores idle for too long: a single
-view is quicker where all cores share its network."""
+CALLS_PER_CORE = 2
+"""Fewest calls per core that run in parallel. With fewer, cores would idle during the last calls: it is faster to give
+each call all cores, one call after the other."""
 
 
-def suits(count: int, cores: int) -> bool:
-    """Whether `count` calls are quicker side by side, each on one of `cores`, than one after the other on all."""
-    return cores > 1 and count >= FULL * cores
+def is_parallel_faster(calls: int, cores: int) -> bool:
+    """Whether `calls` calls are faster in parallel, each on one of `cores`, than one after the other on all."""
+    return cores > 1 and calls >= CALLS_PER_CORE * cores
 
 
-def each(work: Callable[[Item], object], items: Sequence[Item], cores: int) -> None:
-    """Does `work` for each of `items`, up to `cores` at once; in the caller's thread, in order, where that is one.
+def run_each(work: Callable[[Item], object], items: Sequence[Item], cores: int) -> None:
+    """Calls `work` with each of `items`, up to `cores` at once; for one core in the caller's thread, in order.
 
-    The first error in the order of `items` is raised, and by then no thread is left and no further item is begun.
+    Raises the first error in the order of `items`, after all threads have ended; items that had not started by then
+    are left out.
     """
     if cores == 1:
         for item in items:
             work(item)
         return
-    with ThreadPoolExecutor(cores, thread_name_prefix="abreast") as pool:
-        coming = [pool.submit(work, item) for item in items]
+    with ThreadPoolExecutor(cores, thread_name_prefix="parallel") as pool:
+        futures = [pool.submit(work, item) for item in items]
         try:
-            for one in coming:
-                one.result()
+            for future in futures:
+                future.result()
         finally:
-            for one in coming:
-                one.cancel()
+            for future in futures:
+                future.cancel()

@@ -1,4 +1,4 @@
-"""Networks on the CPU by onnxruntime, which is imported here and nowhere else, when the first network is opened."""
+"""Networks on the CPU with onnxruntime, which is imported only here, when the first network is loaded."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-WINDOW = 1 << 16
-"""Most input pixels of one tile. It bounds the arena, which grows to the largest run and stays: about 210 MiB for
-the lite network, for each call that runs at the same time. A 200x200 view still goes whole."""
-BATCH = 1 << 13
-"""Most input pixels of several pictures in one run: larger batches leave the cache and were never quicker a picture."""
+TILE_PIXELS = 1 << 16
+"""Most input pixels of one tile. This bounds onnxruntime's arena, which grows to the largest run and keeps its size:
+about 210 MiB for `paper`, for each call that runs at the same time. A 200x200 view still goes whole."""
+BATCH_PIXELS = 1 << 13
+"""Most input pixels of a batch of pictures: larger batches leave the processor's cache and were never faster."""
 
-FAINTEST = np.float32(1e-20)
-"""Smaller values count as zero. Of what comes near denormals, a session's workers make zeros and a calling thread does
-not, so that two runs would differ in which thread did which part. No picture of 16 bits holds any."""
+SMALLEST = np.float32(1e-20)
+"""Smaller input values count as zero. A session's threads flush denormals to zero and the calling thread does not, so
+results would depend on which thread computed which part. No 16-bit picture has values that small."""
 
 
 class OnnxNetwork:
-    """A network and its card; calls from several threads share a session and run side by side."""
+    """A network and its card. Thread-safe: calls share a session and run in parallel."""
 
     def __init__(self, path: Path, *, threads: int | None = None) -> None:
-        """`path`: the card; its `.onnx` lies beside it. `threads`: for each call, all of the process's cores if None.
+        """`path`: the card; its `.onnx` lies beside it. `threads`: for each call; None: all cores of the process.
 
-        Raises `BadCard` where the card is no card, or the network is missing or not the one that it describes;
-        `UnsuitedProcessor` where it is an int8 network and this machine's processor gets those wrong.
+        Raises `BadCard` where the card is invalid, or the network is missing or not the one that the card describes;
+        `UnsuitedProcessor` for an int8 network on a processor that computes it wrongly.
         """
         self.card = cards.read_card(path)
         _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or count_available_cores()
-        self._network = _read(path.with_suffix(".onnx"), self.card)
+        self._network = _read_network(path.with_suffix(".onnx"), self.card)
         self._sessions: dict[int, Any] = {}
         self._opening = Lock()
 
     def run(self, inputs: Mapping[str, NDArray[np.float32]], cores: int | None = None) -> list[NDArray[np.float32]]:
-        """The network's outputs, in the card's order, for its inputs by name, as they come.
+        """Runs the network on inputs by name; returns its outputs in the card's order, not clipped.
 
-        `cores`: what this call may take; all of `threads` if None. The first call with each number opens a session,
-        which takes 5 to 200 ms. The outputs don't depend on it.
+        `cores`: for this call; None: `threads`. The first call with each number opens a session, which takes 5 to
+        200 ms. The outputs don't depend on it.
         """
-        kept = {name: np.where(np.abs(part) < FAINTEST, np.float32(0), part) for name, part in inputs.items()}
-        names = [self.card.output.name, *(tensor.name for tensor in self.card.further_outputs)]
-        return [np.asarray(output) for output in self._session(cores or self.threads).run(names, kept)]
+        kept = {name: np.where(np.abs(part) < SMALLEST, np.float32(0), part) for name, part in inputs.items()}
+        names = [self.card.output.name, *(tensor.name for tensor in self.card.extra_outputs)]
+        return [np.asarray(output) for output in self._get_session(cores or self.threads).run(names, kept)]
 
-    def _session(self, cores: int) -> Any:
+    def _get_session(self, cores: int) -> Any:
         with self._opening:
             if cores not in self._sessions:
                 self._sessions[cores] = open_session(self._network, cores)
@@ -65,7 +65,7 @@ class OnnxNetwork:
 
 
 def count_available_cores() -> int:
-    """The cores that this process may use, at least 1."""
+    """The number of cores that this process may use, at least 1."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -76,8 +76,8 @@ def _check_processor(card: cards.Card) -> None:
         raise UnsuitedProcessor(f"model {card.name}: it computes in int8, and {reason}; {remedy}")
 
 
-def _read(path: Path, card: cards.Card) -> bytes:
-    """The network in `path`, held against its card; hashing takes 2 ms."""
+def _read_network(path: Path, card: cards.Card) -> bytes:
+    """The network in `path`, checked against its card's hash, which takes 2 ms."""
     try:
         network = path.read_bytes()
     except OSError as error:
@@ -89,19 +89,19 @@ def _read(path: Path, card: cards.Card) -> bytes:
 
 
 def open_session(network: bytes, threads: int) -> Any:
-    """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` cores for each run."""
-    os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # else it tells its maker of each session, and keeps a file in ~/.cache
-    import onnxruntime  # slow to start, and `ciir models` needs none of it
+    """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` threads for each run."""
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # else it reports each session, and keeps a file in ~/.cache
+    import onnxruntime  # slow to import, and `ciir models` doesn't need it
 
     options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3  # errors alone; they arrive as exceptions too
+    options.log_severity_level = 3  # errors only; they are raised as exceptions too
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    options.enable_mem_pattern = False  # it would keep a plan for each shape that is ever seen
+    options.enable_mem_pattern = False  # it would keep a plan for every input shape
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.set_denormal_as_zero", "1")
-    # The thread that makes a session is left flushing denormals to zero, and so is every thread that it starts: numpy
-    # then warns and computes differently. So it is a thread of its own. The session's workers flush; a calling thread
-    # does its own share without, which costs nothing as long as the weights hold no denormals (see the export).
+    # The thread that creates a session flushes denormals to zero from then on, and so does every thread that it starts:
+    # numpy then warns and computes differently. So a separate thread creates it. The session's threads flush; a calling
+    # thread does its own share without, which costs nothing as long as the weights have no denormals (see the export).
     with ThreadPoolExecutor(max_workers=1) as own:
         return own.submit(onnxruntime.InferenceSession, network, options, providers=["CPUExecutionProvider"]).result()

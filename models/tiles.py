@@ -1,4 +1,4 @@
-"""Pictures in parts: windows whose halo is no smaller than the receptive field, so that tiled equals whole."""
+"""Tiles of a picture: overlapping regions whose halo is at least the receptive field, so that tiled equals whole."""
 
 from __future__ import annotations
 
@@ -19,70 +19,74 @@ Span = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class Tile:
-    """One window of a picture and the part of its result that is kept."""
+    """A region of a picture and the part of its result that is kept."""
 
-    window: Span
-    """What to read, halo included, in input pixels."""
+    region: Span
+    """What is read, halo included, in input pixels."""
     kept: Span
-    """What its result is good for, in input pixels; the kept spans of all tiles cover the picture once."""
+    """The part whose result is kept, in input pixels; the kept parts of all tiles cover the picture once."""
 
-    def within(self, other: Tile) -> Tile:
-        """This one, placed in the window of `other`, as a part of `other`: no more is kept than of that."""
-        window, kept = [], []
-        for side, good, outer, limit in zip(self.window, self.kept, other.window, other.kept, strict=True):
-            window.append(_scaled(side, 1, origin=-outer.start))
-            start = min(max(good.start + outer.start, limit.start), limit.stop)
-            kept.append(slice(start, max(start, min(good.stop + outer.start, limit.stop))))
-        return Tile((window[0], window[1]), (kept[0], kept[1]))
+    def clip_to(self, outer: Tile) -> Tile:
+        """This tile, given in coordinates of the region of `outer`, as a part of it that keeps no more than it."""
+        region, kept = [], []
+        for side, good, around, limit in zip(self.region, self.kept, outer.region, outer.kept, strict=True):
+            region.append(_scale_slice(side, 1, origin=-around.start))
+            start = min(max(good.start + around.start, limit.start), limit.stop)
+            kept.append(slice(start, max(start, min(good.stop + around.start, limit.stop))))
+        return Tile((region[0], region[1]), (kept[0], kept[1]))
 
-    def source(self, scale: int) -> Span:
-        """The kept part within the window's result, in output pixels."""
-        rows, cols = (_scaled(k, scale, origin=w.start) for k, w in zip(self.kept, self.window, strict=True))
+    def region_in(self, outer: Span) -> Span:
+        """The region in coordinates of a part of the picture that contains it."""
+        rows, cols = (
+            _scale_slice(side, 1, origin=around.start) for side, around in zip(self.region, outer, strict=True)
+        )
         return rows, cols
 
-    def inside(self, part: Span) -> Span:
-        """The window within a part of the picture that holds it."""
-        rows, cols = (_scaled(w, 1, origin=p.start) for w, p in zip(self.window, part, strict=True))
+    def kept_in_tile(self, scale: int) -> Span:
+        """The kept part within the result of the region, in output pixels."""
+        rows, cols = (
+            _scale_slice(good, scale, origin=side.start) for good, side in zip(self.kept, self.region, strict=True)
+        )
         return rows, cols
 
-    def target(self, scale: int) -> Span:
-        """The kept part within the whole result, in output pixels."""
-        rows, cols = (_scaled(k, scale, origin=0) for k in self.kept)
+    def kept_in_picture(self, scale: int) -> Span:
+        """The kept part within the result of the picture, in output pixels."""
+        rows, cols = (_scale_slice(good, scale, origin=0) for good in self.kept)
         return rows, cols
 
 
-def _scaled(span: slice, scale: int, *, origin: int) -> slice:
+def _scale_slice(span: slice, scale: int, *, origin: int) -> slice:
     return slice((span.start - origin) * scale, (span.stop - origin) * scale)
 
 
-def split(height: int, width: int, *, radius: int, window: int, multiple: int = 1) -> Iterator[Tile]:
-    """Windows of at most `window` pixels over a picture of `height x width`, row by row.
+def split_picture(height: int, width: int, *, radius: int, tile_pixels: int, multiple: int = 1) -> Iterator[Tile]:
+    """Tiles of at most `tile_pixels` pixels over a picture of `height x width`, row by row.
 
-    Each keeps `radius` pixels between what is kept and any edge of the window that is not the picture's own. All
-    windows of a picture have one size, so that a runtime plans for one shape. Where the picture's sides are multiples
-    of `multiple`, so are the sides and places of all windows.
+    Each has a halo of `radius` pixels along every edge that is not the picture's own. All tiles of a picture have one
+    size, so that a runtime plans for one shape. Where the picture's sides are multiples of `multiple`, so are the sides
+    and positions of all tiles.
 
-    Raises `ValueError` where no square of `window` pixels is wider than its halo.
+    Raises `ValueError` where a square of `tile_pixels` pixels is all halo.
     """
     radius = math.ceil(radius / multiple) * multiple
-    side = math.isqrt(window) // multiple * multiple
+    side = math.isqrt(tile_pixels) // multiple * multiple
     if side <= 2 * radius:
         raise ValueError(
-            f"a window of {window} pixels has nothing inside a halo of {radius}; give over {4 * radius**2}"
+            f"a tile of {tile_pixels} pixels has nothing inside a halo of {radius}; give over {4 * radius**2}"
         )
     if height <= side:
-        rows, cols = height, window // height
+        rows, cols = height, tile_pixels // height
     elif width <= side:
-        rows, cols = window // width, width
+        rows, cols = tile_pixels // width, width
     else:
         rows, cols = side, side
-    for row_window, row_kept in _spans(height, rows, radius, multiple):
-        for col_window, col_kept in _spans(width, cols, radius, multiple):
-            yield Tile((row_window, col_window), (row_kept, col_kept))
+    for row_region, row_kept in _split_side(height, rows, radius, multiple):
+        for col_region, col_kept in _split_side(width, cols, radius, multiple):
+            yield Tile((row_region, col_region), (row_kept, col_kept))
 
 
-def _spans(length: int, largest: int, radius: int, multiple: int) -> Iterator[tuple[slice, slice]]:
-    """Windows of one size, at most `largest`, along one side, with what each keeps."""
+def _split_side(length: int, largest: int, radius: int, multiple: int) -> Iterator[tuple[slice, slice]]:
+    """Regions of one size, at most `largest`, along one side, with the part of each that is kept."""
     if length <= largest:
         yield slice(0, length), slice(0, length)
         return
@@ -90,7 +94,7 @@ def _spans(length: int, largest: int, radius: int, multiple: int) -> Iterator[tu
     inner = length - 2 * radius  # the picture's own edges need no halo
     count = math.ceil(inner / (largest - 2 * radius))
     step = math.ceil(inner / count / multiple) * multiple
-    count = math.ceil(inner / step)  # rounding the step up can make the last window needless
+    count = math.ceil(inner / step)  # rounding the step up can make the last region superfluous
     size, done = step + 2 * radius, 0
     for index in range(count):
         start = min(index * step, length - size)
@@ -99,42 +103,44 @@ def _spans(length: int, largest: int, radius: int, multiple: int) -> Iterator[tu
         done = stop
 
 
-def padded(images: NDArray[np.float32], height: int, width: int, *, scale: int) -> tuple[NDArray[np.float32], Span]:
-    """`(N, C, H, W)` with its edge pixels repeated around it up to `height x width`; the pictures themselves where they
-    are that large. And where the picture's own part lies in a result `scale` times as large.
+def pad_pictures(
+    images: NDArray[np.float32], height: int, width: int, *, scale: int
+) -> tuple[NDArray[np.float32], Span]:
+    """`(N, C, H, W)` padded with its edge pixels to at least `height x width`, not copied where it is that large; and
+    the pictures' own part of a result `scale` times as large.
     """
     rows, cols = height - images.shape[2], width - images.shape[3]
     height, width = images.shape[2:]
-    around = ((0, 0), (0, 0), (rows // 2, rows - rows // 2), (cols // 2, cols - cols // 2))
+    padding = ((0, 0), (0, 0), (rows // 2, rows - rows // 2), (cols // 2, cols - cols // 2))
     kept = (
         slice(rows // 2 * scale, (rows // 2 + height) * scale),
         slice(cols // 2 * scale, (cols // 2 + width) * scale),
     )
-    return (np.pad(images, around, mode="edge") if rows or cols else images), kept
+    return (np.pad(images, padding, mode="edge") if rows or cols else images), kept
 
 
-def apply(
+def run_in_tiles(
     run: Callable[[NDArray[np.float32]], NDArray[np.float32]],
     images: NDArray[np.float32],
     *,
     scale: int,
     radius: int,
-    window: int,
-    batch: int,
+    tile_pixels: int,
+    batch_pixels: int,
     multiple: int = 1,
 ) -> NDArray[np.float32]:
-    """`run` over `(N, C, H, W)` in tiles of at most `window` input pixels; the result is a new array.
+    """Calls `run` on `(N, C, H, W)` in tiles; returns `(N, C, scale*H, scale*W)`, a new array.
 
-    Small pictures go several at a time, up to `batch` input pixels together. `run` takes `(n, C, h, w)` and gives
-    `(n, C, scale*h, scale*w)`; `radius` is how far it sees, in input pixels, and `multiple` what the sides of a tile
-    are multiples of where those of the pictures are.
+    `run` takes `(n, C, h, w)` and returns `(n, C, scale*h, scale*w)`; `radius`: its receptive field radius, in input
+    pixels. A tile has at most `tile_pixels` input pixels, and sides as in `split_picture`. Small pictures go in batches
+    of up to `batch_pixels` input pixels.
     """
     count, channels, height, width = images.shape
     result = np.empty((count, channels, height * scale, width * scale), np.float32)
-    together = max(1, batch // (height * width))
-    for tile in split(height, width, radius=radius, window=window, multiple=multiple):
-        span, source, target = tile.window, tile.source(scale), tile.target(scale)
-        for first in range(0, count, together):
-            part = slice(first, first + together)
-            result[part, :, *target] = run(np.ascontiguousarray(images[part, :, *span]))[:, :, *source]
+    batch = max(1, batch_pixels // (height * width))
+    for tile in split_picture(height, width, radius=radius, tile_pixels=tile_pixels, multiple=multiple):
+        source, target = tile.kept_in_tile(scale), tile.kept_in_picture(scale)
+        for first in range(0, count, batch):
+            part = slice(first, first + batch)
+            result[part, :, *target] = run(np.ascontiguousarray(images[part, :, *tile.region]))[:, :, *source]
     return result

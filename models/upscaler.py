@@ -1,4 +1,4 @@
-"""What every model is: a function from pictures to larger pictures."""
+"""The interface of a single-image model: a function from pictures to larger pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Upscaler(Protocol):
-    """Upscales by an integer factor; may be called from several threads at once.
+    """Upscales by an integer factor. Thread-safe.
 
     Sample centres line up as for area resampling: input sample i covers output samples `scale*i` to
     `scale*i + scale - 1`.
@@ -35,7 +35,7 @@ class Upscaler(Protocol):
         ...
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        """`(N, 3, H, W)` RGB in [0, 1] -> `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1].
+        """Upscales `(N, 3, H, W)` RGB in [0, 1] to `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1].
 
         Any N from 0 and any H and W from 1. Raises `InvalidImage` where the input is of another shape or type, not
         finite, or out of range; `BrokenNetwork` where the output is not finite.
@@ -49,7 +49,7 @@ def check_images(images: NDArray[np.float32]) -> None:
         raise InvalidImage(f"pictures of type {images.dtype}: give float32 in [0, 1]")
     if images.ndim != 4 or images.shape[1] != 3 or 0 in images.shape[2:]:
         raise InvalidImage(f"an array of shape {images.shape}: give (N, 3, H, W) with H and W of at least 1")
-    # A NaN makes both extremes NaN and so fails the comparison: two quick passes in the good case.
+    # A NaN makes both extremes NaN and so fails the comparison: valid pictures cost two passes.
     if images.size == 0 or (images.min() >= 0.0 and images.max() <= 1.0):
         return
     bad = ~np.isfinite(images)

@@ -1,1 +1,1 @@
-"""TODO"""
+"""Upscaling of a light field's view with the help of the views around it."""

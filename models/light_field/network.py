@@ -1,4 +1,4 @@
-"""Light-field networks on the CPU: one view upscaled with the help of the window of views around it."""
+"""Light-field networks: they upscale a view with the help of the window of views around it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-"""ITU-R BT.601's weights of red, green and blue: what is looked at of the views around."""
+"""ITU-R BT.601's weights of red, green and blue: networks use only the luma of the views around."""
 
 
 class LightFieldNetwork(OnnxNetwork):
@@ -31,43 +31,45 @@ class LightFieldNetwork(OnnxNetwork):
         *,
         cores: int | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """`image`: views as RGB in [0, 1], `(N, 3, H, W)`; `around`: the luma of the windows about them, row by row,
-        `(N, 25, H, W)`; `rows` and `cols`: what is there of all those windows
-        (`models.light_field.windows.Axis.present`).
+        """Upscales `image`, views as RGB in [0, 1], `(N, 3, H, W)`.
 
-        Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1]; and the doubt, `(N, 1, H, W)`, nominally in
-        [0, 1]: how little the views around have to do with the view. All goes in one run: `models.light_field.views`
-        cuts large
-        views into tiles. `cores`: see `OnnxNetwork.run`.
+        `around`: the luma of their windows, row by row, `(N, 25, H, W)`. `rows` and `cols`: which rows and columns of
+        those windows are present (`models.light_field.windows.Axis.present`). `cores`: see `OnnxNetwork.run`.
+
+        Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1], and the uncertainty, `(N, 1, H, W)`,
+        nominally in [0, 1]: how badly the views around match the view. All goes in one run;
+        `models.light_field.views` cuts large views into tiles.
 
         Raises as `Upscaler.__call__`.
         """
         check_images(image)
         _check_around(image, around)
-        size = self.card.sizes.fitted(*image.shape[2:])
-        image, kept = tiles.padded(image, *size, scale=self.scale)
-        around, _ = tiles.padded(around, *size, scale=self.scale)
-        large, doubt = self.run({"image": image, "around": around, "rows": rows, "cols": cols}, cores)
+        size = self.card.sizes.round_up(*image.shape[2:])
+        image, kept = tiles.pad_pictures(image, *size, scale=self.scale)
+        around, _ = tiles.pad_pictures(around, *size, scale=self.scale)
+        large, uncertainty = self.run({"image": image, "around": around, "rows": rows, "cols": cols}, cores)
         small = tuple(slice(side.start // self.scale, side.stop // self.scale) for side in kept)
-        return clip_output(np.ascontiguousarray(large[:, :, *kept]), self.name), doubt[:, :, *small]
+        return clip_output(np.ascontiguousarray(large[:, :, *kept]), self.name), uncertainty[:, :, *small]
 
 
-def luma(picture: NDArray[np.float32 | np.uint8 | np.uint16], peak: float) -> NDArray[np.float32]:
-    """`(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1], but for rounding, which is the same at every place:
-    a product of matrices adds up in an order that depends on it.
+def compute_luma(picture: NDArray[np.uint8 | np.uint16], peak: float) -> NDArray[np.float32]:
+    """Luma of `(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1] up to rounding.
+
+    It is summed by channel, so that rounding is the same at every pixel; a matrix product would sum in an order that
+    depends on the position.
     """
     if picture.shape[-1] == 1:
         return np.asarray(picture[..., 0] * np.float32(1 / peak))
     weights = LUMA / np.float32(peak)
-    made: NDArray[np.float32] = picture[..., 0] * weights[0]
-    made += picture[..., 1] * weights[1]
-    made += picture[..., 2] * weights[2]
-    return made
+    luma: NDArray[np.float32] = picture[..., 0] * weights[0]
+    luma += picture[..., 1] * weights[1]
+    luma += picture[..., 2] * weights[2]
+    return luma
 
 
 def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:
-    wanted = (len(image), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:])
-    if around.dtype != np.float32 or around.shape != wanted:
-        raise InvalidImage(f"views around of {around.dtype} and shape {around.shape}: give float32 of {wanted}")
+    shape = (len(image), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:])
+    if around.dtype != np.float32 or around.shape != shape:
+        raise InvalidImage(f"views around of {around.dtype} and shape {around.shape}: give float32 of {shape}")
     if around.size and not (around.min() >= 0.0 and around.max() <= 1.0):  # a NaN fails too
         raise InvalidImage("views around: values that are not finite or out of range; give them in [0, 1]")

@@ -1,4 +1,4 @@
-"""Interpolation under the same interface as the networks: what a network must beat."""
+"""Interpolation with the interface of a network: the baselines."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCALES = range(2, 9)
-"""Factors that the baselines upscale by."""
+"""Factors that they upscale by."""
 KEYS_A = -0.5
-"""Keys' parameter, as MATLAB's `imresize` has it."""
+"""Keys' parameter a, as in MATLAB's `imresize`."""
 
 
 def keys_kernel(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -34,7 +34,7 @@ def _check_scale(name: str, scale: int) -> None:
 
 @dataclass(frozen=True)
 class Bicubic:
-    """Cubic convolution in float; the picture's border pixels are repeated outwards.
+    """Cubic convolution in float; the picture's edge pixels are repeated beyond its border.
 
     Output sample `scale*i + p` lies at `i + (p + 1/2)/scale - 1/2` in input samples (`align_corners=False`).
     """
@@ -49,9 +49,9 @@ class Bicubic:
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`."""
         check_images(images)
-        return np.clip(self._along(self._along(images, 2), 3), 0.0, 1.0)
+        return np.clip(self._upscale_axis(self._upscale_axis(images, 2), 3), 0.0, 1.0)
 
-    def _along(self, images: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    def _upscale_axis(self, images: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
         """`images` upscaled along one axis, not clipped."""
         length = images.shape[axis]
         shape = list(images.shape)
@@ -75,7 +75,7 @@ class Bicubic:
 
 @dataclass(frozen=True)
 class Nearest:
-    """Each pixel repeated."""
+    """Nearest-neighbour interpolation: each pixel repeated."""
 
     scale: int
     name: str = "nearest"

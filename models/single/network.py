@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.models import tiles
-from ciir.models.sessions import BATCH, WINDOW, OnnxNetwork
+from ciir.models.sessions import BATCH_PIXELS, TILE_PIXELS, OnnxNetwork
 from ciir.models.upscaler import check_images, clip_output
 
 if TYPE_CHECKING:
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
 
 
 class SingleImageNetwork(OnnxNetwork):
-    """A shipped network as an `Upscaler`."""
+    """A network as an `Upscaler`."""
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        """See `Upscaler.__call__`. Large pictures run in tiles, small ones several at a time."""
+        """See `Upscaler.__call__`. Large pictures run in tiles, small ones in batches."""
         check_images(images)
         sizes = self.card.sizes
-        padded, kept = tiles.padded(images, *sizes.fitted(*images.shape[2:]), scale=self.scale)
-        result = tiles.apply(
+        padded, kept = tiles.pad_pictures(images, *sizes.round_up(*images.shape[2:]), scale=self.scale)
+        result = tiles.run_in_tiles(
             self._run,
             padded,
             scale=self.scale,
             radius=self.radius,
-            window=WINDOW,
-            batch=BATCH,
+            tile_pixels=TILE_PIXELS,
+            batch_pixels=BATCH_PIXELS,
             multiple=sizes.multiple_of,
         )
         return clip_output(np.ascontiguousarray(result[:, :, *kept]), self.name)

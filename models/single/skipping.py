@@ -1,14 +1,14 @@
-"""What of a picture needs no network: where all that it would look at is one colour, the result is known before.
+"""Parts of pictures whose upscaled result needs no network: uniform background, and repeated pictures.
 
-A network of convolutions makes of a picture of one colour the same pattern everywhere but near the border, as far in as
-it sees. So a small picture of that colour tells what a large one becomes, and only boxes around what differs are
-computed, with what they see. Rendered objects stand before one colour; and pictures of a set repeat one another.
+A convolutional network turns a picture of one colour into the same pattern everywhere, except within its receptive
+field of the border. So a small picture of that colour gives the result for all uniform parts, and the network runs only
+on boxes around everything else. Rendered objects have a uniform background, and the views of a set can be equal.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,106 +22,102 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.models.cards import Card
+    from ciir.models.sessions import OnnxNetwork
     from ciir.models.tiles import Span
+    from ciir.models.upscaler import Upscaler
 
     Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
-LEAST = 3
-"""Radius from which a model takes so long that it is worth looking for what needs none of it: networks do."""
-WORTH = 0.95
-"""Share of a picture's pixels in boxes above which the picture goes whole: what is won is lost in small steps."""
-APART = 0.04
-"""Share of a box's pixels that two boxes must save in its place."""
-CALL = 1000
-"""Pixels that take a network as long as one more call of it, roughly."""
-
-
-class Model(Protocol):
-    """A network, or what stands in for one."""
-
-    @property
-    def radius(self) -> int:
-        """How many input pixels away, along each side, an input pixel can still change an output pixel."""
-        ...
+MINIMUM_RADIUS = 3
+"""Radius from which a model is slow enough for skipping to save time: that of networks, not of interpolation."""
+MAXIMUM_SHARE = 0.95
+"""Share of a picture's pixels in boxes above which the whole picture is computed, which is then faster."""
+SPLIT_SAVING = 0.04
+"""Share of a box's pixels that splitting it in two must save."""
+CALL_PIXELS = 1000
+"""Pixels that take a network about as long as the overhead of one call."""
 
 
 @dataclass
 class SkipStatistics:
-    """What was upscaled, input pixels."""
+    """Counts of input pixels that were upscaled, and of those skipped."""
 
     pixels: int = 0
-    """All of them."""
+    """All of them, skipped or not."""
     uniform: int = 0
-    """Those outside the boxes, all around of one colour."""
+    """Skipped as uniform: those outside the boxes."""
     repeated: int = 0
-    """Those of pictures that were there before."""
+    """Skipped as repeated: those of pictures that equal an earlier one."""
     seconds: float = 0.0
-    """What the others took; whoever calls the model adds it up."""
+    """Time for the pixels that were not skipped, which the caller of the model adds up."""
 
 
-def suits(model: Model) -> bool:
-    """Whether a model does the same all over a picture, and slowly enough for skipping to be worth it.
+def can_skip(model: Upscaler | OnnxNetwork) -> bool:
+    """Whether skipping gives the same result and saves time.
 
-    Not one that has the sides of pictures made up to multiples, or to a square: its own border is not the picture's.
+    It doesn't for a network whose pictures are padded to multiples or to a square: the border that it sees is not the
+    picture's.
     """
-    if model.radius < LEAST:
+    if model.radius < MINIMUM_RADIUS:
         return False
     card: Card | None = getattr(model, "card", None)  # interpolation has none
     sizes = Sizes(minimum=1) if card is None else card.sizes
     return sizes.multiple_of == 1 and not sizes.square and sizes.minimum <= 2 * model.radius + 1
 
 
-def repeats(pictures: Picture) -> list[int]:
-    """For each of `(N, H, W, C)` the number of the first that is equal to it, its own where there is none before."""
+def find_repeats(pictures: Picture) -> list[int]:
+    """For each of `(N, H, W, C)` the index of the first picture that equals it."""
     first: dict[bytes, int] = {}
     return [first.setdefault(picture.tobytes(), number) for number, picture in enumerate(pictures)]
 
 
-def found(picture: Picture, radius: int) -> tuple[Picture | None, list[Tile]]:
-    """The colour `(C,)` around the object in a picture `(H, W, C)`, and the boxes of it that are to be computed; None
-    and the whole picture where no box is worth it.
+def find_boxes(picture: Picture, radius: int) -> tuple[Picture | None, list[Tile]]:
+    """The background colour `(C,)` of a picture `(H, W, C)`, and the boxes around everything else; None and the whole
+    picture where boxes would save nothing.
     """
     height, width, _ = picture.shape
-    colour = around(picture) if min(height, width) > 2 * radius else None
-    made = None if colour is None else boxes(differing(picture, colour), radius)
-    everything = slice(0, height), slice(0, width)
-    return (None, [Tile(everything, everything)]) if made is None else (colour, made)
+    colour = find_background(picture) if min(height, width) > 2 * radius else None
+    boxes = None if colour is None else cover_with_boxes(find_differences(picture, colour), radius)
+    whole = slice(0, height), slice(0, width)
+    return (None, [Tile(whole, whole)]) if boxes is None else (colour, boxes)
 
 
-def around(picture: Picture) -> Picture | None:
-    """The colour `(C,)` that two corners or more of `(H, W, C)` have, most of them; None where all corners differ.
+def find_background(picture: Picture) -> Picture | None:
+    """The most frequent colour `(C,)` of the corners of `(H, W, C)`; None where all four differ.
 
-    Then no box is worth it: any that is smaller than the picture leaves one side out, and with it two corners.
+    Then boxes would save nothing: a box smaller than the picture leaves out one side, and so two corners.
     """
     corners = [picture[row, col] for row in (0, -1) for col in (0, -1)]
-    same = [corner.tobytes() for corner in corners]
-    most = max(range(4), key=lambda number: same.count(same[number]))
-    return corners[most] if same.count(same[most]) > 1 else None
+    values = [corner.tobytes() for corner in corners]
+    best = max(range(4), key=lambda number: values.count(values[number]))
+    return corners[best] if values.count(values[best]) > 1 else None
 
 
-def differing(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
-    """`(H, W)`: where `(H, W, C)` is not of a colour `(C,)`."""
-    found: NDArray[np.bool_] = picture[..., 0] != colour[0]
+def find_differences(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
+    """`(H, W)`: where `(H, W, C)` differs from a colour `(C,)`."""
+    differs: NDArray[np.bool_] = picture[..., 0] != colour[0]
     for channel in range(1, picture.shape[2]):
-        found |= picture[..., channel] != colour[channel]
-    return found
+        differs |= picture[..., channel] != colour[channel]
+    return differs
 
 
-def boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | None:
-    """What to compute of a picture for all that is within `radius` of where it `differs` `(H, W)` from one colour.
+def cover_with_boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | None:
+    """Boxes that keep everything within `radius` of where a picture `differs` `(H, W)` from its background.
 
-    None of it where it is that colour all over. None, for the whole, where boxes would be no smaller. What is kept of
-    each box is `radius` wider than what differs, and what is read as much again; boxes may overlap.
+    An empty list where it differs nowhere; None where boxes would save nothing. A box keeps `radius` more on each side
+    than what differs, and reads `radius` more than that; boxes may overlap.
     """
     height, width = differs.shape
-    parts = _parts(differs, 2 * radius)
-    made = [Tile(_grown(part, 2 * radius, differs.shape), _grown(part, radius, differs.shape)) for part in parts]
-    return made if sum(area(tile.window) for tile in made) <= WORTH * height * width else None
+    parts = _split_differences(differs, 2 * radius)
+    boxes = [
+        Tile(_grow_span(part, 2 * radius, differs.shape), _grow_span(part, radius, differs.shape)) for part in parts
+    ]
+    return boxes if sum(count_pixels(box.region) for box in boxes) <= MAXIMUM_SHARE * height * width else None
 
 
-def fill(result: NDArray[Any], pattern: NDArray[Any], radius: int, scale: int) -> None:
-    """Makes `result` `(scale*H, scale*W, C)` what a picture of one colour becomes. `pattern`: what one of
-    `2*radius + 1` pixels a side does, `(scale*(2*radius + 1), ..., C)`; H and W are as many at least.
+def fill_with_pattern(result: NDArray[Any], pattern: NDArray[Any], radius: int, scale: int) -> None:
+    """Sets `result` `(scale*H, scale*W, C)` to the network's result for a picture of one colour, H and W being at
+    least `2*radius + 1`. `pattern`: its result for that colour with `2*radius + 1` pixels along each side.
     """
     edge = radius * scale
     height, width = result.shape[:2]
@@ -132,15 +128,16 @@ def fill(result: NDArray[Any], pattern: NDArray[Any], radius: int, scale: int) -
         result[edge + phase : height - edge : scale] = rows[edge + phase]
 
 
-def area(part: Span) -> int:
-    """Pixels."""
+def count_pixels(part: Span) -> int:
+    """The number of pixels in rows and columns."""
     rows, cols = part
     return int((rows.stop - rows.start) * (cols.stop - cols.start))
 
 
-def _parts(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 0)) -> list[Span]:
-    """Boxes, without halo, around all that `differs`, which lies at `origin`: none, one, or two in its place and so on,
-    where those save enough.
+def _split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 0)) -> list[Span]:
+    """Boxes, without halo, around everything that `differs`; `origin`: position of `differs` in the picture.
+
+    One box, or two in its place where that saves enough pixels, and so on for each of them.
     """
     rows = np.flatnonzero(differs.any(axis=1))
     if not len(rows):
@@ -149,19 +146,21 @@ def _parts(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 
     (top, bottom), (left, right) = ((int(some[0]), int(some[-1]) + 1) for some in (rows, cols))
     inner, (down, across) = differs[top:bottom, left:right], (origin[0] + top, origin[1] + left)
     one = (bottom - top + 2 * halo) * (right - left + 2 * halo)
-    saved = max(CALL, int(APART * one))
+    saved = max(CALL_PIXELS, int(SPLIT_SAVING * one))
     is_full = inner.size - np.count_nonzero(inner) < saved
-    two, at, axis = (one, 0, 0) if is_full else min((*_cut(inner, halo), 0), (*_cut(inner.T, halo), 1))
+    two, cut, axis = (one, 0, 0) if is_full else min((*_find_cut(inner, halo), 0), (*_find_cut(inner.T, halo), 1))
     if one - two < saved:
         return [(slice(down, down + bottom - top), slice(across, across + right - left))]
     if axis == 0:
-        return _parts(inner[:at], halo, (down, across)) + _parts(inner[at:], halo, (down + at, across))
-    return _parts(inner[:, :at], halo, (down, across)) + _parts(inner[:, at:], halo, (down, across + at))
+        parts = (inner[:cut], (down, across)), (inner[cut:], (down + cut, across))
+    else:
+        parts = (inner[:, :cut], (down, across)), (inner[:, cut:], (down, across + cut))
+    return [span for part, place in parts for span in _split_differences(part, halo, place)]
 
 
-def _cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:
-    """Pixels of two boxes with their halos, one around the first rows of what `differs` and one around all others, for
-    the best number of first rows; and that number.
+def _find_cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:
+    """The row to split at so that two boxes, around what `differs` above it and from it on, have the fewest pixels with
+    their halos: that number of pixels, and the row.
     """
     height, width = differs.shape
     if height < 2:
@@ -169,7 +168,7 @@ def _cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:
     is_empty = ~differs.any(axis=1)
     left = np.where(is_empty, width, differs.argmax(axis=1))
     right = np.where(is_empty, 0, width - differs[:, ::-1].argmax(axis=1))
-    above = np.maximum.accumulate(right) - np.minimum.accumulate(left)  # the width of what is in the rows up to each
+    above = np.maximum.accumulate(right) - np.minimum.accumulate(left)  # width of the differences up to each row
     below = (np.maximum.accumulate(right[::-1]) - np.minimum.accumulate(left[::-1]))[::-1]
     first = np.arange(1, height)
     cost = (first + 2 * halo) * (above[:-1] + 2 * halo) + (height - first + 2 * halo) * (below[1:] + 2 * halo)
@@ -177,8 +176,9 @@ def _cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:
     return int(cost[best]), best + 1
 
 
-def _grown(part: Span, by: int, shape: Sequence[int]) -> Span:
+def _grow_span(part: Span, margin: int, shape: Sequence[int]) -> Span:
     rows, cols = (
-        slice(max(0, side.start - by), min(length, side.stop + by)) for side, length in zip(part, shape, strict=True)
+        slice(max(0, side.start - margin), min(length, side.stop + margin))
+        for side, length in zip(part, shape, strict=True)
     )
     return rows, cols

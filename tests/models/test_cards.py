@@ -9,8 +9,8 @@ from ciir.models.catalogue import SHIPPED
 PAPER = SHIPPED / "paper.json"
 
 
-def edited(tmp_path, **changes):
-    """The path of a card that is paper's but for `changes`; `...` takes a key away."""
+def write_edited(tmp_path, **changes):
+    """Writes paper's card with `changes`, `...` removing a key; returns its path."""
     table = json.loads(PAPER.read_text()) | changes
     path = tmp_path / "paper.json"
     path.write_text(json.dumps({key: value for key, value in table.items() if value is not ...}))
@@ -47,32 +47,32 @@ def test_written_and_read_back(tmp_path):
 )
 def test_a_bad_card_is_refused_in_one_line(tmp_path, changes, message):
     with pytest.raises(BadCard, match=message) as caught:
-        cards.read_card(edited(tmp_path, **changes))
+        cards.read_card(write_edited(tmp_path, **changes))
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", [b"", b"{", b"[]", b"\xff\xfe"])
-def test_what_is_no_json_table(tmp_path, text):
+def test_a_file_without_a_json_table_is_refused(tmp_path, text):
     path = tmp_path / "paper.json"
     path.write_bytes(text)
     with pytest.raises(BadCard, match=r"paper\.json"):
         cards.read_card(path)
 
 
-def test_no_card(tmp_path):
+def test_a_missing_card_is_refused(tmp_path):
     with pytest.raises(BadCard, match="No such file"):
         cards.read_card(tmp_path / "paper.json")
 
 
-def test_what_older_cards_do_not_say(tmp_path):
-    card = cards.read_card(edited(tmp_path, precision=..., float_twin=..., sizes=...))
+def test_optional_keys_have_defaults(tmp_path):
+    card = cards.read_card(write_edited(tmp_path, precision=..., float_twin=..., sizes=...))
     assert (card.precision, card.float_twin, card.sizes) == ("float32", "", cards.Sizes())
-    card = cards.read_card(edited(tmp_path, sizes={"multiple_of": 4, "square": True}))
+    card = cards.read_card(write_edited(tmp_path, sizes={"multiple_of": 4, "square": True}))
     assert card.sizes == cards.Sizes(minimum=8, multiple_of=4, square=True)
 
 
 @pytest.mark.parametrize(
-    ("sizes", "given", "fitted"),
+    ("sizes", "given", "expected"),
     [
         (cards.Sizes(), (1, 30), (8, 30)),
         (cards.Sizes(16, 8), (17, 3), (24, 16)),
@@ -81,5 +81,5 @@ def test_what_older_cards_do_not_say(tmp_path):
         (cards.Sizes(1), (7, 1), (7, 1)),
     ],
 )
-def test_sizes(sizes, given, fitted):
-    assert sizes.fitted(*given) == fitted
+def test_sizes_round_up(sizes, given, expected):
+    assert sizes.round_up(*given) == expected

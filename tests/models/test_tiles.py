@@ -10,16 +10,16 @@ sizes = st.integers(1, 70)
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(height=sizes, width=sizes, radius=st.integers(0, 4), side=st.integers(9, 30))
-def test_tiles_cover_once_within_the_window_and_keep_their_halo(height, width, radius, side):
+def test_tiles_cover_once_and_have_a_halo(height, width, radius, side):
     covered = np.zeros((height, width), int)
     shapes = set()
-    for tile in tiles.split(height, width, radius=radius, window=side * side):
+    for tile in tiles.split_picture(height, width, radius=radius, tile_pixels=side * side):
         covered[tile.kept] += 1
-        shapes.add(tuple(w.stop - w.start for w in tile.window))
-        for window, kept, length in zip(tile.window, tile.kept, (height, width), strict=True):
-            assert 0 <= window.start <= kept.start < kept.stop <= window.stop <= length
-            assert window.start == 0 or kept.start - window.start >= radius
-            assert window.stop == length or window.stop - kept.stop >= radius
+        shapes.add(tuple(side.stop - side.start for side in tile.region))
+        for region, kept, length in zip(tile.region, tile.kept, (height, width), strict=True):
+            assert 0 <= region.start <= kept.start < kept.stop <= region.stop <= length
+            assert region.start == 0 or kept.start - region.start >= radius
+            assert region.stop == length or region.stop - kept.stop >= radius
     assert (covered == 1).all()
     (shape,) = shapes
     assert shape[0] * shape[1] <= side * side
@@ -30,33 +30,33 @@ def test_tiles_cover_once_within_the_window_and_keep_their_halo(height, width, r
 def test_tiles_keep_to_multiples(height, width, radius, step):
     height, width = height * step, width * step
     covered = np.zeros((height, width), int)
-    for tile in tiles.split(height, width, radius=radius, window=30 * 30, multiple=step):
+    for tile in tiles.split_picture(height, width, radius=radius, tile_pixels=30 * 30, multiple=step):
         covered[tile.kept] += 1
-        for window, kept, length in zip(tile.window, tile.kept, (height, width), strict=True):
-            assert {edge % step for edge in (window.start, window.stop, kept.start, kept.stop)} == {0}
-            assert window.start == 0 or kept.start - window.start >= radius
-            assert window.stop == length or window.stop - kept.stop >= radius
+        for region, kept, length in zip(tile.region, tile.kept, (height, width), strict=True):
+            assert {edge % step for edge in (region.start, region.stop, kept.start, kept.stop)} == {0}
+            assert region.start == 0 or kept.start - region.start >= radius
+            assert region.stop == length or region.stop - kept.stop >= radius
     assert (covered == 1).all()
 
 
-def test_padding_repeats_the_edge_and_says_where_the_picture_is():
+def test_padding_repeats_the_edge_and_returns_where_the_picture_is():
     images = np.arange(6, dtype=np.float32).reshape(1, 1, 2, 3)
-    padded, (rows, cols) = tiles.padded(images, 5, 4, scale=2)
+    padded, (rows, cols) = tiles.pad_pictures(images, 5, 4, scale=2)
     assert padded.shape == (1, 1, 5, 4)
     assert (rows, cols) == (slice(2, 6), slice(0, 6))
     assert np.array_equal(padded[:, :, 1:3, :3], images)
     assert np.array_equal(padded[0, 0, :, 3], [2, 2, 5, 5, 5])
-    same, _ = tiles.padded(images, 2, 3, scale=2)
+    same, _ = tiles.pad_pictures(images, 2, 3, scale=2)
     assert same is images
 
 
-def test_a_window_that_is_all_halo():
+def test_tiles_that_are_all_halo_are_refused():
     with pytest.raises(ValueError, match="halo of 5"):
-        list(tiles.split(100, 100, radius=5, window=100))
+        list(tiles.split_picture(100, 100, radius=5, tile_pixels=100))
 
 
 def blur(images: np.ndarray, reach: int) -> np.ndarray:
-    """Sums of the `(2*reach + 1)**2` neighbours, zeros outside, each pixel then doubled: a network's borders."""
+    """Sums of the `(2*reach + 1)**2` neighbours, zeros outside, then each pixel doubled: like a network."""
     height, width = images.shape[2:]
     padded = np.pad(images, ((0, 0), (0, 0), (reach, reach), (reach, reach)))
     side = range(2 * reach + 1)
@@ -70,40 +70,40 @@ def blur(images: np.ndarray, reach: int) -> np.ndarray:
 @pytest.mark.parametrize("radius", [2, 3])
 def test_tiled_equals_whole(shape, radius):
     images = np.random.default_rng(1).integers(0, 9, shape).astype(np.float32)
-    got = tiles.apply(lambda x: blur(x, 2), images, scale=2, radius=radius, window=144, batch=60)
+    got = tiles.run_in_tiles(lambda x: blur(x, 2), images, scale=2, radius=radius, tile_pixels=144, batch_pixels=60)
     assert np.array_equal(got, blur(images, 2))
 
 
 def test_a_halo_one_pixel_too_small_shows():
     images = np.ones((1, 3, 40, 53), np.float32)
-    got = tiles.apply(lambda x: blur(x, 2), images, scale=2, radius=1, window=144, batch=60)
+    got = tiles.run_in_tiles(lambda x: blur(x, 2), images, scale=2, radius=1, tile_pixels=144, batch_pixels=60)
     assert not np.array_equal(got, blur(images, 2))
 
 
-def test_runs_stay_within_their_limits():
-    seen = []
+def test_batches_and_tiles_stay_within_their_limits():
+    shapes = []
 
     def run(images: np.ndarray) -> np.ndarray:
-        seen.append(images.shape)
+        shapes.append(images.shape)
         return images
 
-    tiles.apply(run, np.zeros((10, 3, 5, 5), np.float32), scale=1, radius=1, window=400, batch=100)
-    assert seen == [(4, 3, 5, 5), (4, 3, 5, 5), (2, 3, 5, 5)]
-    seen.clear()
-    tiles.apply(run, np.zeros((2, 3, 50, 50), np.float32), scale=1, radius=1, window=400, batch=100)
-    assert {shape[0] for shape in seen} == {1}
-    assert max(shape[2] * shape[3] for shape in seen) <= 400
+    tiles.run_in_tiles(run, np.zeros((10, 3, 5, 5), np.float32), scale=1, radius=1, tile_pixels=400, batch_pixels=100)
+    assert shapes == [(4, 3, 5, 5), (4, 3, 5, 5), (2, 3, 5, 5)]
+    shapes.clear()
+    tiles.run_in_tiles(run, np.zeros((2, 3, 50, 50), np.float32), scale=1, radius=1, tile_pixels=400, batch_pixels=100)
+    assert {shape[0] for shape in shapes} == {1}
+    assert max(shape[2] * shape[3] for shape in shapes) <= 400
 
 
-def test_a_tile_of_a_tile_is_placed_and_keeps_no_more():
+def test_a_tile_of_a_tile_keeps_no_more_than_it():
     outer = tiles.Tile(np.s_[10:40, 20:50], np.s_[14:36, 24:50])
-    inner = tiles.Tile(np.s_[0:12, 9:30], np.s_[0:8, 13:30]).within(outer)
+    inner = tiles.Tile(np.s_[0:12, 9:30], np.s_[0:8, 13:30]).clip_to(outer)
     assert inner == tiles.Tile(np.s_[10:22, 29:50], np.s_[14:18, 33:50])
-    assert inner.inside(outer.window) == np.s_[0:12, 9:30]
+    assert inner.region_in(outer.region) == np.s_[0:12, 9:30]
 
 
-def test_a_tile_of_which_nothing_is_kept_is_empty():
+def test_a_tile_of_a_tile_can_keep_nothing():
     outer = tiles.Tile(np.s_[10:40, 0:30], np.s_[14:36, 0:30])
-    rows, cols = tiles.Tile(np.s_[0:6, 0:30], np.s_[0:3, 0:30]).within(outer).kept
+    rows, cols = tiles.Tile(np.s_[0:6, 0:30], np.s_[0:3, 0:30]).clip_to(outer).kept
     assert rows.start == rows.stop
     assert cols == np.s_[0:30]

@@ -15,7 +15,7 @@ def test_good_pictures_pass(shape):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_named_by_its_index(value):
+def test_values_that_are_not_finite_are_named_by_their_index(value):
     images = pictures(2, 3, 4, 5)
     images[1, 2, 3, 4] = value
     with pytest.raises(InvalidImage, match=r"\(1, 2, 3, 4\)"):
@@ -41,11 +41,11 @@ def test_other_types():
         check_images(pictures(1, 3, 2, 2).astype(np.float64))
 
 
-def test_finish_clips():
+def test_output_is_clipped():
     assert clip_output(np.array([-0.5, 0.25, 1.5], np.float32), "x").tolist() == [0.0, 0.25, 1.0]
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_finish_names_the_model_whose_output_is_not_finite(value):
-    with pytest.raises(BrokenNetwork, match="brisk"):
-        clip_output(np.array([0.5, value], np.float32), "brisk")
+def test_output_that_is_not_finite_is_refused_naming_the_model(value):
+    with pytest.raises(BrokenNetwork, match="fast"):
+        clip_output(np.array([0.5, value], np.float32), "fast")

@@ -39,8 +39,8 @@ def install_stand_in(monkeypatch):
     """Makes a `StandIn` the catalogue's `field` network and returns it; names are not replaced by their int8 twins."""
     entries = [entry for entry in catalogue.list_entries() if entry.name != catalogue.LIGHT_FIELD_DEFAULT]
     (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
-    further = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
-    card = dataclasses.replace(fast.card, name=catalogue.LIGHT_FIELD_DEFAULT, further=further)
+    inputs = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
+    card = dataclasses.replace(fast.card, name=catalogue.LIGHT_FIELD_DEFAULT, extra_inputs=inputs)
     entries.insert(0, dataclasses.replace(fast, name=catalogue.LIGHT_FIELD_DEFAULT, card=card))
     load = catalogue.load_light_field_network
     network = StandIn()

@@ -146,8 +146,8 @@ def make_card(
         command="",
         accuracy=(),
         sizes=sizes,
-        further=inputs[1:],
-        further_outputs=examples.list_outputs(network),
+        extra_inputs=inputs[1:],
+        extra_outputs=examples.list_outputs(network),
     )
 
 
@@ -220,7 +220,7 @@ def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(
     whole = WithUncertainty(network) if isinstance(network, LightFieldGenerator) else network
     largest = 0.0
     for place, (count, channels, height, width) in itertools.product(examples.list_windows(network), SHAPES):
-        shape = (count, channels, *sizes.fitted(height, width))
+        shape = (count, channels, *sizes.round_up(height, width))
         inputs = examples.make_examples(network, count, *shape[2:], place=place)
         try:
             made = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})

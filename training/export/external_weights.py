@@ -152,7 +152,7 @@ def _convert_sizes(rule: Any) -> Sizes:
 @torch.no_grad()
 def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
     """Raises `ValueError` where `network` isn't all that spandrel does with a picture: some want more than the call."""
-    image = torch.rand(1, 3, *sizes.fitted(24, 24), generator=torch.Generator().manual_seed(0))
+    image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:
         raise ValueError(f"{descriptor.architecture.name}: needs more than its network; it can't be exported")

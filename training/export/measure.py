@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ciir.training.export.inputs import WindowPosition
 
 WIDEST = 120
-"""Largest radius, input pixels: tiles of 256x256 (`models.sessions.WINDOW`) then still have something to keep."""
+"""Largest radius, input pixels: tiles of 256x256 (`models.sessions.TILE_PIXELS`) then still have something to keep."""
 SMALL = 32
 """Side of the picture whose multiply-adds are counted, pixels: what is padded counts too."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
@@ -37,7 +37,7 @@ def count_parameters(network: nn.Module) -> int:
 def count_macs(network: nn.Module, sizes: Sizes) -> float:
     """Multiply-adds of all convolutions and matrix products for one output pixel (its three channels together)."""
     with FlopCounterMode(display=False) as counter:
-        output = network(*examples.make_examples(network, 1, *sizes.fitted(SMALL, SMALL)))
+        output = network(*examples.make_examples(network, 1, *sizes.round_up(SMALL, SMALL)))
     return float(counter.get_total_flops() / 2 / output[0, 0].numel())
 
 

@@ -38,7 +38,7 @@ def convert_network(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> b
             program = torch.onnx.export(
                 WithUncertainty(network) if isinstance(network, LightFieldGenerator) else network,
                 tuple(
-                    examples.make_examples(network, 2, *sizes.fitted(24, 20))
+                    examples.make_examples(network, 2, *sizes.round_up(24, 20))
                 ),  # a free axis must not be 1 in the example
                 dynamo=True,
                 dynamic_shapes=tuple(dict.fromkeys(axes, torch.export.Dim.DYNAMIC) for axes in free),

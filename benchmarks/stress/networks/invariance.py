@@ -106,7 +106,9 @@ def tile_sizes(effort: Effort) -> Iterator[Found]:
         whole = run(image)
         found = {}
         for side in (48,) if effort.quick else (2 * card.radius + 8, 40, 48, 64, 97):
-            tiled = tiles.apply(run, image, scale=card.scale, radius=card.radius, window=side * side, batch=1)
+            tiled = tiles.run_in_tiles(
+                run, image, scale=card.scale, radius=card.radius, tile_pixels=side * side, batch_pixels=1
+            )
             found[f"tiles of {side}x{side}"] = _size(name, tiled - whole)
         measured, where = worst(np.concatenate(list(found.values())), list(found))
         yield _bounded(f"{name}: in tiles", name, measured, where)

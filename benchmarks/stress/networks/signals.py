@@ -10,7 +10,8 @@ from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.networks import in_torch, shipped
 from ciir.benchmarks.stress.networks import patterns as made
 from ciir.benchmarks.stress.networks.shipped import LEVEL, UNSEEN, peak, rms, worst
-from ciir.models import InvalidImage, catalogue
+from ciir.errors import InvalidImage
+from ciir.models import catalogue
 from ciir.models.single.interpolation import Bicubic
 
 if TYPE_CHECKING:

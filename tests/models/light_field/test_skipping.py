@@ -1,4 +1,4 @@
-"""Of light fields, too, what is skipped changes nothing."""
+"""Skipping doesn't change the results of light fields."""
 
 from functools import cache
 
@@ -16,13 +16,13 @@ from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
-from tests.models.mixing import Mixing, MixingViews
+from tests.models.stand_ins import IntegerLightFieldNetwork, IntegerNetwork
 
-FIELDS = [entry.name for entry in catalogue.list_entries() if entry.is_light_field and not entry.unsupported_reason]
+NETWORKS = [entry.name for entry in catalogue.list_entries() if entry.is_light_field and not entry.unsupported_reason]
 
 
-def field(grid, shape, *, moves=1, seed=0, dtype=np.uint8, size=4, at=(6, 6)):
-    """A square of noise at `at` in the middle view, before one colour, that moves by `moves` pixels a view."""
+def make_light_field(grid, shape, *, moves=1, seed=0, dtype=np.uint8, size=4, at=(6, 6)):
+    """A square of noise at `at` in the middle view, on one colour, that moves by `moves` pixels per view."""
     random = np.random.default_rng(seed)
     most = np.iinfo(dtype).max
     ground, thing = (random.integers(0, most + 1, (*side, shape[2])).astype(dtype) for side in ((), (size, size)))
@@ -37,10 +37,10 @@ def field(grid, shape, *, moves=1, seed=0, dtype=np.uint8, size=4, at=(6, 6)):
     return views
 
 
-def both(network, views, wanted, grid, statistics=None):
-    alone = Mixing()
-    skipped = upscale_views(network, alone, views, wanted, grid, statistics=statistics)
-    whole = upscale_views(network, alone, views, wanted, grid, skip=False)
+def upscale_both_ways(network, views, wanted, grid, statistics=None):
+    fallback = IntegerNetwork()
+    skipped = upscale_views(network, fallback, views, wanted, grid, statistics=statistics)
+    whole = upscale_views(network, fallback, views, wanted, grid, skip=False)
     return skipped, whole
 
 
@@ -52,75 +52,85 @@ def both(network, views, wanted, grid, statistics=None):
     st.tuples(st.integers(-2, 25), st.integers(-2, 25)),
     st.integers(-4, 4),
 )
-def test_it_equals_the_whole(data, grid, shape, at, moves):
+def test_skipping_gives_the_same_result(data, grid, shape, at, moves):
     dtype = data.draw(st.sampled_from([np.uint8, np.uint16]))
-    views = field(grid, shape, moves=moves, at=at, dtype=dtype, seed=data.draw(st.integers(0, 9)))
+    views = make_light_field(grid, shape, moves=moves, at=at, dtype=dtype, seed=data.draw(st.integers(0, 9)))
     if data.draw(st.booleans()):  # another colour around some view
         views[data.draw(st.sampled_from(sorted(views)))][...] = 3
     wanted = data.draw(st.lists(st.sampled_from(sorted(views)), min_size=1, max_size=8))
     statistics = SkipStatistics()
-    (got, left), (want, wished) = both(MixingViews(), views, wanted, grid, statistics)
+    (got, share), (want, expected_share) = upscale_both_ways(
+        IntegerLightFieldNetwork(), views, wanted, grid, statistics
+    )
     np.testing.assert_array_equal(got, want)
-    assert left == pytest.approx(wished)
+    assert share == pytest.approx(expected_share)
     assert statistics.pixels == len(wanted) * shape[0] * shape[1]
     assert statistics.uniform + statistics.repeated <= statistics.pixels
 
 
-def test_a_radius_that_is_said_too_small_shows():
-    views = field((5, 5), (40, 40, 3), at=(18, 18))
-    (got, _), (want, _) = both(MixingViews(4), views, [(2, 2)], (5, 5))
+def test_a_radius_that_is_too_small_shows():
+    views = make_light_field((5, 5), (40, 40, 3), at=(18, 18))
+    (got, _), (want, _) = upscale_both_ways(IntegerLightFieldNetwork(4), views, [(2, 2)], (5, 5))
     np.testing.assert_array_equal(got, want)
-    (got, _), (want, _) = both(MixingViews(4, radius=3), views, [(2, 2)], (5, 5))
+    (got, _), (want, _) = upscale_both_ways(IntegerLightFieldNetwork(4, radius=3), views, [(2, 2)], (5, 5))
     assert not np.array_equal(got, want)
 
 
-@pytest.mark.parametrize("window", [20 * 20, 65536])
+@pytest.mark.parametrize("tile_pixels", [20 * 20, 65536])
 @pytest.mark.parametrize("moves", [1, 5])
-def test_what_a_view_becomes_depends_on_no_other_view_and_on_no_tile(monkeypatch, moves, window):
-    views = field((7, 7), (60, 64, 3), moves=moves, at=(28, 28), size=12)
+def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, moves, tile_pixels):
+    views = make_light_field((7, 7), (60, 64, 3), moves=moves, at=(28, 28), size=12)
     wanted = [(3, 3), (0, 0), (6, 2), (3, 4)]
-    assert disparity.of(views, (3, 3), (7, 7)) == (moves if moves > 1 else 0)
-    whole = [upscale_views(MixingViews(), Mixing(), views, [at], (7, 7), skip=False)[0][0] for at in wanted]
-    monkeypatch.setattr("ciir.models.light_field.views.WINDOW", window)
+    assert disparity.measure_disparity(views, (3, 3), (7, 7)) == (moves if moves > 1 else 0)
+    whole = [
+        upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, [at], (7, 7), skip=False)[0][0]
+        for at in wanted
+    ]
+    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
     statistics = SkipStatistics()
-    got, _ = upscale_views(MixingViews(), Mixing(), views, wanted, (7, 7), statistics=statistics)
+    got, _ = upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, wanted, (7, 7), statistics=statistics)
     np.testing.assert_array_equal(got, whole)
     assert statistics.uniform > 0
 
 
-def test_the_box_holds_what_differs_in_any_view_of_the_window():
-    views, network, statistics = field((5, 5), (50, 60, 3), at=(20, 22)), MixingViews(doubtful=False), SkipStatistics()
-    upscale_views(network, Mixing(), views, [(2, 2)], (5, 5), statistics=statistics)
-    seen = network.seen
-    upscale_views(network, Mixing(), views, [(2, 2)], (5, 5))
-    box = 4 + 2 * 2 + 4 * 3  # the square, two pixels of movement to each side, twice the radius
-    assert network.seen - seen == box * box
+def test_the_box_covers_differences_in_every_view_of_the_window():
+    views, network, statistics = (
+        make_light_field((5, 5), (50, 60, 3), at=(20, 22)),
+        IntegerLightFieldNetwork(is_confident=True),
+        SkipStatistics(),
+    )
+    upscale_views(network, IntegerNetwork(), views, [(2, 2)], (5, 5), statistics=statistics)
+    pixels = network.pixels
+    upscale_views(network, IntegerNetwork(), views, [(2, 2)], (5, 5))
+    box = 4 + 2 * 2 + 4 * 3  # the square, moving two pixels to each side, twice the radius
+    assert network.pixels - pixels == box * box
     assert statistics.uniform == 50 * 60 - box * box
 
 
-def test_windows_that_repeat_are_made_once():
-    """Of a scene without parallax, the views whose windows are whole."""
-    views, network, statistics = (
-        field((7, 7), (12, 12, 3), moves=0, size=12, at=(0, 0)),
-        MixingViews(),
-        SkipStatistics(),
-    )
+def test_repeated_windows_are_computed_once():
+    """Those of views whose windows are complete, in a scene without parallax."""
+    views = make_light_field((7, 7), (12, 12, 3), moves=0, size=12, at=(0, 0))
+    network, statistics = IntegerLightFieldNetwork(), SkipStatistics()
     wanted = [(v, u) for v in range(7) for u in range(7)]
-    (got, _), (want, _) = both(network, views, wanted, (7, 7), statistics)
+    (got, _), (want, _) = upscale_both_ways(network, views, wanted, (7, 7), statistics)
     np.testing.assert_array_equal(got, want)
     assert statistics.repeated == (49 - 25) * 144
     assert statistics.pixels == 49 * 144
 
 
-def test_nothing_is_skipped_where_that_is_asked_for():
-    views, network, statistics = field((3, 3), (30, 30, 3), moves=0), MixingViews(doubtful=False), SkipStatistics()
-    upscale_views(network, Mixing(), views, [(1, 1), (1, 1)], (3, 3), skip=False, statistics=statistics)
-    assert network.seen == statistics.pixels == 2 * 900
+def test_skip_false_skips_nothing():
+    views, network, statistics = (
+        make_light_field((3, 3), (30, 30, 3), moves=0),
+        IntegerLightFieldNetwork(is_confident=True),
+        SkipStatistics(),
+    )
+    upscale_views(network, IntegerNetwork(), views, [(1, 1), (1, 1)], (3, 3), skip=False, statistics=statistics)
+    assert network.pixels == statistics.pixels == 2 * 900
     assert statistics.uniform == statistics.repeated == 0
 
 
 @cache
-def rendered():
+def render_views():
     """Views of the vase, 5x5 of 48x48 pixels with a wide margin."""
     array = LensArray(48, 48, 15, 15)
     placed = load_scene("vase").transform(frame_scene(load_scene("vase"), array))
@@ -130,29 +140,29 @@ def rendered():
     return {(v - 5, u - 5): np.pad(view[..., :3], margin) for (v, u), view in zip(at, views, strict=True)}
 
 
-@pytest.mark.parametrize("name", FIELDS)
-def test_where_boxes_overlap_both_are_the_same_to_the_bit(name, monkeypatch):
-    """Whichever of two threads writes last."""
+@pytest.mark.parametrize("name", NETWORKS)
+def test_overlapping_boxes_are_the_same_to_the_bit(name, monkeypatch):
+    """So it doesn't matter which of two threads writes last."""
     network, random = catalogue.load_light_field_network(name), np.random.default_rng(0)
     monkeypatch.setattr(network, "threads", 2)
     thing = np.zeros((180, 180, 1), np.uint16)
     for part in (slice(10, 70), slice(80, 160)):
         thing[part, part] = random.integers(0, 65536, (part.stop - part.start,) * 2 + (1,))
-    found, covered = skipping.boxes(thing[..., 0] > 0, network.radius), np.zeros(thing.shape, int)
-    for box in found:
+    boxes, covered = skipping.cover_with_boxes(thing[..., 0] > 0, network.radius), np.zeros(thing.shape, int)
+    for box in boxes:
         covered[box.kept] += 1
     assert covered.max() == 2
     views = {(v, u): thing for v in range(3) for u in range(3)}
-    (got, _), (want, _) = both(network, views, [(0, 0), (2, 2)], (3, 3))
+    (got, _), (want, _) = upscale_both_ways(network, views, [(0, 0), (2, 2)], (3, 3))
     np.testing.assert_array_equal(got, want)
 
 
-@pytest.mark.parametrize("name", FIELDS)
-def test_rendered_views_equal_the_whole(name):
-    network, alone = catalogue.load_light_field_network(name), catalogue.load_upscaler("fast")
+@pytest.mark.parametrize("name", NETWORKS)
+def test_rendered_views_are_the_same(name):
+    network, fallback = catalogue.load_light_field_network(name), catalogue.load_upscaler("fast")
     wanted, statistics = [(2, 2), (0, 1)], SkipStatistics()
-    got, left = upscale_views(network, alone, rendered(), wanted, (5, 5), skip=True, statistics=statistics)
-    want, wished = upscale_views(network, alone, rendered(), wanted, (5, 5), skip=False)
+    got, share = upscale_views(network, fallback, render_views(), wanted, (5, 5), skip=True, statistics=statistics)
+    want, expected_share = upscale_views(network, fallback, render_views(), wanted, (5, 5), skip=False)
     np.testing.assert_array_equal(got, want)
-    assert left == wished
+    assert share == expected_share
     assert statistics.uniform > 0

@@ -6,25 +6,25 @@ from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axi
 
 
 @given(st.integers(1, 40).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
-def test_a_window_holds_the_view_and_as_many_of_the_nearest_as_there_are(at):
-    position, count = at
+def test_a_window_holds_the_view_and_its_neighbours_inside_the_grid(place):
+    position, count = place
     views, present = select_axis(position, count)
     assert len(views) == WINDOW_SIDE
     assert all(0 <= view < count for view in views)
-    there = [view for view, is_there in zip(views, present, strict=True) if is_there]
-    assert there == [view for view in range(count) if abs(view - position) <= 2]
+    inside = [view for view, is_present in zip(views, present, strict=True) if is_present]
+    assert inside == [view for view in range(count) if abs(view - position) <= 2]
     assert views[WINDOW_SIDE // 2] == position
     assert present[WINDOW_SIDE // 2]
-    assert {view for view, is_there in zip(views, present, strict=True) if not is_there} <= {position}
+    assert {view for view, is_present in zip(views, present, strict=True) if not is_present} <= {position}
 
 
 @pytest.mark.parametrize("position", [-1, 3])
-def test_a_view_outside_the_grid_is_named(position):
+def test_a_view_outside_the_grid_is_refused(position):
     with pytest.raises(ValueError, match=f"view {position} of 3: give 0 to 2"):
         select_axis(position, 3)
 
 
-def test_offsets_lead_from_the_view_to_those_around_it_row_by_row():
+def test_views_and_offsets_are_listed_row_by_row():
     found = list_window((0, 3), (6, 7))
     assert [view for view, _ in found] == [(v, u) for v in select_axis(0, 6).views for u in select_axis(3, 7).views]
     assert all((v - 0, u - 3) == offset for (v, u), offset in found)

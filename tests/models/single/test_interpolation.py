@@ -7,7 +7,7 @@ from ciir.errors import InvalidImage, UnsupportedScale
 from ciir.models.single.interpolation import SCALES, Bicubic, Nearest
 
 
-def noise(*shape: int) -> np.ndarray:
+def make_noise(*shape: int) -> np.ndarray:
     return np.random.default_rng(7).random(shape, dtype=np.float32)
 
 
@@ -20,7 +20,7 @@ def slow_kernel(x: float) -> float:
 
 
 def slow_bicubic(plane: np.ndarray, scale: int) -> np.ndarray:
-    """One output pixel at a time, both axes at once, from where the sample centres lie."""
+    """Both axes at once, one output pixel at a time, from the positions of sample centres."""
     height, width = plane.shape
     result = np.zeros((height * scale, width * scale))
     for row in range(height * scale):
@@ -36,7 +36,7 @@ def slow_bicubic(plane: np.ndarray, scale: int) -> np.ndarray:
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("size", [(1, 1), (2, 5), (7, 4)])
 def test_bicubic_against_the_slow_reference(scale, size):
-    images = noise(2, 3, *size)
+    images = make_noise(2, 3, *size)
     got = Bicubic(scale)(images)
     want = np.array([[slow_bicubic(plane, scale) for plane in image] for image in images])
     assert got.dtype == np.float32
@@ -45,7 +45,7 @@ def test_bicubic_against_the_slow_reference(scale, size):
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_bicubic_phase(scale):
-    """A ramp stays that ramp, read at the centres of the smaller pixels: half a pixel off and it doesn't."""
+    """A ramp stays the same ramp at the centres of the smaller pixels; half a pixel off it would not."""
     ramp = np.broadcast_to(np.arange(16, dtype=np.float32) / 16, (1, 3, 16, 16))
     centres = ((np.arange(16 * scale) + 0.5) / scale - 0.5) / 16
     inside = slice(2 * scale, -2 * scale)
@@ -65,7 +65,7 @@ def test_bicubic_clips():
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_nearest_repeats(scale):
-    images = noise(2, 3, 3, 5)
+    images = make_noise(2, 3, 3, 5)
     got = Nearest(scale)(images)
     for p in range(scale):
         for q in range(scale):
@@ -97,4 +97,4 @@ def test_input_is_checked(kind):
 
 @pytest.mark.parametrize("kind", [Bicubic, Nearest])
 def test_no_pictures(kind):
-    assert kind(2)(noise(0, 3, 4, 5)).shape == (0, 3, 8, 10)
+    assert kind(2)(make_noise(0, 3, 4, 5)).shape == (0, 3, 8, 10)

@@ -13,7 +13,7 @@ from ciir.models.single.pixels import upscale_pixels
 DEPTHS = [np.uint8, np.uint16]
 
 
-def noise(dtype, *shape: int) -> np.ndarray:
+def make_noise(dtype, *shape: int) -> np.ndarray:
     return np.random.default_rng(3).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
 
 
@@ -35,7 +35,7 @@ def test_nearest_gives_every_value_back(pictures):
 
 @pytest.mark.parametrize("dtype", DEPTHS)
 def test_grey_is_the_mean_of_three_equal_channels(dtype):
-    grey = noise(dtype, 1, 9, 8, 1)
+    grey = make_noise(dtype, 1, 9, 8, 1)
     as_colour = upscale_pixels(load_upscaler("paper"), grey.repeat(3, axis=3)).astype(float).mean(axis=3, keepdims=True)
     assert np.abs(upscale_pixels(load_upscaler("paper"), grey) - as_colour).max() <= 1
 
@@ -56,7 +56,7 @@ def test_hidden_colours_do_not_bleed():
 @pytest.mark.parametrize("dtype", DEPTHS)
 def test_alpha_is_exact_where_it_was_flat(name, dtype):
     peak = np.iinfo(dtype).max
-    picture = noise(dtype, 1, 20, 20, 4)
+    picture = make_noise(dtype, 1, 20, 20, 4)
     picture[..., 3] = 0
     picture[0, 5:15, 5:15, 3] = peak
     alpha = upscale_pixels(load_upscaler(name), picture)[0, ..., 3]
@@ -68,7 +68,7 @@ def test_alpha_is_exact_where_it_was_flat(name, dtype):
 
 @pytest.mark.parametrize("channels", [2, 4])
 def test_an_opaque_picture_comes_out_as_without_alpha(channels):
-    picture = noise(np.uint8, 2, 6, 7, channels)
+    picture = make_noise(np.uint8, 2, 6, 7, channels)
     picture[..., -1] = 255
     got = upscale_pixels(load_upscaler("paper"), picture)
     assert (got[..., -1] == 255).all()
@@ -97,9 +97,9 @@ def test_values_are_rounded_to_the_nearest(dtype, levels, want):
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_large_pictures_in_blocks_equal_the_whole(channels, monkeypatch):
-    picture = noise(np.uint8, 3, 31, 45, channels)
+    picture = make_noise(np.uint8, 3, 31, 45, channels)
     whole = upscale_pixels(Bicubic(3), picture)
-    monkeypatch.setattr(pixels, "BLOCK", 120)
+    monkeypatch.setattr(pixels, "BLOCK_PIXELS", 120)
     assert np.array_equal(upscale_pixels(Bicubic(3), picture), whole)
 
 

@@ -1,4 +1,4 @@
-"""What is skipped changes nothing: results equal those of the network on everything."""
+"""Skipping doesn't change results: they equal those of the network on whole pictures."""
 
 from functools import cache
 
@@ -17,10 +17,10 @@ from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
-from tests.models.mixing import Mixing
+from tests.models.stand_ins import IntegerNetwork
 
 FLOAT = 1e-6
-"""Most by which floats may differ, of [0, 1], for sums in another order; onnxruntime's do not differ at all here."""
+"""Largest difference of floats in [0, 1], as sums may be in another order; onnxruntime's don't differ here."""
 NETWORKS = [
     entry.name
     for entry in catalogue.list_entries()
@@ -30,8 +30,8 @@ NETWORKS = [
 
 @st.composite
 def pictures(draw):
-    """Of 0 to 4 pictures each before one of two colours, with up to 3 rectangles of noise or of one colour, which may
-    touch the edges, or be cut off by them; some pictures are there twice."""
+    """Up to 5 pictures, some of them equal: one of two backgrounds with up to 3 rectangles of noise or of one colour,
+    which may reach beyond the edges."""
     dtype = draw(st.sampled_from([np.uint8, np.uint16]))
     height, width, channels = draw(st.integers(1, 48)), draw(st.integers(1, 48)), draw(st.integers(1, 4))
     random = np.random.default_rng(draw(st.integers(0, 99)))
@@ -57,16 +57,16 @@ def pictures(draw):
 
 @settings(derandomize=True, deadline=None, max_examples=150)
 @given(pictures(), st.sampled_from([3, 4]))
-def test_it_equals_the_whole(some, layers):
+def test_skipping_gives_the_same_result(some, layers):
     statistics = SkipStatistics()
-    got = upscale_pixels(Mixing(layers), some, statistics=statistics)
-    np.testing.assert_array_equal(got, upscale_pixels(Mixing(layers), some, skip=False))
+    got = upscale_pixels(IntegerNetwork(layers), some, statistics=statistics)
+    np.testing.assert_array_equal(got, upscale_pixels(IntegerNetwork(layers), some, skip=False))
     assert statistics.pixels == some.shape[0] * some.shape[1] * some.shape[2]
     assert min(statistics.uniform, statistics.repeated) >= 0
     assert statistics.uniform + statistics.repeated <= statistics.pixels
 
 
-def before_grey(height, width, *parts):
+def make_on_grey(height, width, *parts):
     """A grey picture with noise in `parts`."""
     picture = np.full((1, height, width, 3), 90, np.uint8)
     for part in parts:
@@ -75,11 +75,11 @@ def before_grey(height, width, *parts):
     return picture
 
 
-def test_a_radius_that_is_said_too_small_shows():
-    picture = before_grey(40, 40, np.s_[16:20, 15:22])
-    whole = upscale_pixels(Mixing(4), picture)
-    assert np.array_equal(upscale_pixels(Mixing(4), picture, skip=False), whole)
-    assert not np.array_equal(upscale_pixels(Mixing(4, radius=3), picture), whole)
+def test_a_radius_that_is_too_small_shows():
+    picture = make_on_grey(40, 40, np.s_[16:20, 15:22])
+    whole = upscale_pixels(IntegerNetwork(4), picture)
+    assert np.array_equal(upscale_pixels(IntegerNetwork(4), picture, skip=False), whole)
+    assert not np.array_equal(upscale_pixels(IntegerNetwork(4, radius=3), picture), whole)
 
 
 @pytest.mark.parametrize(
@@ -92,43 +92,43 @@ def test_a_radius_that_is_said_too_small_shows():
     ],
     ids=["a pixel", "at an edge", "in a corner", "nothing"],
 )
-def test_no_more_is_computed_than_what_sees_it(part, computed):
-    network, statistics = Mixing(), SkipStatistics()
-    picture = before_grey(60, 80, part)
-    upscale_pixels(network, picture, statistics=statistics)  # the pattern is made once, and that much is seen too
-    seen = network.seen
+def test_only_what_sees_a_difference_is_computed(part, computed):
+    network, statistics = IntegerNetwork(), SkipStatistics()
+    picture = make_on_grey(60, 80, part)
+    upscale_pixels(network, picture, statistics=statistics)  # the first call also computes the pattern
+    pixels = network.pixels
     upscale_pixels(network, picture)
-    assert network.seen - seen == computed
+    assert network.pixels - pixels == computed
     assert statistics.uniform == 60 * 80 - computed
 
 
-def test_things_far_apart_are_computed_apart():
-    network, parts = Mixing(), (np.s_[5:25, 5:25], np.s_[150:180, 160:195])
-    picture, statistics = before_grey(200, 200, *parts), SkipStatistics()
+def test_distant_objects_have_separate_boxes():
+    network, parts = IntegerNetwork(), (np.s_[5:25, 5:25], np.s_[150:180, 160:195])
+    picture, statistics = make_on_grey(200, 200, *parts), SkipStatistics()
     got = upscale_pixels(network, picture, statistics=statistics)
     assert 200 * 200 - statistics.uniform == (25 + 6) ** 2 + 42 * (35 + 11)
     np.testing.assert_array_equal(got, upscale_pixels(network, picture, skip=False))
 
 
-def test_pictures_that_repeat_are_made_once():
-    one, other = before_grey(30, 30, np.s_[:, :]), before_grey(30, 30, np.s_[5:, :])
-    network, statistics = Mixing(), SkipStatistics()
+def test_repeated_pictures_are_computed_once():
+    one, other = make_on_grey(30, 30, np.s_[:, :]), make_on_grey(30, 30, np.s_[5:, :])
+    network, statistics = IntegerNetwork(), SkipStatistics()
     got = upscale_pixels(network, np.concatenate([one, other, one, one]), statistics=statistics)
-    assert network.seen == 2 * 30 * 30
+    assert network.pixels == 2 * 30 * 30
     assert (statistics.pixels, statistics.repeated, statistics.uniform) == (4 * 900, 2 * 900, 0)
     np.testing.assert_array_equal(got[[2, 3]], got[[0, 0]])
 
 
-def test_nothing_is_skipped_where_that_is_asked_for():
-    network, statistics = Mixing(), SkipStatistics()
-    same = np.repeat(before_grey(30, 30), 3, axis=0)
+def test_skip_false_skips_nothing():
+    network, statistics = IntegerNetwork(), SkipStatistics()
+    same = np.repeat(make_on_grey(30, 30), 3, axis=0)
     upscale_pixels(network, same, skip=False, statistics=statistics)
-    assert network.seen == statistics.pixels == 3 * 900
+    assert network.pixels == statistics.pixels == 3 * 900
     assert statistics.uniform == statistics.repeated == 0
 
 
 @pytest.mark.parametrize(
-    ("sizes", "suits"),
+    ("sizes", "expected"),
     [
         (Sizes(), False),
         (Sizes(minimum=7), True),
@@ -136,17 +136,17 @@ def test_nothing_is_skipped_where_that_is_asked_for():
         (Sizes(minimum=1, square=True), False),
     ],
 )
-def test_networks_that_make_pictures_up_to_other_sizes_see_the_whole(sizes, suits):
-    """A small picture of one colour would not tell what becomes of a large one."""
-    network = Mixing(3)
+def test_networks_that_pad_pictures_skip_nothing(sizes, expected):
+    """A small picture of one colour wouldn't give the result for a large one."""
+    network = IntegerNetwork(3)
     network.card = type("Card", (), {"sizes": sizes})
-    assert skipping.suits(network) is suits
-    assert not skipping.suits(Bicubic(2))
+    assert skipping.can_skip(network) is expected
+    assert not skipping.can_skip(Bicubic(2))
 
 
 @cache
-def rendered(name):
-    """The middle view of 64x64 lenses, with as much again of its background around it, `(112, 112, 3)`."""
+def render_view(name):
+    """The middle view of 64x64 lenses, with a margin of background, `(112, 112, 3)`."""
     array = LensArray(64, 64, 15, 15)
     placed = load_scene(name).transform(frame_scene(load_scene(name), array))
     (view,) = RaytraceBackend().render_views(placed, array, [(7, 7)], samples=1)
@@ -155,10 +155,10 @@ def rendered(name):
 
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("of", ["vase", "globe", "hamburger"])
-def test_rendered_views_equal_the_whole(name, of):
+def test_rendered_views_are_the_same(name, of):
     network, statistics = catalogue.load_upscaler(name), SkipStatistics()
     for dtype, factor in ((np.uint8, 1), (np.uint16, 257)):
-        some = rendered(of)[np.newaxis].astype(dtype) * dtype(factor)
+        some = render_view(of)[np.newaxis].astype(dtype) * dtype(factor)
         got = upscale_pixels(network, some, statistics=statistics)
         want = upscale_pixels(network, some, skip=False)
         np.testing.assert_allclose(got.astype(int), want.astype(int), rtol=0, atol=0 if "int8" in name else 1)
@@ -166,31 +166,31 @@ def test_rendered_views_equal_the_whole(name, of):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_floats_equal_the_whole(name):
-    network, view = catalogue.load_upscaler(name), rendered("globe").copy()
-    view[(view == view[0, 0]).all(axis=2)] = [10, 200, 91]  # zeros would hide a border
-    colour, boxes = skipping.found(view, network.radius)
-    whole = network(floats(view))
+def test_floats_are_the_same(name):
+    network, view = catalogue.load_upscaler(name), render_view("globe").copy()
+    view[(view == view[0, 0]).all(axis=2)] = [10, 200, 91]  # zero would equal the padding
+    colour, boxes = skipping.find_boxes(view, network.radius)
+    whole = network(to_floats(view))
     made = np.empty((*whole.shape[2:], 3), np.float32)
     side = 2 * network.radius + 1
-    pattern = network(floats(np.tile(colour, (side, side, 1))))[0].transpose(1, 2, 0)
-    skipping.fill(made, pattern, network.radius, network.scale)
+    pattern = network(to_floats(np.tile(colour, (side, side, 1))))[0].transpose(1, 2, 0)
+    skipping.fill_with_pattern(made, pattern, network.radius, network.scale)
     for box in boxes:
-        part = network(floats(view[box.window]))[0].transpose(1, 2, 0)
-        made[box.target(2)] = part[box.source(2)]
+        part = network(to_floats(view[box.region]))[0].transpose(1, 2, 0)
+        made[box.kept_in_picture(2)] = part[box.kept_in_tile(2)]
     np.testing.assert_allclose(made.transpose(2, 0, 1)[np.newaxis], whole, rtol=0, atol=FLOAT)
 
 
-def floats(picture):
+def to_floats(picture):
     return np.ascontiguousarray(picture.transpose(2, 0, 1)[np.newaxis]).astype(np.float32) / 255
 
 
 @settings(derandomize=True, deadline=None, max_examples=100)
 @given(st.integers(20, 90), st.integers(20, 90), st.integers(1, 5), st.integers(0, 99))
-def test_boxes_hold_all_that_sees_a_difference(height, width, radius, seed):
+def test_boxes_keep_everything_that_sees_a_difference(height, width, radius, seed):
     random = np.random.default_rng(seed)
     differs = random.random((height, width)) < random.choice([0, 0.0005, 0.003, 0.5])
-    boxes = skipping.boxes(differs, radius)
+    boxes = skipping.cover_with_boxes(differs, radius)
     if boxes is None:
         return
     reached = np.zeros((height + 2 * radius, width + 2 * radius), bool)
@@ -199,8 +199,8 @@ def test_boxes_hold_all_that_sees_a_difference(height, width, radius, seed):
     kept = np.zeros((height, width), bool)
     for box in boxes:
         kept[box.kept] = True
-        for window, good, length in zip(box.window, box.kept, (height, width), strict=True):
-            assert window.start in (0, good.start - radius)
-            assert window.stop in (length, good.stop + radius)
+        for region, good, length in zip(box.region, box.kept, (height, width), strict=True):
+            assert region.start in (0, good.start - radius)
+            assert region.stop in (length, good.stop + radius)
     assert kept[reached[radius:-radius, radius:-radius]].all()
-    assert sum(skipping.area(box.window) for box in boxes) <= skipping.WORTH * height * width
+    assert sum(skipping.count_pixels(box.region) for box in boxes) <= skipping.MAXIMUM_SHARE * height * width

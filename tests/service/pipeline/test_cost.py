@@ -348,8 +348,8 @@ def test_the_share_that_a_network_works_on(name, model, lenses):
     mesh, array = load_scene(name), resolve_array(Options(lenses=(lenses, lenses)))
     (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == model)
     views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
-    _, boxes = skipping.found(next(iter(views))[..., :3], card.radius)
-    share = sum(skipping.area(box.window) for box in boxes) / lenses**2
+    _, boxes = skipping.find_boxes(next(iter(views))[..., :3], card.radius)
+    share = sum(skipping.count_pixels(box.region) for box in boxes) / lenses**2
     assert plan._predict_share(mesh, array, card) == pytest.approx(share, abs=0.1)
 
 

@@ -60,7 +60,7 @@ def exported(checkpoint, views, tmp_path_factory):
 def test_the_card(exported, views):
     card = cards.read_card(exported)
     assert card.is_light_field
-    assert [tensor.name for tensor in card.further] == ["around", "rows", "cols"]
+    assert [tensor.name for tensor in card.extra_inputs] == ["around", "rows", "cols"]
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 4 + 2 + 1 + 1 + 1 + 1, 7)
     assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
@@ -74,7 +74,7 @@ def test_the_card(exported, views):
 def test_the_file_has_the_inputs_that_the_card_tells(exported):
     model, card = onnx.load(exported.with_suffix(".onnx")), cards.read_card(exported)
     assert model.opset_import[0].version == card.opset
-    tensors = (card.input, *card.further, card.output, *card.further_outputs)
+    tensors = (card.input, *card.extra_inputs, card.output, *card.extra_outputs)
     for value, tensor in zip((*model.graph.input, *model.graph.output), tensors, strict=True):
         dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
         assert (value.name, tuple(dims)) == (tensor.name, tensor.shape)
@@ -153,7 +153,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     path = export_int8(checkpoint, tmp_path, calibrate=[views], accuracy_on=[views])
     card, twin = cards.read_card(path), cards.read_card(exported)
     assert (card.name, card.precision, card.float_twin) == ("near-int8", "int8", "near")
-    assert (card.further, card.radius, card.parameters) == (twin.further, twin.radius, twin.parameters)
+    assert (card.extra_inputs, card.radius, card.parameters) == (twin.extra_inputs, twin.radius, twin.parameters)
     assert card.training.recipe["int8"] == {"calibrate": [views.as_posix()], "float_layers": []}
     for ours, theirs in zip(card.accuracy, twin.accuracy, strict=True):
         assert ours.psnr == pytest.approx(theirs.psnr, abs=0.1)

@@ -1,5 +1,5 @@
-"""Stand-ins for networks: convolutions of known reach, zeros around the picture, and whole numbers, so that results are
-equal or aren't. Each layer ends in a remainder: whatever an output pixel sees shows in it.
+"""Stand-ins for networks: convolutions of integers with a known receptive field and zeros around the picture, so that
+results are equal or not. Each layer ends in a remainder, so that an output pixel depends on everything that it sees.
 """
 
 from itertools import pairwise
@@ -10,7 +10,7 @@ PRIME = 65521
 
 
 class Layers:
-    """3x3 convolutions of random whole weights, each followed by a remainder."""
+    """3x3 convolutions with random integer weights, each followed by a remainder."""
 
     def __init__(self, channels, seed):
         random = np.random.default_rng(seed)
@@ -28,44 +28,45 @@ class Layers:
         return planes
 
 
-def whole(values):
+def to_integers(values):
     return np.rint(values.astype(np.float64) * 65535).astype(np.int64)
 
 
-def shuffled(planes):
+def shuffle_pixels(planes):
     """`(N, 12, H, W)` -> `(N, 3, 2*H, 2*W)` in [0, 1]."""
     count, _, height, width = planes.shape
     spread = planes.reshape(count, 3, 2, 2, height, width).transpose(0, 1, 4, 2, 5, 3)
     return (spread.reshape(count, 3, 2 * height, 2 * width) % 256 / 255).astype(np.float32)
 
 
-class Mixing:
-    """A single-picture network that sees `layers` pixels far; `radius`: what it says of that."""
+class IntegerNetwork:
+    """A single-image network with a receptive field of `layers` pixels; `radius`: what it reports instead."""
 
-    name, scale = "mixing", 2
+    name, scale = "integer", 2
 
     def __init__(self, layers=3, radius=None):
         self.radius = layers if radius is None else radius
         self.layers = Layers([3, *[4] * (layers - 1), 12], seed=layers)
-        self.seen = 0
+        self.pixels = 0
 
     def __call__(self, images):
-        self.seen += len(images) * images.shape[2] * images.shape[3]
-        return shuffled(self.layers(whole(images)))
+        self.pixels += len(images) * images.shape[2] * images.shape[3]
+        return shuffle_pixels(self.layers(to_integers(images)))
 
 
-class MixingViews:
-    """The same as a light-field network; `doubtful`: whether its doubt goes beyond what is trusted."""
+class IntegerLightFieldNetwork:
+    """The same as a light-field network; `is_confident`: whether its uncertainty stays below `CONFIDENT`."""
 
     scale, threads = 2, 1
 
-    def __init__(self, layers=3, radius=None, *, doubtful=True):
+    def __init__(self, layers=3, radius=None, *, is_confident=False):
         self.radius = layers if radius is None else radius
         self.layers = Layers([28, *[4] * (layers - 1), 13], seed=layers)
-        self.seen, self.most = 0, 1.0 if doubtful else 0.5
+        self.pixels, self.most = 0, 0.5 if is_confident else 1.0
 
     def __call__(self, image, around, rows, cols, *, cores=None):
-        self.seen += len(image) * image.shape[2] * image.shape[3]
+        self.pixels += len(image) * image.shape[2] * image.shape[3]
         weights = 1 + np.arange(25) * np.outer(rows, cols).ravel()
-        planes = self.layers(np.concatenate([whole(image), whole(around * weights[:, None, None])], axis=1))
-        return shuffled(planes[:, :12]), (planes[:, 12:] % 256 / 255 * self.most).astype(np.float32)
+        inputs = [to_integers(image), to_integers(around * weights[:, None, None])]
+        planes = self.layers(np.concatenate(inputs, axis=1))
+        return shuffle_pixels(planes[:, :12]), (planes[:, 12:] % 256 / 255 * self.most).astype(np.float32)
