@@ -71,8 +71,11 @@ OTHER_VARIABLES = {
 
 def test_help_texts_and_docs_name_only_variables_that_exist():
     known = {f"CIIR_{name.upper()}" for name in Settings.model_fields} | set(OTHER_VARIABLES)
-    places = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("service/**/*.py"), ROOT / "Dockerfile"]
-    for path in [*places, ROOT / "docker-compose.yml"]:
+    paths = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("service/**/*.py")]
+    paths += [ROOT / "Dockerfile", ROOT / "docker-compose.yml"]
+    for path in paths:
+        if path.name == "CHANGELOG.md":  # names what was removed
+            continue
         named = set(re.findall(r"\bCIIR_[A-Z_]*[A-Z]\b", path.read_text(encoding="utf-8")))
         assert named <= known, path
     for name, reader in OTHER_VARIABLES.items():
