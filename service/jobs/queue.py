@@ -12,16 +12,13 @@ from __future__ import annotations
 
 import copy
 import sqlite3
+import sys
 import threading
 import time
 from typing import TYPE_CHECKING, Any
 
 from huey.constants import EmptyData
 from huey.storage import RedisStorage, SqliteStorage
-from redis import ConnectionPool
-from redis.backoff import NoBackoff
-from redis.exceptions import RedisError
-from redis.retry import Retry
 
 from ciir.errors import InvalidOption
 from ciir.service.jobs.lanes import LANES
@@ -30,6 +27,8 @@ from ciir.service.jobs.resource import Resource
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from redis import ConnectionPool
 
     from ciir.service.jobs.job import Lane
 
@@ -80,7 +79,8 @@ class _Redis(RedisStorage):  # type: ignore[misc]
 
 def _describe(error: Exception) -> str | None:
     """The message for an error of the storage, without the server's address or path."""
-    if isinstance(error, RedisError):
+    redis = sys.modules.get("redis")  # an extra, imported where a Redis server is used
+    if redis is not None and isinstance(error, redis.RedisError):
         return "the queue can't be used (its server doesn't answer); try again later"
     return f"the queue can't be used ({error}); try again later" if isinstance(error, sqlite3.Error) else None
 
@@ -223,6 +223,10 @@ class Queue:
 
 
 def _open_pool(url: str) -> ConnectionPool:
+    from redis import ConnectionPool
+    from redis.backoff import NoBackoff
+    from redis.retry import Retry
+
     try:
         return ConnectionPool.from_url(
             url,
