@@ -1,7 +1,7 @@
 """The formats that views are written in as one file: one registry.
 
-A new picture format is registered in `renderer.writers.pictures` and is here by that; a format for several views is a
-module with its `Writer`, and its line in `FORMATS`.
+Picture formats come from `renderer.writers.pictures.registry`. A format for several views is a module with its
+`Writer`, and a line in `FORMATS`.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from ciir.errors import InputError
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.png import SIGNATURE
-from ciir.renderer.writers.tiff import encode as encode_tiff
+from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
 from ciir.service.settings import Settings
 from tests.fuzz import gltf_seeds, seeds
 

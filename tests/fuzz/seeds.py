@@ -17,9 +17,9 @@ import tifffile
 from PIL import Image
 
 from ciir.renderer.readers import jpeg
-from ciir.renderer.writers.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures import encode_png
-from ciir.renderer.writers.tiff import encode as encode_tiff
+from ciir.renderer.writers.pictures.jpeg import encode as encode_jpeg
+from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
 from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:

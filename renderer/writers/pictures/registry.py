@@ -33,7 +33,7 @@ class PictureFormat:
         Raises `InvalidOption` where the format can't hold them. The encoder is imported when it is first needed.
         """
         squeezed = pixels[..., 0] if pixels.shape[2] == 1 else pixels
-        encoder = import_module(f"ciir.renderer.writers.{self.name}").encode
+        encoder = import_module(f"ciir.renderer.writers.pictures.{self.name}").encode
         return cast("bytes", encoder(np.ascontiguousarray(squeezed)))
 
 

@@ -5,8 +5,7 @@ import pytest
 from PIL import Image
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers import webp
-from ciir.renderer.writers.pictures import encode
+from ciir.renderer.writers.pictures import encode, webp
 from ciir.service.cli.main import main
 
 
