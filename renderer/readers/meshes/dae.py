@@ -13,7 +13,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import MAX_NODES, place_surface
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, place_surface
 from ciir.renderer.readers.meshes.trimesh_formats import WHITE, check_xml, refuse_malformed
 from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
 
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
 
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
-
-_UPRIGHT = {
-    "X_UP": [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
-    "Z_UP": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
-}
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
@@ -48,7 +43,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
             resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
         if document.scene is None:
             raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
-        upright = np.array(_UPRIGHT.get(document.assetInfo.upaxis, np.eye(4)), np.float64)
+        upright = UPRIGHT.get(document.assetInfo.upaxis, np.eye(4))
         for geometry, materials, matrix in _instances(document.scene.nodes, upright, name, resolver):
             for primitive in geometry.primitives:
                 surface = _surface(primitive, materials, name, resolver)

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
 MAX_NODES = 20_000
 """Most nodes in the scene of a mesh file, each counted as often as it is instanced."""
+UPRIGHT = {
+    "X_UP": np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+    "Z_UP": np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]),
+}
+"""Matrices that turn a scene to y up, by the axis that points up in it, as COLLADA names it."""
 
 
 def parse_numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
@@ -61,4 +66,17 @@ def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
         # A mirror reverses both winding and cofactors: the outside remains the outside.
         faces=surface.faces[:, ::-1] if mirrored else surface.faces,
         normals=None if normals is None else (normals @ cofactors.T) * (-1.0 if mirrored else 1.0),
+    )
+
+
+def split_corners(surface: Surface) -> Surface:
+    """The surface with three vertices of its own for each triangle."""
+    index = surface.faces.ravel()
+    if len(index) and not 0 <= index.min() <= index.max() < len(surface.vertices):
+        raise IndexError("a face names a vertex that is not there")
+    return replace(
+        surface,
+        vertices=surface.vertices[index],
+        faces=np.arange(len(index)).reshape(-1, 3),
+        normals=None if surface.normals is None else surface.normals[index],
     )

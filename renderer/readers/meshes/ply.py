@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import normalise, split_corners, triangulate_fans
 from ciir.renderer.readers.meshes.trimesh_formats import WHITE, refuse_malformed
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
@@ -178,7 +178,7 @@ def _add_colors(
         uv = _column(face, "texcoord")
         if np.shape(uv) == (len(surface.faces), 6):  # u and v of three corners: the faces are triangles
             uv = np.asarray(uv, np.float64).reshape(-1, 2)
-            return replace(_split_corners(surface), uv=uv, texture=texture, color=WHITE)
+            return replace(split_corners(surface), uv=uv, texture=texture, color=WHITE)
     if texture is not None:
         for pair in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
             if set(pair) <= vertex["properties"].keys():
@@ -188,7 +188,7 @@ def _add_colors(
         if set(names) <= vertex["properties"].keys():
             return replace(surface, colors=_rgba(vertex, names), color=WHITE)
         if set(names) <= face["properties"].keys():
-            return replace(_split_corners(surface), colors=_rgba(face, names)[np.repeat(face_of, 3)], color=WHITE)
+            return replace(split_corners(surface), colors=_rgba(face, names)[np.repeat(face_of, 3)], color=WHITE)
     return surface
 
 
@@ -197,16 +197,3 @@ def _rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32
     rgba = np.ones((element["length"], 4), np.float32)
     rgba[:, :3] = normalise(_stack(element, *names))
     return rgba
-
-
-def _split_corners(surface: Surface) -> Surface:
-    """The surface with three vertices of its own for each triangle."""
-    index = surface.faces.ravel()
-    if len(index) and not 0 <= index.min() <= index.max() < len(surface.vertices):
-        raise IndexError("a face names a vertex that is not there")
-    return replace(
-        surface,
-        vertices=surface.vertices[index],
-        faces=np.arange(len(index)).reshape(-1, 3),
-        normals=None if surface.normals is None else surface.normals[index],
-    )
