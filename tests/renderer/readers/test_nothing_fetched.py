@@ -10,6 +10,8 @@ from tests.support.paths import ROOT
 
 CODE = r"""
 import base64, json, struct, sys
+from pathlib import Path
+from xml.sax.saxutils import escape
 
 from ciir.renderer.writers.pictures import encode, encode_png
 from ciir.renderer.readers import inputs, pictures
@@ -32,6 +34,8 @@ PLY = (
     "property float z\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\n"
     "end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
 )
+
+DAE = Path("tests/fuzz/seed.dae").read_text()
 
 
 def gltf(buffer, image):
@@ -60,6 +64,7 @@ def files(address):
     material = f"newmtl m\nmap_Kd -s 1 1 1 {address}\nmap_d {address}\n"
     yield "a.obj", {"a.obj": OBJ.format("a.mtl").encode(), "a.mtl": material.encode()}
     yield "a.ply", {"a.ply": PLY.format(address).encode()}
+    yield "a.dae", {"a.dae": DAE.replace("x.png", escape(address.replace("\0", "%00"))).encode()}
 
 
 def read(main, given):
@@ -89,4 +94,4 @@ print(count, seen)
 def test_no_address_in_a_mesh_is_followed() -> None:
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False, cwd=ROOT)  # noqa: S603
     assert done.returncode == 0, done.stderr
-    assert done.stdout == f"{18 * 5} []\n"
+    assert done.stdout == f"{18 * 6} []\n"
