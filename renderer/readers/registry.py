@@ -124,6 +124,7 @@ FORMATS: tuple[Format, ...] = (
         decoder="tiff:decode",
     ),
     ZIP,
+    MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )
 """Every format that is read. Where content fits several, the suffix decides, and without one the order here."""
 
