@@ -11,6 +11,7 @@ pytest.importorskip("skimage", reason="needs scikit-image, of the bench and trai
 from PIL import Image
 
 from ciir import models
+from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models.catalogue import SHIPPED
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import Nearest
@@ -84,11 +85,11 @@ def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
     by_name = evaluate("paper", folder, grid=(3, 3), degradation="box")
     assert by_name == evaluate(str(SHIPPED / "paper.json"), folder, grid=(3, 3), degradation="box")
     assert by_name == score(models.load_upscaler("paper"), folder, grid=(3, 3), degradation="box")
-    with pytest.raises(models.UnknownModel):
+    with pytest.raises(UnknownModel):
         evaluate("fancy", folder)
-    with pytest.raises(models.UnsupportedScale):
+    with pytest.raises(UnsupportedScale):
         evaluate("fast", folder, scale=4)
-    with pytest.raises(models.UnsupportedScale, match="paper upscales by 2, not 4"):
+    with pytest.raises(UnsupportedScale, match="paper upscales by 2, not 4"):
         evaluate(str(SHIPPED / "paper.json"), folder, scale=4)
     assert evaluate("bicubic", folder, grid=(3, 3), scale=3).pictures == 9
 

@@ -6,6 +6,7 @@ from PIL import Image
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 from ciir import models
+from ciir.errors import UnknownModel
 from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
 from ciir.training.evaluation.pictures import evaluate, score
@@ -52,7 +53,7 @@ def test_a_known_error(tmp_path):
 def test_a_model_by_name_and_by_its_card(recipe):
     folder = Path(recipe.validate)
     assert evaluate(str(SHIPPED / "paper.json"), folder) == evaluate("paper", folder)
-    with pytest.raises(models.UnknownModel):
+    with pytest.raises(UnknownModel):
         evaluate("fancy", folder)
 
 
