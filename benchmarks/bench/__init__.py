@@ -1,1 +1,1 @@
-"""Run time against error: the main job by every method, side by side in one process run."""
+"""Run time against error: the main job by every method, measured in one process."""

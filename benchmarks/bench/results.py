@@ -1,126 +1,122 @@
-"""What came out: for each piece of work, each method's pictures, errors and times."""
+"""Measurements: a row of numbers for each piece of work and method, their means, and the frontier."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.benchmarks.bench.errors import Error, compare
-from ciir.benchmarks.bench.methods import PAPER
-from ciir.benchmarks.bench.timing import Times, in_turns
+from ciir.benchmarks.bench.errors import compare
+from ciir.benchmarks.bench.methods import DIRECT, PAPER
+from ciir.benchmarks.bench.timing import time_in_rounds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from ciir.benchmarks.bench.methods import Method
     from ciir.benchmarks.bench.work import Work
 
+    Row = dict[str, Any]
+
+STAGES = ("decode", "render", "map", "upscale", "encode")
+NUMBERS = (
+    *(f"ms_{name}" for name in ("median", "low", "high", *STAGES)),
+    "times_faster_than_paper",
+    *(f"{name}_{where}" for where in ("all", "object") for name in ("rmse", "psnr", "ssim")),
+)
+"""Columns of a row; None where a method failed, or where there is no object."""
+
 
 @dataclass(eq=False)
 class Result:
-    """One piece of work by every method that could do it."""
+    """One piece of work by every method that suits it."""
 
     work: Work
-    pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
-    errors: dict[str, Error] = field(default_factory=dict)
-    """On all pixels."""
-    on_object: dict[str, Error] = field(default_factory=dict)
-    """On the object alone; empty where there is none."""
-    times: dict[str, Times] = field(default_factory=dict)
-    backends: dict[str, str | None] = field(default_factory=dict)
-    """What rendered the mesh; None where nothing did."""
-    faults: dict[str, str] = field(default_factory=dict)
-    """Method -> why it has no result."""
+    pictures: dict[str, NDArray[np.uint8]]
+    """Method -> the views, `(n, H, W, 3)`."""
+    rows: list[Row]
 
 
 @dataclass(frozen=True)
 class Point:
-    """A method at one sampling and count of lenses, over all scenes."""
+    """A method at one sampling and lens array, over all inputs."""
 
     method: str
     kind: str
     sampling: str
-    lenses: int
+    lenses: str
     milliseconds: float
-    """Geometric mean of the scenes' medians."""
+    """Geometric mean of the inputs' medians."""
     rmse: float
-    """Levels; root of the mean square over the scenes."""
+    """Levels; root of the mean square over the inputs."""
 
 
-def measured(work: Work, methods: Sequence[Method], rounds: int) -> Result:
-    """Pictures, errors and times of each method; one that fails is named in `faults`, with what it said."""
-    result = Result(work)
-    able: list[Method] = []
-    for method in methods:
-        if not method.suits(work):
-            continue
+def measure(work: Work, methods: Sequence[Method], rounds: int) -> Result:
+    """Pictures, errors and times of each method; the row of one that fails holds its `error`."""
+    pictures: dict[str, NDArray[np.uint8]] = {}
+    rows: dict[str, Row] = {}
+    suited = [method for method in methods if method.suits(work)]
+    for method in suited:
+        macs = method.macs_per_output_pixel
+        row = rows[method.name] = {
+            "input": work.name,
+            "lenses": "{}x{}".format(*work.lenses),
+            "sampling": work.sampling,
+            "method": method.name,
+            "kind": method.kind,
+            "backend": None,
+            "error": "",
+            "gmacs": None if macs is None else macs * 4 * work.lenses[0] * work.lenses[1] / 1e9,
+        } | dict.fromkeys(NUMBERS)
         try:
-            made, backend = method.made(work)
-        except Exception as fault:  # noqa: BLE001 - whatever it is, it is printed in the place of the result
-            result.faults[method.name] = f"{type(fault).__name__}: {fault}"
+            views, row["backend"] = method.reconstruct(work)
+        except Exception as error:  # noqa: BLE001 - any error is printed in the place of the numbers
+            row["error"] = f"{type(error).__name__}: {error}"
             continue
-        able.append(method)
-        result.pictures[method.name] = made
-        result.errors[method.name] = compare(made, work.truth)
+        pictures[method.name] = views
+        row |= {f"{name}_all": value for name, value in asdict(compare(views, work.truth)).items()}
         if work.object is not None and work.object.any():
-            result.on_object[method.name] = compare(made, work.truth, work.object)
-        result.backends[method.name] = backend
-    jobs = {method.name: partial(method.job, work) for method in able}
-    result.times = in_turns(jobs, rounds, reference=PAPER)
-    return result
+            errors = asdict(compare(views, work.truth, work.object))
+            row |= {f"{name}_object": value for name, value in errors.items()}
+    jobs = {method.name: partial(method.time_job, work) for method in suited if method.name in pictures}
+    for name, times in time_in_rounds(jobs, rounds, reference=PAPER).items():
+        rows[name] |= {"ms_median": times.median, "ms_low": times.low, "ms_high": times.high}
+        rows[name] |= {f"ms_{stage}": times.stages.get(stage) for stage in STAGES}
+        rows[name]["times_faster_than_paper"] = times.ratio
+    return Result(work, pictures, list(rows.values()))
 
 
-def points(results: Sequence[Result], methods: Sequence[Method]) -> list[Point]:
-    """Means over scenes, for each sampling, count of lenses and method."""
+def group_rows(rows: Iterable[Row]) -> dict[tuple[str, str], dict[str, list[Row]]]:
+    """(sampling, lenses) -> method -> its rows, one for each input; small lens arrays first."""
+    groups: dict[tuple[str, str], dict[str, list[Row]]] = {}
+    for row in sorted(rows, key=lambda row: (row["sampling"], int(row["lenses"].partition("x")[0]))):
+        groups.setdefault((row["sampling"], row["lenses"]), {}).setdefault(row["method"], []).append(row)
+    return groups
+
+
+def average_rows(rows: Iterable[Row]) -> list[Point]:
+    """Means over inputs, for each sampling, lens array and method that failed on none of them."""
     found = []
-    for sampling in sorted({result.work.sampling for result in results}):
-        for lenses in sorted({result.work.lenses[0] for result in results}):
-            here = [r for r in results if r.work.sampling == sampling and r.work.lenses[0] == lenses]
-            for method in methods:
-                some = [result for result in here if method.name in result.times]
-                if some and len(some) == len(here):  # a mean without the scenes that failed would flatter
-                    times = [math.log(result.times[method.name].median) for result in some]
-                    errors = [result.errors[method.name].rmse ** 2 for result in some]
-                    time, rmse = math.exp(float(np.mean(times))), float(np.mean(errors)) ** 0.5
-                    found.append(Point(method.name, method.kind, sampling, lenses, time, rmse))
+    for (sampling, lenses), methods in group_rows(rows).items():
+        for method, some in methods.items():
+            if not any(row["error"] for row in some):
+                time = float(np.exp(np.mean(np.log([row["ms_median"] for row in some]))))
+                rmse = float(np.sqrt(np.mean(np.square([row["rmse_all"] for row in some]))))
+                found.append(Point(method, some[0]["kind"], sampling, lenses, time, rmse))
     return found
 
 
-def as_rows(results: Sequence[Result], methods: Sequence[Method]) -> list[dict[str, Any]]:
-    """A flat row for each work and method, for CSV and JSON; None where nothing was computed, with `fault`."""
-    rows = []
-    for result in results:
-        work = result.work
-        for method in methods:
-            if not method.suits(work):
-                continue
-            row: dict[str, Any] = {
-                "input": work.name,
-                "lenses": f"{work.lenses[0]}x{work.lenses[1]}",
-                "sampling": work.sampling,
-                "method": method.name,
-                "kind": method.kind,
-                "backend": result.backends.get(method.name),
-                "gmacs": None
-                if method.macs_per_output_pixel is None
-                else method.macs_per_output_pixel * 4 * work.lenses[0] * work.lenses[1] / 1e9,
-                "fault": result.faults.get(method.name, ""),
-            }
-            times = result.times.get(method.name)
-            for name in ("median", "low", "high", "ratio"):
-                key = "times_faster_than_paper" if name == "ratio" else f"ms_{name}"
-                row[key] = getattr(times, name) if times is not None else None
-            for stage in ("decode", "render", "map", "upscale", "encode"):
-                row[f"ms_{stage}"] = times.stages.get(stage) if times is not None else None
-            for where, errors in (("all", result.errors), ("object", result.on_object)):
-                for name in ("rmse", "psnr", "ssim", "gradient", "gradient_worst"):
-                    error = errors.get(method.name)
-                    row[f"{name}_{where}"] = getattr(error, name) if error is not None else None
-            rows.append(row)
-    return rows
+def find_frontier(points: Iterable[Point]) -> list[Point]:
+    """The methods that no other beats in both time and error, fastest first.
+
+    Direct rendering is left out: it needs the mesh, and with it there is nothing to upscale.
+    """
+    best: list[Point] = []
+    for point in sorted(points, key=lambda point: (point.milliseconds, point.rmse)):
+        if point.kind != DIRECT and (not best or point.rmse < best[-1].rmse):
+            best.append(point)
+    return best

@@ -1,4 +1,4 @@
-"""What is benchmarked: an input, what a lens array sees of it, and the truth that upscaling aims at."""
+"""Pieces of work: an input seen through a lens array, and the true views that upscaling is compared with."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SCALE = 2
 PIXELS = (15, 15)
-"""Under each lens of a mesh where nothing else is asked for."""
+"""Under each lens of a mesh by default."""
 LEAST = 4
 """Pixels: shorter views of a light field can't be halved for a `pinhole` array."""
 SAMPLINGS: tuple[Sampling, ...] = ("pinhole", "lenslet")
@@ -45,73 +45,68 @@ class Work:
     sampling: Sampling
     source: Source
     options: Options
-    """What every method's job has in common; five views (`cross`)."""
+    """The options that all methods share; five views (`cross`)."""
     truth: NDArray[np.uint8]
     """`(n, 2*rows, 2*cols, 3)`: the views of the array of the same extent with half the pitch, each pixel averaged over
     its own cell."""
     object: NDArray[np.bool_] | None
-    """`(n, 2*rows, 2*cols)`: pixels that are at least half covered by the mesh; None where nothing is known of it."""
+    """`(n, 2*rows, 2*cols)`: pixels that are at least half covered by the mesh; None for light fields."""
 
 
-def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """`(..., C)`, C from 1 to 4, as `(..., 3)`; alpha is left out."""
+def convert_to_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """`(..., C)`, C from 1 to 4, as `(..., 3)`; alpha is dropped."""
     return np.repeat(pixels[..., :1], 3, axis=-1) if pixels.shape[-1] < 3 else pixels[..., :3]
 
 
-def views(source: Source, options: Options) -> NDArray[np.uint8]:
-    """The views that `options` ask for, `(n, H, W, 3)` 8 bit."""
-    return views_and_report(source, options)[0]
-
-
-def views_and_report(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
-    """The views that `options` ask for, `(n, H, W, 3)` 8 bit, and the report."""
+def reconstruct_views(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
+    """The views that `options` select, `(n, H, W, 3)` 8 bit, and the report."""
     writer = MemoryWriter()
     report = reconstruct(source, options, writer)
     pixels = np.stack(list(writer.views.values()))
     eight = pixels if pixels.dtype == np.uint8 else (pixels.astype(np.uint32) + 128) // 257
-    return as_rgb(eight.astype(np.uint8)), report
+    return convert_to_rgb(eight.astype(np.uint8)), report
 
 
-def works(
+def list_works(
     source: Source, name: str, *, lenses: Sequence[int], samplings: Sequence[Sampling] = SAMPLINGS, array: Options
 ) -> Iterator[Work]:
-    """Each piece of work that `source` gives: of a mesh one for each count of `lenses` and sampling; of an elemental
+    """The pieces of work for `source`: for a mesh one for each count of `lenses` and sampling; for an elemental
     image array or a set of views one for each sampling, at half its own resolution.
 
     `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`); a mesh is seen through its `pixels`.
-    Raises the input faults of `ciir.errors`.
+    Raises the input errors of `ciir.errors`.
     """
     if isinstance(Input(source).read(array), Scene):
         for count in lenses:
-            yield from _of_mesh(source, name, count, samplings, array.pixels or PIXELS)
+            yield from _list_mesh_works(source, name, count, samplings, array.pixels or PIXELS)
     else:
-        yield from _of_light_field(source, name, samplings, array)
+        yield from _list_light_field_works(source, name, samplings, array)
 
 
-def _of_mesh(
+def _list_mesh_works(
     source: Source, name: str, count: int, samplings: Sequence[Sampling], pixels: tuple[int, int]
 ) -> Iterator[Work]:
-    """The truth is cast by rays, the exact reference."""
+    """Work for a mesh, whose truth is rendered by rays."""
     options = Options(lenses=(count, count), pixels=pixels, views="cross", scale=SCALE)
     direct = replace(options, strategy="direct", backend="raytrace")
-    truth = views(source, direct)
-    on_white = views(source, replace(direct, background=(255, 255, 255)))
+    truth = reconstruct_views(source, direct)[0]
+    on_white = reconstruct_views(source, replace(direct, background=(255, 255, 255)))[0]
     covered = (on_white[..., 0].astype(int) - truth[..., 0]) < 128
     for sampling in samplings:
-        asked = replace(options, sampling=sampling)
-        yield Work(name, "mesh", (count, count), sampling, source, asked, truth, covered)
+        sampled = replace(options, sampling=sampling)
+        yield Work(name, "mesh", (count, count), sampling, source, sampled, truth, covered)
 
 
-def _of_light_field(source: Source, name: str, samplings: Sequence[Sampling], array: Options) -> Iterator[Work]:
-    """The given views are the truth of those that a lens array with twice the pitch would see."""
-    every = views(source, replace(array, views="all", model="none", scale=1))
+def _list_light_field_works(source: Source, name: str, samplings: Sequence[Sampling], array: Options) -> Iterator[Work]:
+    """Work for a light field: its views are the truth for those of a lens array with twice the pitch."""
+    every = reconstruct_views(source, replace(array, views="all", model="none", scale=1))[0]
     field = Input(source).read(array)
-    assert isinstance(field, LightField)  # noqa: S101 - a scene went to `_of_mesh`
+    assert isinstance(field, LightField)  # noqa: S101 - a scene went to `_list_mesh_works`
     grid = field.views.shape[:2]
     if min(every.shape[1:3]) < LEAST:
         raise InvalidOption(f"{name}: views of {every.shape[1]}x{every.shape[2]} pixels; give views of {LEAST} or more")
     for sampling in samplings:
-        low, high = halved(every, sampling)
+        low, high = halve(every, sampling)
         rows, cols = low.shape[1:3]
         eia = LightField(low.reshape(*grid, *low.shape[1:])).eia()
         file = Bundle.from_upload(f"{name}.png", encode_png(eia))
@@ -122,7 +117,7 @@ def _of_light_field(source: Source, name: str, samplings: Sequence[Sampling], ar
         yield Work(name, "light field", (rows, cols), sampling, file, options, truth, None)
 
 
-def halved(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def halve(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
 
     `lenslet`: LR is the mean of 2x2 pixels. `pinhole`: a point must be smaller than a pixel of the truth, so HR is the

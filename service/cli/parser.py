@@ -147,7 +147,6 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         "--lenses", nargs="+", default=[], metavar="N", help="arrays of N x N lenses in front of a mesh"
     )
     command.add_argument("--rounds", metavar="N", help="how often each job runs (default 11, with --quick 3)")
-    command.add_argument("--only-views", action="store_true", help="leave out EIAs, inference engines and growth")
     command.add_argument("--quick", action="store_true", help="one scene, two lens arrays: a few minutes")
     _add_options(command, ("pixels", "pickup"))
 

@@ -14,7 +14,7 @@ from ciir.service.pipeline.source import SCENE, open_source
 if TYPE_CHECKING:
     import argparse
 
-    from ciir.benchmarks.bench.run import Asked
+    from ciir.benchmarks.bench.run import BenchOptions
     from ciir.service.pipeline.source import Source
 
 
@@ -23,36 +23,31 @@ def run(args: argparse.Namespace) -> None:
     to = output_path.resolve_folder(args.out, what="the results")
     if to.is_file():
         raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
-    asked = _asked(args)
+    options = _parse(args)
     from ciir.benchmarks.bench.run import bench
 
-    found = bench(asked, to)
+    found = bench(options, to)
     common.print_line(
-        f"{to}: results.md, results.csv, results.json, pareto.png, crops.png"
-        + (", growth.png" if asked.extras else "")
-        + f" written after {found['seconds']:.0f} s"
+        f"{to}: results.md, results.csv, results.json, pareto.png, crops.png written after {found['seconds']:.0f} s"
     )
     for where, names in found["frontier"].items():
         common.print_line(f"{where}: best for its time: {', '.join(names)}")
 
 
-def _asked(args: argparse.Namespace) -> Asked:
-    from ciir.benchmarks.bench.run import Asked, quick
+def _parse(args: argparse.Namespace) -> BenchOptions:
+    from ciir.benchmarks.bench.run import QUICK, BenchOptions
 
-    asked = quick() if args.quick else Asked()
+    options = QUICK if args.quick else BenchOptions()
     if args.inputs:
-        places = {_name(text): text for text in args.inputs}
-        if len(places) < len(args.inputs):
+        sources: dict[str, Source] = {_name(text): open_source(text) for text in args.inputs}
+        if len(sources) < len(args.inputs):
             raise InvalidOption("bench: two inputs have the same name; rename one, or give one of them")
-        sources: dict[str, Source] = {name: open_source(text) for name, text in places.items()}
-        asked = replace(asked, sources=sources, places=places)
+        options = replace(options, sources=sources)
     if args.lenses:
-        asked = replace(asked, lenses=_counts("--lenses", args.lenses, 2, 1000))
+        options = replace(options, lenses=_counts("--lenses", args.lenses, 2, 1000))
     if args.rounds is not None:
-        asked = replace(asked, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
-    if args.only_views:
-        asked = replace(asked, extras=False)
-    return replace(asked, array=common.parse_options(args))
+        options = replace(options, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
+    return replace(options, array=common.parse_options(args))
 
 
 def _name(text: str) -> str:
