@@ -1,4 +1,4 @@
-"""Disparity between two views to a hundredth of a pixel, patch by patch: whether upscaling keeps the parallax."""
+"""Disparity between two views to a hundredth of a pixel, patch by patch."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ PATCH = 24
 STEP = 12
 """From one patch to the next."""
 TEXTURE = 4.0
-"""Least standard deviation of the gradient along the shift, 8-bit levels a pixel: flat patches tell no shift."""
+"""Least standard deviation of the gradient along the shift, 8-bit levels a pixel: less is a flat patch."""
 ROUNDS = 12
 BLUR = 1.0
-"""Standard deviation of the Gaussian that both views go through, pixels: a linear fit wants smooth pictures."""
+"""Standard deviation of the Gaussian that both views go through, pixels: the linear fit needs smooth pictures."""
 FIT = 0.9
-"""Least correlation of a patch with what it was moved onto: below it the two don't show the same."""
+"""Least correlation of a patch with what it was moved onto: below it the two show different things."""
 
 
-def disparities(first: NDArray[np.float64], second: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def estimate_disparities(first: NDArray[np.float64], second: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """How far each patch of `first` moves along `axis` (0 down, 1 right) to `second`, in pixels; NaN where a patch is
     flat or has no counterpart within 4 pixels. `(rows, cols)` of patches.
 

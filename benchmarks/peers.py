@@ -1,33 +1,31 @@
 """Every network at an equal budget: the paper's table 2 (blocks, batch normalisation) and table 3 (other networks).
 
-    python -m ciir.benchmarks.peers [--updates 1500] [--crop 48] [--batch 16] [--only NAME ...] [--all] [--out
-    runs/peers]
+    python -m ciir.benchmarks.peers [--updates 1500] [--crop 48] [--batch 16] [--only NAME ...] [--all] [--out DIR]
 
 All are trained by `training.loop.train.train` on the same crops in the same order, with the same number of updates,
-pixel
-loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel loss.
-RDN and ESRGAN's are only timed where there is no GPU, unless `--all` asks for them. Stop it at any time: started again
-with the same options it goes on where it was. `--out` gets a folder for each network (its checkpoint, log, ONNX file
-and card), `tables.md`, and `figures.json` with every figure. Needs the training extra.
+pixel loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel
+loss. RDN and ESRGAN's are only timed where there is no GPU, unless `--all` is args. An interrupted run resumes when it
+is started again with the same options. `--out` gets a folder for each network (its checkpoint, log, ONNX file and
+card), `tables.md`, and `figures.json` with every figure. Needs the training extra.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
-import statistics
 import sys
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from tqdm import tqdm
 
-from ciir.benchmarks import peers_tables
-from ciir.benchmarks.peers_tables import Figures
+from ciir.benchmarks import machine
+from ciir.benchmarks.bench.tables import format_table
+from ciir.benchmarks.bench.timing import Times, time_call, time_in_rounds
 from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.models.catalogue import BASELINES
@@ -37,7 +35,7 @@ from ciir.training.evaluation.pictures import score
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
 from ciir.training.loop.interrupt import Stopped
-from ciir.training.loop.run import Run
+from ciir.training.loop.run import Run, find_commit
 from ciir.training.loop.train import train
 from ciir.training.networks import make_network
 from ciir.training.recipe import Recipe
@@ -67,12 +65,12 @@ class Peer:
     network: str
     options: dict[str, Any] = field(default_factory=dict)
     large: bool = False
-    """Too much for a few CPU cores, and too wide a field for tiles: it can't ship."""
+    """Too slow to train on a few CPU cores, and its receptive field is too wide for tiles."""
 
 
 BLOCKS = (3, 6, 16)
-BASIS = "lite-6"
-"""The network that updates are timed against: the paper's."""
+REFERENCE = "lite-6"
+"""The paper's generator, which the times of updates are compared with."""
 PEERS = {
     "srcnn": Peer("SRCNN 9-5-5", "srcnn"),
     "fsrcnn": Peer("FSRCNN", "fsrcnn"),
@@ -93,11 +91,11 @@ PEERS = {
 }
 """Name of the run -> what is trained."""
 TABLE_2 = tuple(name for name in PEERS if name.startswith("lite-"))
-TABLE_3 = (*BASELINES, *(name for name in PEERS if name not in TABLE_2 or name == BASIS))
+TABLE_3 = (*BASELINES, *(name for name in PEERS if name not in TABLE_2 or name == REFERENCE))
 
 
-def recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -> Recipe:
-    """What the network `name` is trained by: its design and options apart, the same for all."""
+def make_recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -> Recipe:
+    """The recipe of the network `name`: all but its design and options is the same for all."""
     return Recipe(
         name=name,
         network=PEERS[name].network,
@@ -117,8 +115,48 @@ def recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -> Rec
     )
 
 
-class Whole:
-    """A network as an `Upscaler` that takes each picture whole: for fields too wide for tiles."""
+TEXT = """\
+# Table 2: blocks and batch normalisation
+
+{table_2}
+
+# Table 3: other networks
+
+{table_3}
+
+x{recipe.scale}; PSNR (dB) / SSIM of Y by the published protocol, from the exported networks. `updates`: each of
+{recipe.batch} crops of {recipe.crop}x{recipe.crop} pixels, the same for all; {recipe.loss} loss, Adam, step size up to
+{recipe.learning_rate:g} after a warm-up of {recipe.warmup} updates, half cosine, seed {recipe.seed}. `s/update`:
+median; `ratio`: to the paper's generator (lite, 6 blocks), median over the rounds. Multiply-adds: for an output of
+1280x720. `ms/view`: median for 200x200 pixels, onnxruntime (numpy for interpolation) on one core.
+
+Commit {commit}; {processor}, {cores} cores, {threads} threads in training, GPU: {gpu}.
+"""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """A row; None for what a network does not have."""
+
+    label: str
+    accuracy: tuple[Accuracy, ...] = ()
+    """Empty where it was not trained."""
+    updates: int | None = None
+    """0 where it was not trained."""
+    parameters: int | None = None
+    """Of the collapsed network."""
+    multiply_adds: float | None = None
+    """For an output of 1280x720, 10^9."""
+    milliseconds: float | None = None
+    """A view of 200x200 pixels on one CPU core, median."""
+    seconds_per_update: float | None = None
+    """Median."""
+    ratio: float | None = None
+    """Median, over the rounds, of its update's time to that of the paper's generator in the same round."""
+
+
+class UntiledNetwork:
+    """A network as an `Upscaler` without tiles, for receptive fields too wide for them."""
 
     radius = 0
 
@@ -132,65 +170,99 @@ class Whole:
         return clip_output(np.array(output), self.name)
 
 
-def accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
+def measure_accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
     """Scores of a finished run on `sets`, through its ONNX file and card, which stay beside the checkpoint."""
     if PEERS[name].large:
         network = export.simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))
-        return tuple(score(Whole(name, network), folder) for folder in sets)
+        return tuple(score(UntiledNetwork(name, network), folder) for folder in sets)
     card = checkpoint.with_name(f"{name}.json")
     if not card.exists() or card.stat().st_mtime < checkpoint.stat().st_mtime:
         export.export_network(checkpoint, card.parent, accuracy_on=sets)
     return cards.read_card(card).accuracy
 
 
-def take_turns(what: str, jobs: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
-    """Seconds of each job in each round, after one round that doesn't count: drift of the machine hits all alike."""
-    times: dict[str, list[float]] = {name: [] for name in jobs}
-    for counts in tqdm([False, *[True] * rounds], desc=what, disable=None, unit="round"):
-        for name, job in jobs.items():
-            begun = time.perf_counter()
-            job()
-            if counts:
-                times[name].append(time.perf_counter() - begun)
-    return times
+def time_updates(recipes: Mapping[str, Recipe], rounds: int) -> dict[str, Times]:
+    """Times of an update of each network as in training, without drawing the crops."""
 
-
-def time_updates(recipes: Mapping[str, Recipe], rounds: int) -> dict[str, list[float]]:
-    """Seconds of an update of each network, as the loop makes them, drawing the crops left out."""
-
-    def job(recipe: Recipe) -> Callable[[], object]:
+    def prepare(recipe: Recipe) -> Callable[[], object]:
         run = Run(recipe)
         low = torch.rand(recipe.batch, 3, recipe.crop // recipe.scale, recipe.crop // recipe.scale)
         high = torch.rand(recipe.batch, 3, recipe.crop, recipe.crop)
         return lambda: float(run.update(low, high)["loss"])  # a GPU has finished when its loss is known
 
-    return take_turns("updates", {name: job(recipe) for name, recipe in recipes.items()}, rounds)
+    jobs = {name: partial(time_call, prepare(recipe)) for name, recipe in recipes.items()}
+    return time_in_rounds(jobs, rounds, reference=REFERENCE)
 
 
-def time_views(names: Sequence[str], rounds: int) -> dict[str, list[float]]:
-    """Seconds of one view of `VIEW` x `VIEW` pixels through onnxruntime, or numpy for interpolation, on one core."""
+def time_views(names: Sequence[str], rounds: int) -> dict[str, Times]:
+    """Times of one view of `VIEW` x `VIEW` pixels through onnxruntime, or numpy for interpolation, on one core."""
     view = np.random.default_rng(0).random((1, 3, VIEW, VIEW), dtype=np.float32)
 
-    def job(name: str) -> Callable[[], object]:
+    def prepare(name: str) -> Callable[[], object]:
         if name in BASELINES:
-            upscaler = BASELINES[name](SCALE)
-            return lambda: upscaler(view)
+            return partial(BASELINES[name](SCALE), view)
         network = export.simplify_network(make_network(PEERS[name].network, PEERS[name].options).eval())
         session = open_session(to_onnx.convert_network(network, SCALE), 1)
         return lambda: session.run(None, {to_onnx.INPUT: view})
 
-    return take_turns("views", {name: job(name) for name in names}, rounds)
+    return time_in_rounds({name: partial(time_call, prepare(name)) for name in names}, rounds)
 
 
-def figures(name: str, scores: Sequence[Accuracy], updates: int) -> Figures:
+def describe_network(name: str, scores: Sequence[Accuracy], updates: int) -> Figures:
     """A row without its times."""
     if name in BASELINES:
-        return Figures(name, f"{name} interpolation", accuracy=tuple(scores))
+        return Figures(f"{name} interpolation", accuracy=tuple(scores))
     peer = PEERS[name]
     network = export.simplify_network(make_network(peer.network, peer.options).eval())
     multiply_adds = measure.count_macs(network, Sizes()) * 1280 * 720 / 1e9
-    learnt = measure.count_parameters(network)
-    return Figures(name, peer.label, tuple(scores), updates if scores else 0, learnt, multiply_adds)
+    parameters = measure.count_parameters(network)
+    return Figures(peer.label, tuple(scores), updates if scores else 0, parameters, multiply_adds)
+
+
+def format_rows(rows: Sequence[Figures]) -> str:
+    """A Markdown table."""
+
+    def format_number(value: float | None, form: str) -> str:
+        return "-" if value is None else format(value, form)
+
+    head = ("network", "updates", *SETS, "s/update", "ratio", "parameters", "G multiply-adds", "ms/view")
+    cells = [
+        [
+            row.label,
+            "not trained" if row.updates == 0 else format_number(row.updates, "d"),
+            *([f"{score.psnr:.2f} / {score.ssim:.4f}" for score in row.accuracy] or "---"),
+            format_number(row.seconds_per_update, ".3f"),
+            format_number(row.ratio, ".2f"),
+            format_number(row.parameters, ",d"),
+            format_number(row.multiply_adds, ".1f"),
+            format_number(row.milliseconds, ".1f"),
+        ]
+        for row in rows
+    ]
+    return "\n".join(format_table(head, cells))
+
+
+def write_results(out: Path, rows: Mapping[str, Figures], recipe: Recipe) -> str:
+    """Writes `tables.md` and `figures.json` into `out`, and returns the former."""
+    here = machine.describe() | {
+        "gpu": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+        "threads": torch.get_num_threads(),
+    }
+    budget = {key: value for key, value in asdict(recipe).items() if key not in ("name", "network", "options")}
+    networks = {name: asdict(row) for name, row in rows.items()}
+    found = {"commit": find_commit(), "machine": here, "recipe": budget, "networks": networks}
+    text = TEXT.format(
+        table_2=format_rows([rows[name] for name in TABLE_2 if name in rows]),
+        table_3=format_rows([rows[name] for name in TABLE_3 if name in rows]),
+        recipe=recipe,
+        commit=found["commit"],
+        gpu=here["gpu"] or "none",
+        **{key: here[key] for key in ("processor", "cores", "threads")},
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "tables.md").write_text(text, encoding="utf-8")
+    (out / "figures.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    return text
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -206,39 +278,38 @@ def main(argv: list[str] | None = None) -> int:
         "--data", type=Path, default=Path("../shared/data/images"), help="holds train and the test sets"
     )
     parser.add_argument("--out", type=Path, default=Path("runs/peers"), help="default: runs/peers")
-    given = parser.parse_args(argv)
+    args = parser.parse_args(argv)
 
-    names = given.only or [*BASELINES, *PEERS]
-    sets = [given.data / name for name in SETS]
+    names = args.only or [*BASELINES, *PEERS]
+    sets = [args.data / name for name in SETS]
     recipes = {
-        name: recipe(name, updates=given.updates, crop=given.crop, batch=given.batch, data=given.data) for name in PEERS
+        name: make_recipe(name, updates=args.updates, crop=args.crop, batch=args.batch, data=args.data)
+        for name in PEERS
     }
     rows: dict[str, Figures] = {}
     for name in names:
         scores: Sequence[Accuracy] = ()
         if name in BASELINES:
             scores = [score(BASELINES[name](SCALE), folder) for folder in sets]
-        elif not PEERS[name].large or given.all or torch.cuda.is_available():
-            sys.stderr.write(f"{name}: {given.updates} updates\n")
+        elif not PEERS[name].large or args.all or torch.cuda.is_available():
+            sys.stderr.write(f"{name}: {args.updates} updates\n")
             try:
-                scores = accuracy(name, train(recipes[name], given.out / name), sets)
+                scores = measure_accuracy(name, train(recipes[name], args.out / name), sets)
             except Stopped as stop:
                 parser.exit(128 + stop.number, f"{parser.prog}: {stop}\n")
             except (ValueError, FloatingPointError) as error:
                 parser.exit(1, f"{parser.prog}: {name}: {error}\n")
-        rows[name] = figures(name, scores, given.updates)
+        rows[name] = describe_network(name, scores, args.updates)
 
     trained = [name for name in names if name in PEERS]
-    timed = {name: recipes[name] for name in dict.fromkeys([BASIS, *trained])} if trained else {}
-    updates, views = time_updates(timed, given.rounds), time_views(names, given.rounds)
+    timed = {name: recipes[name] for name in dict.fromkeys([REFERENCE, *trained])} if trained else {}
+    updates, views = time_updates(timed, args.rounds), time_views(names, args.rounds)
     for name in names:
-        row = replace(rows[name], milliseconds=1000 * statistics.median(views[name]))
+        rows[name] = replace(rows[name], milliseconds=views[name].median)
         if name in updates:
-            ratios = [mine / basis for mine, basis in zip(updates[name], updates[BASIS], strict=True)]
-            row = replace(row, seconds_per_update=statistics.median(updates[name]), ratio=statistics.median(ratios))
-        rows[name] = row
-    times = {"update_seconds": updates, "view_seconds": views}
-    sys.stdout.write(peers_tables.write(given.out, rows, times, recipes[BASIS], table_2=TABLE_2, table_3=TABLE_3))
+            seconds, ratio = updates[name].median / 1000, 1 / (updates[name].ratio or 1)
+            rows[name] = replace(rows[name], seconds_per_update=seconds, ratio=ratio)
+    print(write_results(args.out, rows, recipes[REFERENCE]), end="")
     return 0
 
 

@@ -69,11 +69,11 @@ def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
     works = [
         work
         for name, source in options.sources.items()
-        for work in list_works(
-            source, name, lenses=options.lenses, samplings=options.samplings, array=options.array
-        )
+        for work in list_works(source, name, lenses=options.lenses, samplings=options.samplings, array=options.array)
     ]
-    results = [measure(work, methods, options.rounds) for work in tqdm(works, disable=None, unit="work", file=sys.stderr)]
+    results = [
+        measure(work, methods, options.rounds) for work in tqdm(works, disable=None, unit="work", file=sys.stderr)
+    ]
     rows = [row for result in results for row in result.rows]
     points = average_rows(rows)
     groups = dict.fromkeys((point.sampling, point.lenses) for point in points)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ciir.benchmarks.parallax import disparities
+from ciir.benchmarks.parallax import estimate_disparities
 from ciir.errors import InvalidImage
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
@@ -141,7 +141,7 @@ def test_parallax_is_kept(name, axis):
     other = (3, 2) if axis == 0 else (2, 3)
     made = [rgb_to_luma(upscale_view(name, render_low("globe", 4), at)) for at in ((2, 2), other)]
     true = [rgb_to_luma(render_truth("globe", at)) for at in ((2, 2), other)]
-    far = np.abs(disparities(*made, axis) - disparities(*true, axis))
+    far = np.abs(estimate_disparities(*made, axis) - estimate_disparities(*true, axis))
     found = far[np.isfinite(far)]
     assert len(found) >= 10
     assert np.median(found) <= 0.05

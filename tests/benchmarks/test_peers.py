@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from ciir.benchmarks import peers
-from ciir.benchmarks.peers_tables import Figures, table
+from ciir.benchmarks.bench.timing import Times
 from ciir.models.cards import Accuracy
 from ciir.training.networks import make_network
 
@@ -53,10 +53,10 @@ def command(data, out, *more):
 
 
 def no_time(names, rounds):
-    return {name: [1.0] * rounds for name in names}
+    return {name: Times(1.0, 1.0, 1.0, {}) for name in names}
 
 
-def test_the_tables_and_what_a_second_run_leaves_alone(tiny, data, tmp_path, capsys, monkeypatch):
+def test_a_second_run_trains_nothing_again(tiny, data, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     assert peers.main(command(data, out)) == 0
     text = (out / "tables.md").read_text()
@@ -70,7 +70,6 @@ def test_the_tables_and_what_a_second_run_leaves_alone(tiny, data, tmp_path, cap
     found = json.loads((out / "figures.json").read_text())
     assert found["recipe"]["steps"] == 2
     assert found["machine"]["cores"] >= 1
-    assert len(found["times"]["update_seconds"]["rdn"]) == 2
     assert [score["data"] for score in found["networks"]["lite-6"]["accuracy"]] == list(peers.SETS)
     assert not (out / "rdn").exists()
     assert (out / "lite-6" / "lite-6.onnx").exists()
@@ -91,7 +90,9 @@ def test_a_large_network_is_trained_where_it_is_asked_for(tiny, data, tmp_path, 
 
 
 def test_all_have_one_budget():
-    recipes = [asdict(peers.recipe(name, updates=9, crop=48, batch=4, data=peers.Path("x"))) for name in peers.PEERS]
+    recipes = [
+        asdict(peers.make_recipe(name, updates=9, crop=48, batch=4, data=peers.Path("x"))) for name in peers.PEERS
+    ]
     same = [{key: r[key] for key in r if key not in ("name", "network", "options")} for r in recipes]
     assert all(other == same[0] for other in same)
     for each in recipes:
@@ -107,21 +108,14 @@ def test_multiply_adds(name, published):
         # A deconvolution multiplies each of its inputs with each of its weights.
         "fsrcnn": (5 * 5 * 3 * 56 + 56 * 12 + 4 * 9 * 12 * 12 + 12 * 56 + 9 * 9 * 56 * 3) / 4,
     }[name]
-    got = peers.figures(name, (), 0).multiply_adds
+    got = peers.describe_network(name, (), 0).multiply_adds
     assert got == pytest.approx(by_hand * 1280 * 720 / 1e9, rel=1e-3)  # an interpolated base is under a thousandth
     assert got == pytest.approx(published, abs=0.1)
 
 
-def test_turns_are_taken():
-    order = []
-    times = peers.take_turns("x", {"a": lambda: order.append("a"), "b": lambda: order.append("b")}, 2)
-    assert order == ["a", "b"] * 3
-    assert {name: len(seconds) for name, seconds in times.items()} == {"a": 2, "b": 2}
-
-
 def test_a_row():
     scores = tuple(Accuracy(name, 1, 30.126, 0.91239) for name in peers.SETS)
-    row = Figures("x", "X", scores, 1500, 12345, 1.25, 3.0, 0.1234, 1.0)
+    row = peers.Figures("X", scores, 1500, 12345, 1.25, 3.0, 0.1234, 1.0)
     cells = "| X | 1500 | 30.13 / 0.9124 | 30.13 / 0.9124 | 30.13 / 0.9124 | 0.123 | 1.00 | 12,345 | 1.2 | 3.0 |"
-    assert table([row])[2] == cells
-    assert table([Figures("y", "Y")])[2] == "| Y |" + " - |" * 9
+    assert peers.format_rows([row]).splitlines()[2] == cells
+    assert peers.format_rows([peers.Figures("Y")]).splitlines()[2] == "| Y |" + " - |" * 9
