@@ -121,7 +121,7 @@ def halve(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.u
     """LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
 
     `lenslet`: LR is the mean of 2x2 pixels. `pinhole`: a point must be smaller than a pixel of the truth, so HR is the
-    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.data.degrade`).
+    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.data.downscale`).
     """
     cell = 2 * SCALE if sampling == "pinhole" else SCALE
     rows, cols = (length // cell for length in pictures.shape[1:3])
