@@ -26,6 +26,7 @@ def make_picture(height, width, channels=3, dtype=np.uint8, seed=0):
 
 
 def make_zip(files):
+    """The bytes of a zip that holds `files`, name -> bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
@@ -44,6 +45,7 @@ def make_png_header(height, width):
 
 
 def make_off(vertices, faces):
+    """The bytes of an OFF mesh of triangles."""
     lines = [f"OFF\n{len(vertices)} {len(faces)} 0"]
     lines += [" ".join(map(str, v)) for v in vertices] + [f"3 {a} {b} {c}" for a, b, c in faces]
     return "\n".join(lines).encode() + b"\n"

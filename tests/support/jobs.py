@@ -85,17 +85,20 @@ class JobService:
         self._jobs, self._consumers = [], []
 
     def open_jobs(self, **settings):
+        """The jobs in the folder, as another process would open them."""
         jobs = Jobs(Settings(folder=self.folder, **settings))
         self._jobs.append(jobs)
         return jobs
 
     def start_consumer(self, jobs, pool, threads=1):
+        """A consumer of `jobs` that runs their tasks in `pool`."""
         consumer = Consumer(jobs, pool, threads)
         consumer.start()
         self._consumers.append(consumer)
         return consumer
 
     def stop_consumer(self, consumer, seconds=60.0):
+        """Stops it; running tasks have so many seconds to finish."""
         self._consumers.remove(consumer)
         consumer.stop(seconds)
 

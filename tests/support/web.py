@@ -76,4 +76,5 @@ def check_problem(response, status, *parts):
 
 
 def post_file(client, name="eia.png", data=b"", headers=None, **fields):
+    """The response to a reconstruction of one file, with the form's `fields`."""
     return client.post("/v1/reconstructions", files={"file": (name, data)}, data=fields, headers=headers)

@@ -15,7 +15,7 @@ def test_it_is_exact():
 
 
 def test_a_lost_bit_is_noticed(monkeypatch):
-    exact = LightField.to_eia
+    exact = LightField.eia
 
     def lossy(self, *, pickup="virtual"):
         eia = exact(self, pickup=pickup).copy()
@@ -23,13 +23,13 @@ def test_a_lost_bit_is_noticed(monkeypatch):
             eia[-1, -1, 1] ^= 1
         return eia
 
-    monkeypatch.setattr(LightField, "to_eia", lossy)
+    monkeypatch.setattr(LightField, "eia", lossy)
     broken = [one for one in pixel_mapping.pixel_mapping(QUICK) if not one.holds]
     assert [one.measured for one in broken] == [1.0] * 4
     assert all(one.what.startswith("16 bit") and "2 channels" in one.where for one in broken)
 
 
 def test_views_the_wrong_way_round_are_noticed(monkeypatch):
-    exact = LightField.to_eia
-    monkeypatch.setattr(LightField, "to_eia", lambda self, *, pickup="virtual": exact(self))  # noqa: PLW0108 - pickup is dropped
+    exact = LightField.eia
+    monkeypatch.setattr(LightField, "eia", lambda self, *, pickup="virtual": exact(self))  # noqa: PLW0108 - pickup is dropped
     assert all(one.measured > 0 for one in pixel_mapping.pixel_mapping(QUICK))
