@@ -20,14 +20,13 @@ from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.data import degrade, downscale, layered_scenes
 from ciir.training.data.crops import RENDERED, check_degradations
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_sample import Inputs
 from ciir.training.data.pictures import MEMORY, Pictures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from ciir.training.data.light_field_sample import MeshLightField
+    from ciir.training.data.mesh_views import MeshLightField
     from ciir.training.data.pictures import Picture
 
 STEPS_PER_BLOCK = 6
@@ -44,6 +43,15 @@ NOISE = (0.01, 0.1)
 """Share of crops under heavy noise, in each view another, and its standard deviation. Its loss is far above others'."""
 GRAIN = (0.15, 2 / 255)
 """Share of crops whose LR views are grainy as a camera's, and the largest standard deviation of that."""
+
+
+class Inputs(NamedTuple):
+    """The inputs of `training.networks.light_field.LightFieldGenerator`, by name."""
+
+    image: Tensor
+    around: Tensor
+    rows: Tensor
+    cols: Tensor
 
 
 class Window(NamedTuple):

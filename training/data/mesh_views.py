@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -24,11 +24,11 @@ from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import MeshFormat
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_sample import MeshLightField
 from ciir.training.data.rendered import SAMPLES, SIDE, render_views
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from torch import Tensor
 
     from ciir.renderer.scene import Scene
     from ciir.training.data.rendered import ViewPair
@@ -44,6 +44,18 @@ NEAREST = 2.5
 FARTHEST = 0.7
 TILT = 0.6
 """Largest angle of a mesh's own up direction to the vertical, radians."""
+
+
+class MeshLightField(NamedTuple):
+    """A light field of a mesh with its truth, 8 bit.
+
+    `views` and `colours` have an entry for each kind of array: the luma of all views of a window `(25, h, w)`, and the
+    middle view in colour `(3, h, w)`. `high` is the truth of the middle view, `(3, 2*h, 2*w)`.
+    """
+
+    views: dict[str, Tensor]
+    colours: dict[str, Tensor]
+    high: Tensor
 
 
 def read_mesh(path: str | Path) -> Scene:

@@ -10,7 +10,7 @@ import torch
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
 from ciir.training.data import degrade, downscale, light_field_crops, mesh_views, pictures
-from ciir.training.data.light_field_sample import Inputs
+from ciir.training.data.light_field_crops import Inputs
 from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.training.data.light_field_sample import MeshLightField
+    from ciir.training.data.mesh_views import MeshLightField
     from ciir.training.data.pictures import Picture
 
 

@@ -11,7 +11,7 @@ from ciir.models.light_field.windows import select_axis
 from ciir.training.data import light_fields
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_sample import Inputs
+from ciir.training.data.light_field_crops import Inputs
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
