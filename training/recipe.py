@@ -1,4 +1,4 @@
-"""A training run in one TOML file."""
+"""Recipes: training runs as TOML files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 DEVICES = ("auto", "cpu", "cuda")
 CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
-"""Fields that a run may change when it goes on: none of them changes what is learnt."""
+"""Fields that may change when a run is resumed: none of them changes what is learnt."""
 
 
 TYPE_NAMES = {
@@ -24,14 +24,14 @@ TYPE_NAMES = {
     dict: "a table",
     list: "a list",
 }
-"""What TOML must hold for a field, in words."""
+"""Names of TOML types for messages."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a run is made of. Every field may stand in the file; those without a default must.
+    """The settings of a training run; fields without a default are required.
 
-    Paths are relative to the folder in which the command is given. Raises `ValueError` for a number out of its range.
+    Paths are relative to the current folder. Raises `ValueError` for a number out of range.
     """
 
     name: str
@@ -39,35 +39,34 @@ class Recipe:
     network: str
     """Key of `training.networks.NETWORKS`."""
     train: str
-    """Folder of training pictures, or of VOC2012 as it unpacks."""
+    """Folder of training pictures, or of the unpacked VOC2012."""
     validate: str
-    """Folder of `*_HR.png` and `*_LR.png` pairs; or of pictures, whose LR is then bicubic."""
+    """Folder of `*_HR.png` and `*_LR.png` pairs; or of pictures, with bicubic LR."""
     steps: int
     """Optimiser steps."""
     options: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the network's constructor."""
     initial: str = ""
-    """Checkpoint whose weights the run starts from; empty: from random ones."""
+    """Checkpoint whose weights the run starts from; empty: random weights."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
-    """How the LR of a crop was made -> its share of the crops: see `training.data.crops`."""
+    """Degradation -> its share of the crops: see `training.data.crops`."""
     scenes: int = 0
-    """Random scenes that are rendered as training pairs beside the photographs (see `training.data.rendered`)."""
+    """Number of random scenes that are rendered as training pairs (see `training.data.rendered`)."""
     meshes: list[Any] = field(default_factory=list)
-    """Mesh files whose views join the random scenes'."""
+    """Mesh files whose views are training pairs too."""
     noise: float = 0.0
     """Largest standard deviation of Gaussian noise on LR, in 8-bit levels; each crop draws its own up to it."""
     blur: float = 0.0
     """Largest standard deviation of a Gaussian blur of LR, in LR pixels; each crop draws its own up to it."""
     jpeg: int = 0
-    """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own from it up; 0: none does."""
+    """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own quality; 0: no JPEG."""
     light_field: bool = False
-    """Whether the network upscales a view with the help of those around it: `train` then holds the textures of layered
-    scenes (`training.data.light_field_crops`), `validate` the views of a light field; `scenes`, `noise`, `blur`,
-    `jpeg` play no
-    part."""
+    """Whether the network takes the views around a view too: `train` then has the textures of layered scenes
+    (`training.data.light_field_crops`) and `validate` the views of a light field; `scenes`, `noise`, `blur` and `jpeg`
+    are ignored."""
     eased: int = 0
-    """Steps over which a light-field network's crops become as hard as they are: see
+    """Steps over which corrupted crops and windows at the border reach their shares, for a light-field network: see
     `training.data.light_field_crops`."""
     scale: int = 2
     crop: int = 88
@@ -93,7 +92,7 @@ class Recipe:
     warmup: int = 0
     """Steps over which the step size rises linearly from zero."""
     clip: float = 0.0
-    """Largest gradient norm; 0 leaves gradients as they are."""
+    """Largest gradient norm; 0 leaves gradients unchanged."""
     ema: float = 0.0
     """Decay of the running mean of the weights, which is what is validated and exported; 0: the weights themselves."""
     device: str = "auto"
@@ -132,7 +131,7 @@ class Recipe:
 
 
 def read_recipe(path: Path) -> Recipe:
-    """The recipe in `path`. Raises `ValueError` where it is no TOML, or a key or a value is wrong."""
+    """Reads the recipe in `path`. Raises `ValueError` where it is not TOML, or a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -143,11 +142,11 @@ def read_recipe(path: Path) -> Recipe:
     unknown = sorted(set(table) - known)
     if unknown:
         near = difflib.get_close_matches(unknown[0], known, 1) or sorted(known)
-        raise ValueError(f"{path}: unknown key {unknown[0]!r}; give {', '.join(near)}, or take it out")
+        raise ValueError(f"{path}: unknown key {unknown[0]!r}; give {', '.join(near)}, or remove it")
     for name, kind in get_type_hints(Recipe).items():
         wanted = get_origin(kind) or kind
         value = table.get(name, wanted())
-        # TOML's true is no number of steps, though Python's is; and 1 is a fine float.
+        # bool is an int in Python, but not in TOML; an int is accepted as a float.
         if not isinstance(value, (float, int) if wanted is float else wanted) or (
             isinstance(value, bool) and wanted is not bool
         ):
@@ -159,7 +158,7 @@ def read_recipe(path: Path) -> Recipe:
 
 
 def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
-    """The first field in which a checkpoint's recipe is another than `recipe`, as `steps is 5 there and 9 here`.
+    """Finds the first field in which a checkpoint's recipe differs, as `steps is 5 there and 9 here`.
 
     Empty where the run can continue: `CHANGEABLE` fields may differ, and a field that an older checkpoint lacks has its
     default.
@@ -177,5 +176,5 @@ def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
 
 
 def _ordered(value: Any) -> Any:
-    """Tables with their order, by which crops are drawn."""
+    """Tables as lists, as crops depend on their order."""
     return list(value.items()) if isinstance(value, dict) else value

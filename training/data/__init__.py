@@ -1,1 +1,1 @@
-"""TODO"""
+"""Training data: pictures, degradations, crops, layered scenes and rendered views."""

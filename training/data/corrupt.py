@@ -1,4 +1,4 @@
-"""What cameras and files do to a low-resolution picture besides sampling it: blur, then noise, then JPEG."""
+"""Corruption of low-resolution pictures as by cameras and files: blur, then noise, then JPEG."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Corruption:
-    """The most that may be done; each picture draws its own share. Raises `ValueError` for what is out of range."""
+    """Upper limits of corruption; each picture draws its own. Raises `ValueError` where one is out of range."""
 
     noise: float = 0.0
     """Largest standard deviation of Gaussian noise, in 8-bit levels, independent for each pixel and channel."""
@@ -36,25 +36,25 @@ class Corruption:
 
     @property
     def margin(self) -> int:
-        """Pixels around a part of a picture that the blur of it depends on."""
+        """How many pixels around a crop its blur depends on."""
         return _radius(self.blur)
 
     def __call__(
         self, picture: NDArray[np.uint8], rows: slice, cols: slice, random: np.random.Generator
     ) -> NDArray[np.uint8]:
-        """These rows and columns of `(H, W, 3)`, spoilt. What lies around them only bleeds in with the blur."""
+        """Returns these rows and columns of `(H, W, 3)`, corrupted; pixels around them take part in the blur."""
         values = picture.astype(np.float64)
         if self.blur:
             values = blur_picture(values, random.uniform(0, self.blur))
         values = values[rows, cols]
         if self.noise:
             values += random.uniform(0, self.noise) * random.standard_normal(values.shape)
-        spoilt = values.round().clip(0, 255).astype(np.uint8)
-        return compress_jpeg(spoilt, int(random.integers(self.jpeg, 101))) if self.jpeg else spoilt
+        corrupted = values.round().clip(0, 255).astype(np.uint8)
+        return compress_jpeg(corrupted, int(random.integers(self.jpeg, 101))) if self.jpeg else corrupted
 
 
 def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """`(H, W, C)` under a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma; edges are repeated."""
+    """Blurs `(H, W, C)` by a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma; edges are repeated."""
     radius = _radius(sigma)
     if radius == 0:
         return picture
@@ -68,7 +68,7 @@ def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float
 
 
 def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """8-bit RGB `(H, W, 3)` as it comes back from a JPEG of this quality, 1 to 100, chroma at half size (4:2:0)."""
+    """Encodes and decodes 8-bit RGB `(H, W, 3)` as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, subsampling="4:2:0")
     with JpegImageFile(io.BytesIO(file.getvalue())) as image:

@@ -1,4 +1,4 @@
-"""Training crops: photographs degraded in several ways, and rendered views, mixed by the recipe's shares."""
+"""Training crops of degraded photographs and rendered views, mixed by the shares of a recipe."""
 
 from __future__ import annotations
 
@@ -25,15 +25,14 @@ if TYPE_CHECKING:
     from ciir.training.data.rendered import ViewPair
 
 RENDERED = ("pinhole", "lenslet")
-"""What kinds of array see of random scenes and of meshes: see `training.data.rendered` and
-`training.data.mesh_views`."""
+"""Views of random scenes and of meshes by each kind of array: see `rendered` and `mesh_views`."""
 BICUBIC_VIEW = "bicubic-view"
-"""The truth of those, made small as a photograph is: without it a network takes everything drawn, letters too, for a
-view of a lens array. Worth 0.13 dB on Set14."""
+"""The truth of rendered views, downscaled as a photograph: otherwise a network treats drawings, such as letters, as
+views of a lens array. Gains 0.13 dB on Set14."""
 
 
 class Pair(Protocol):
-    """An LR picture and its truth, of which parts are asked for."""
+    """An LR picture and its truth, from which crops are taken."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -41,13 +40,13 @@ class Pair(Protocol):
         ...
 
     def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """These LR rows and columns, `(3, h, w)`, and the HR they stand for, 8 bit."""
+        """Returns these LR rows and columns, `(3, h, w)`, and their HR, 8 bit."""
         ...
 
 
 @dataclass(frozen=True)
 class Photograph:
-    """A picture of a folder, degraded where it is looked at: LR copies would take two thirds of its memory again."""
+    """A picture of a folder, degraded on demand: LR copies would take two thirds more memory."""
 
     among: Pictures
     index: int
@@ -62,7 +61,7 @@ class Photograph:
         return height // covered, width // covered
 
     def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """See `Pair`; to the bit what degrading the whole picture gives."""
+        """See `Pair`; bit for bit as in the degraded whole picture."""
         pixels = torch.from_numpy(self.among[self.index]).permute(2, 0, 1)
         return degrade.make_crop(self.kind, pixels, self.scale, rows, cols)
 
@@ -84,11 +83,11 @@ class Rendered:
 
 
 class Crops:
-    """Random aligned LR/HR crops with flips and rotations, out of pictures that are kept as 8 bits.
+    """Random aligned LR and HR crops with flips and rotations, from 8-bit pictures.
 
-    The batch of step `s` depends only on the seed and `s`, so that a resumed run sees what an unbroken one would, and
-    several threads may make batches at once. LR is what the published protocol makes of whole pictures, cropped on the
-    sample grid; blur, noise and JPEG (`training.data.corrupt`) then act on LR alone.
+    The batch of step `s` depends only on the seed and `s`, so that a resumed run gets the same batches, and several
+    threads may make batches at once. LR is cropped, on the sample grid, from whole pictures degraded by the published
+    protocol; blur, noise and JPEG (`training.data.corrupt`) then act on LR only.
     """
 
     def __init__(
@@ -118,7 +117,7 @@ class Crops:
         """
         check_degradations(crop, scale, degradations, rendered=bool(scenes or meshes))
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
-        self.spoil = Corruption(noise, blur, jpeg)
+        self.corruption = Corruption(noise, blur, jpeg)
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
             kind: [Photograph(photographs, index, kind, scale) for index in range(len(photographs))]
@@ -137,7 +136,9 @@ class Crops:
     def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
         """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
-        spoiling = np.random.default_rng((self.seed, step, 1))  # of its own, so that the crops stay the same
+        corrupting = np.random.default_rng(
+            (self.seed, step, 1)
+        )  # separate, so that corruption does not change the crops
         side = self.crop // self.scale
         lows: list[Tensor] = []
         highs: list[Tensor] = []
@@ -146,27 +147,27 @@ class Crops:
             pair = group[random.integers(len(group))]
             y, x = (int(random.integers(length - side + 1)) for length in pair.size)
             turns, mirror = int(random.integers(4)), bool(random.integers(2))
-            low, high = self._corrupt_crop(pair, y, x, spoiling)
+            low, high = self._corrupt_crop(pair, y, x, corrupting)
             for picture, into in ((low, lows), (high, highs)):
                 turned = torch.rot90(picture, turns, (1, 2))
                 into.append(turned.flip(2) if mirror else turned)
         return torch.stack(lows).float().div(255.0), torch.stack(highs).float().div(255.0)
 
     def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
-        """The crop whose first LR sample is `(y, x)`, spoilt."""
-        side, margin = self.crop // self.scale, self.spoil.margin
-        if not self.spoil:
+        """Returns the crop whose first LR sample is `(y, x)`, with LR corrupted."""
+        side, margin = self.crop // self.scale, self.corruption.margin
+        if not self.corruption:
             return pair.crop(slice(y, y + side), slice(x, x + side))
         top, left = max(0, y - margin), max(0, x - margin)
         rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)
         around = (slice(top, min(pair.size[0], y + side + margin)), slice(left, min(pair.size[1], x + side + margin)))
         low, high = pair.crop(*around)
-        spoilt = self.spoil(low.permute(1, 2, 0).numpy(), rows, cols, random)
-        return torch.from_numpy(spoilt).permute(2, 0, 1), degrade.crop_pair(low, high, self.scale, rows, cols)[1]
+        corrupted = self.corruption(low.permute(1, 2, 0).numpy(), rows, cols, random)
+        return torch.from_numpy(corrupted).permute(2, 0, 1), degrade.crop_pair(low, high, self.scale, rows, cols)[1]
 
 
 def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
-    """Raises `ValueError` where these can't be; `rendered`: whether there are views of scenes or meshes."""
+    """Raises `ValueError` for impossible arguments; `rendered`: whether there are views of scenes or meshes."""
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
     known = (*downscale.KINDS, *RENDERED, BICUBIC_VIEW) if rendered else downscale.KINDS
@@ -187,7 +188,7 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
 def _render_pairs(
     photographs: Pictures, scenes: int, meshes: Sequence[str | Path], *, scale: int, crop: int, seed: int
 ) -> Iterator[tuple[ViewPair, ViewPair]]:
-    """What a pinhole array and a lenslet array see of random scenes, with photographs as textures, and of meshes."""
+    """Renders random scenes, with photographs as textures, and meshes for a pinhole and a lenslet array."""
     from ciir.training.data import mesh_views, rendered
 
     if crop > scale * rendered.SIDE:
@@ -212,6 +213,6 @@ def _drop_small(folder: Path, kind: str, pairs: Sequence[Pair], crop: int, scale
     if not large:
         raise ValueError(f"{folder}: every picture is {what}; set a smaller crop")
     if len(large) < len(pairs):
-        left_out = f"{len(pairs) - len(large)} of {len(pairs)} pictures are left out: they are {what}"
+        left_out = f"{len(pairs) - len(large)} of {len(pairs)} pictures are skipped: they are {what}"
         tqdm.write(f"{folder}: {left_out}", file=sys.stderr)
     return large

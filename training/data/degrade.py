@@ -1,4 +1,4 @@
-"""Low-resolution pictures from high-resolution ones, with exact phase.
+"""Degradation of training pictures in torch: low-resolution pictures from high-resolution ones, with exact phase.
 
 LR sample i lies between HR samples 2i and 2i+1 (area resampling, `align_corners=False`): the geometry of a lens array
 whose pitch is twice as wide over the same extent. Half a pixel of error here costs 2 to 4 dB.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Pair = tuple["Tensor", "Tensor"]
 """LR `(C, h, w)` and HR `(C, scale*h, scale*w)`, 8 bit."""
 MARGINS = {"bicubic": 2, "box": 0, "point": 0}
-"""LR samples around a part of a picture that its LR still depends on: the bicubic kernel ends 2 LR samples away."""
+"""How many LR samples around a crop its LR depends on: the bicubic kernel ends 2 LR samples away."""
 
 
 def bicubic(image: Tensor, scale: int) -> Tensor:
@@ -41,15 +41,15 @@ def bicubic(image: Tensor, scale: int) -> Tensor:
 
 
 def box(image: Tensor, scale: int) -> Tensor:
-    """The mean over each `scale x scale` cell: what a lenslet sees. Shapes, range and errors as `bicubic`'s."""
+    """The mean over each `scale x scale` cell, as a lenslet samples. Shapes, range and errors as `bicubic`'s."""
     _check_multiple(image.shape[-2], image.shape[-1], scale)
     return _to_8_bit(functional.avg_pool2d(image, scale))
 
 
 def point(image: Tensor, scale: int) -> Tensor:
-    """The middle of each `scale x scale` cell: what a pinhole sees. Shapes, range and errors as `bicubic`'s.
+    """The middle of each `scale x scale` cell, as a pinhole samples. Shapes, range and errors as `bicubic`'s.
 
-    Where `scale` is even the middle is a corner, and the mean of the four samples around it stands for it.
+    Where `scale` is even, it is the mean of the four samples around the middle.
     """
     cells = _cells(image, scale)
     middle = slice((scale - 1) // 2, scale // 2 + 1)
@@ -57,7 +57,7 @@ def point(image: Tensor, scale: int) -> Tensor:
 
 
 def make_pair(kind: str, photograph: Tensor, scale: int) -> Pair:
-    """LR and HR of a photograph `(C, H, W)`, 8 bit, cut to whole cells.
+    """Degrades a photograph `(C, H, W)`, 8 bit, cut to whole cells: returns LR and HR.
 
     Raises `ValueError` as `training.data.downscale.check_kind`.
     """
@@ -85,7 +85,7 @@ def make_crop(kind: str, photograph: Tensor, scale: int, rows: slice, cols: slic
 
 
 def crop_pair(low: Tensor, high: Tensor, scale: int, rows: slice, cols: slice) -> Pair:
-    """These rows and columns of an LR picture, and the HR they stand for."""
+    """Crops an LR picture to these rows and columns, and HR to match."""
     tall, wide = slice(rows.start * scale, rows.stop * scale), slice(cols.start * scale, cols.stop * scale)
     return low[:, rows, cols], high[:, tall, wide]
 

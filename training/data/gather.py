@@ -1,9 +1,9 @@
-"""Training pictures out of whatever lies on a disk: large photographs made smaller, clip art over plain colours, tiles.
+"""Collects training pictures from any folders: shrinks photographs, flattens transparency, cuts tiles.
 
-    python -m ciir.training.data.gather FOLDER... -o PICTURES [--at-most 250] [--apart ../shared/data/images/Set5 ...]
+    python -m ciir.training.data.gather FOLDER... -o PICTURES [--at-most 250] [--exclude ../shared/data/images/Set5 ...]
 
-Wallpapers, stamps, portraits and textures of free software are more kinds of pictures than one set of photographs has:
-docs/training.md names the ones that `fast` and `quality` saw.
+Wallpapers, stamps, portraits and textures of free software are more varied than one set of photographs:
+docs/training.md lists those that `fast` and `quality` were trained on.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIDE = 480
-"""Pixels: pictures are cut into tiles of at most this, so that drawing a picture draws by area."""
+"""Largest side of a tile, pixels: drawing tiles evenly then draws by area."""
 LEAST = 160
-"""Pixels: what is smaller in either direction has no room for a crop and is left out."""
+"""Smallest side of a picture, pixels: smaller ones hold no crop and are skipped."""
 LOSSY, DRAWN = 2000, 800
-"""Pixels of the longer side: what lossy and lossless files are made smaller to. Lossy ones are halved at least, which
-takes their blocks and a camera's blur with it."""
+"""Longer side, pixels, to which lossy and lossless files are shrunk. Lossy ones are at least halved, which removes
+block artefacts and blur."""
 FLAT = 1.5
-"""Levels: a tile whose mean difference between neighbours is lower has nothing to teach."""
+"""Tiles whose mean difference between neighbours is lower, in levels, are dropped."""
 SAME = 0.97
-"""Correlation of 16x16 thumbnails from which on two pictures count as one."""
+"""Correlation of 16x16 thumbnails above which two pictures count as the same."""
 Place = tuple[Path, int, int]
 """A file, and the first byte and the number of bytes of a picture in it."""
 SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tga")
 PACKED = ".rcc"
-"""Qt's resource files: WebP pictures lie in them as they are."""
+"""Qt's resource files, which contain WebP pictures uncompressed."""
 
 
 def find_pictures(folder: Path) -> Iterator[Place]:
-    """File, first byte and number of bytes of each picture anywhere in `folder`, in the order of their names."""
+    """Yields file, first byte and number of bytes of each picture anywhere in `folder`, in the order of names."""
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file():
             continue
@@ -63,9 +63,9 @@ def find_pictures(folder: Path) -> Iterator[Place]:
 
 
 def load_picture(content: bytes) -> NDArray[np.uint8] | None:
-    """8-bit RGB `(H, W, 3)`, made smaller; None where there is no picture, or a small one.
+    """Decodes and shrinks a picture to 8-bit RGB `(H, W, 3)`; None where it is not a picture, or too small.
 
-    What is transparent lies over a plain colour, which depends on the content alone.
+    Transparent pixels get a plain background colour that depends on the content only.
     """
     try:
         with Image.open(io.BytesIO(content)) as opened:
@@ -85,14 +85,14 @@ def load_picture(content: bytes) -> NDArray[np.uint8] | None:
 
 
 def cut_tiles(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Equal tiles of at most `SIDE` pixels, without the flat ones."""
+    """Cuts a picture into equal tiles of at most `SIDE` pixels, without the flat ones."""
     rows, cols = (np.linspace(0, length, -(-length // SIDE) + 1).astype(int) for length in picture.shape[:2])
     cut = [picture[a:b, c:d] for a, b in itertools.pairwise(rows) for c, d in itertools.pairwise(cols)]
     return [tile for tile in cut if np.abs(np.diff(tile.mean(axis=2), axis=1)).mean() >= FLAT]
 
 
 def make_thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """16x16 grey levels as one vector of mean 0 and length 1, by which pictures are compared."""
+    """Returns 16x16 grey levels as a vector of mean 0 and length 1, to compare pictures."""
     small = Image.fromarray(picture).convert("L").resize((16, 16), Image.Resampling.BOX)
     levels = np.asarray(small, float).ravel()
     levels -= levels.mean()
@@ -100,7 +100,7 @@ def make_thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def _split(places: Sequence[Place], size: int) -> Iterator[Sequence[Place]]:
-    """In parts of `size`, so that not all are read where few are wanted."""
+    """Splits `places` into parts of `size`, so that only as many as needed are read."""
     return (places[at : at + size] for at in range(0, len(places), size))
 
 
@@ -112,18 +112,18 @@ def _load(place: Place) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
     return None if picture is None else (picture, make_thumbnail(picture))
 
 
-def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, apart: Sequence[Path] = ()) -> int:
-    """Writes the tiles of up to `at_most` different pictures of each folder as PNG into `out`; how many tiles.
+def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude: Sequence[Path] = ()) -> int:
+    """Writes tiles of up to `at_most` different pictures of each folder as PNG into `out`; returns how many tiles.
 
-    `apart`: folders of test pictures; what looks like one of them is left out. Which pictures are taken depends on the
-    files' contents and places alone. Raises `ValueError` where a folder holds no picture or two have one name.
+    `exclude`: folders of test pictures; pictures that look like one of them are skipped. The selection depends only on
+    the files' contents and paths. Raises `ValueError` where a folder holds no picture or two have one name.
     """
     Image.MAX_IMAGE_PIXELS = 2**29
     out.mkdir(parents=True, exist_ok=True)
-    tested = [path for of in apart for path in find_files(of) if not path.name.endswith("_LR.png")]
+    tested = [path for folder in exclude for path in find_files(folder) if not path.name.endswith("_LR.png")]
     known = [make_thumbnail(read_rgb(path)) for path in tested]
     if len({folder.resolve().name for folder in folders}) < len(folders):
-        raise ValueError("two folders have the same name, after which tiles are called; rename one")
+        raise ValueError("two folders have the same name, which tiles are named after; rename one")
     written = 0
     for folder in folders:
         places = list(find_pictures(folder))
@@ -143,10 +143,10 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, apart: 
                 written += len(kept)
                 if taken == at_most:
                     break
-        print(f"{folder}: {taken} pictures taken, {alike} left out for their likeness")
+        print(f"{folder}: {taken} pictures taken, {alike} skipped as similar to others")
     if not written:
         raise ValueError(f"{', '.join(map(str, folders))}: no picture of {LEAST} pixels or more; name other folders")
-    print(f"{out}: {written} tiles of pictures unlike each other and unlike {len(tested)} test pictures")
+    print(f"{out}: {written} tiles of different pictures, none similar to {len(tested)} test pictures")
     return written
 
 
@@ -156,15 +156,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the tiles")
     parser.add_argument("--at-most", type=int, default=250, help="pictures of each folder (default: %(default)s)")
-    parser.add_argument("--apart", type=Path, nargs="*", default=(), help="folders of test pictures to keep out")
+    parser.add_argument("--exclude", type=Path, nargs="*", default=(), help="folders of test pictures to exclude")
     given = parser.parse_args(arguments)
-    for folder in (*given.folders, *given.apart):
+    for folder in (*given.folders, *given.exclude):
         if not folder.is_dir():
             parser.error(f"{folder}: no such folder; name one that holds pictures")
     try:
-        gather_pictures(given.folders, given.out, at_most=given.at_most, apart=given.apart)
-    except ValueError as fault:
-        sys.exit(f"gather: {fault}")
+        gather_pictures(given.folders, given.out, at_most=given.at_most, exclude=given.exclude)
+    except ValueError as error:
+        sys.exit(f"gather: {error}")
 
 
 if __name__ == "__main__":

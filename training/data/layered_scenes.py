@@ -1,12 +1,9 @@
-"""Light fields of random layered scenes: textured sheets at different distances, cut out, slanted, folded, one before
-another.
+"""Light fields of random layered scenes: textured layers at different distances, cut out, slanted and folded.
 
-What several views add to one another is sub-pixel shifts, and what spoils it is occlusion. Both are exact for sheets:
-each view is sampled where its own rays meet them, twice as finely as the truth along each side, and is made small only
-then. Of folds (`training.data.planes`) which views see how much is exact; they are painted over all that is behind
-their
-sheet, also where they reach further back than that. Nothing is specular, so the sheets look the same from all sides, as
-the plane sweep takes for granted.
+Other views add sub-pixel shifts, and occlusion limits what they add. Both are exact for flat layers: each view is
+sampled where its own rays meet them, twice as finely as the truth along each side, and downscaled afterwards. The
+visible share of folds (`training.data.planes`) is exact in each view; they cover everything behind their layer, even
+where they reach further back. Layers look the same from all sides, as the plane sweep assumes.
 """
 
 from __future__ import annotations
@@ -36,13 +33,13 @@ SMALLEST = 0.08
 SMALL = 0.6
 """Share of scenes whose disparities are made smaller, evenly in the logarithm."""
 BEYOND = 0.05
-"""Share of scenes whose disparities are up to 4 times as large: what no plane matches is left alone."""
+"""Share of scenes whose disparities are up to 4 times as large: no plane matches these."""
 TEXTURE = 160
-"""Texels along each side of a sheet's picture; it is mirrored at its edge."""
+"""Texels along each side of a layer's texture, which is mirrored at its edge."""
 TEXELS = (0.45, 1.6)
 """Texels for each fine sample."""
 FLAT = 0.12
-"""Share of sheets of one colour."""
+"""Share of layers of one colour."""
 PLAIN = 0.3
 """Share of scenes before a plain background, half of them before black, as rendered objects stand."""
 MASK = 24
@@ -51,9 +48,9 @@ MASK_REACH = 0.75
 STRAIGHT = 0.35
 """Share of masks that are a straight edge."""
 STEEPNESS = (4.0, 200.0)
-"""How soon a sheet ends at its edge: over `MASK_REACH` sides of the picture divided by this."""
+"""How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
-"""Share of those sheets that turn away at their edge, as a roof does from a wall: some views see it, and some don't."""
+"""Share of layers with a straight edge that are folded there, as a roof at a wall: only some views see the fold."""
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -65,7 +62,7 @@ def make_scenes(
     side: int,
     window: int,
 ) -> tuple[Tensor, Tensor]:
-    """`count` scenes as the views of a window see them.
+    """Renders the views of a window of `count` scenes.
 
     `pictures`: 8-bit RGB `(H, W, 3)` of at least `TEXTURE` pixels a side. `side`: LR pixels along each side of a view.
     `window`: views along each side, an odd number.
@@ -101,12 +98,12 @@ def make_scenes(
     for scene in range(count):
         seen, colour = torch.zeros(()), torch.zeros(())
         for layer in range(int(numbers[scene])):
-            sheet = disparity[scene, layer], slope[scene, layer]
-            at = planes.intersect_layer(offsets, *sheet)
+            place_of_layer = disparity[scene, layer], slope[scene, layer]
+            at = planes.intersect_layer(offsets, *place_of_layer)
             texture = _draw_texture(random, pictures)
             if layer == 0 and random.random() < PLAIN:
                 texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
-            place = at.then(turn[scene, layer], begin[scene, layer]).of(along)
+            place = at.compose(turn[scene, layer], begin[scene, layer]).apply(along)
             new = _sample_picture((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
             new_colour = _sample_picture(texture, place[own : own + 1], "reflection")[0]
             if layer == 0:
@@ -116,11 +113,11 @@ def make_scenes(
             if normal is not None and random.random() < FOLDED:
                 edge = float(threshold[scene, layer]) * MASK_REACH * side * (MASK - 1) / MASK
                 shade = _draw_texture(random, pictures).mean((1, 2))[:, None, None]
-                there = planes.make_fold(random, normal, edge).seen(along, offsets, *sheet)
+                there = planes.make_fold(random, normal, edge).coverage(along, offsets, *place_of_layer)
                 seen = seen + there * ((shade * weights).sum() - seen)
                 colour = colour + there[own] * (shade - colour)
                 steepness[scene, layer] = STEEPNESS[1]
-            alpha = _sample_picture(mask, at.then(to_mask, to_mask.new_zeros(2)).of(along), "border")[:, 0]
+            alpha = _sample_picture(mask, at.compose(to_mask, to_mask.new_zeros(2)).apply(along), "border")[:, 0]
             alpha = ((alpha - threshold[scene, layer]) * steepness[scene, layer] + 0.5).clamp(0, 1)
             seen, colour = seen + alpha * (new - seen), colour + alpha[own] * (new_colour - colour)
         views.append(seen)
@@ -129,8 +126,9 @@ def make_scenes(
 
 
 def _draw_disparities(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
-    """Disparity of each sheet in the middle of the picture `(count, layers)`, and its slope `(count, layers, 2)` in LR
-    pixels of disparity for each LR pixel. Sheets follow one another from back to front; near may be either sign.
+    """Draws the disparity of each layer in the middle of the picture `(count, layers)`, and its slope
+    `(count, layers, 2)` in LR pixels of disparity for each LR pixel. Layers are sorted from back to front; near may be
+    either sign.
     """
     assert callable(uniform)  # noqa: S101 - for the type checker
     most = LAYERS[1]
@@ -147,13 +145,13 @@ def _draw_disparities(uniform: object, count: int, side: int) -> tuple[Tensor, T
 
 
 def _sample_picture(picture: Tensor, place: Tensor, beyond: str) -> Tensor:
-    """`(C, h, w)` at `(V, H, W, 2)`, x and y in [-1, 1], bilinearly -> `(V, C, H, W)`."""
+    """Samples `(C, h, w)` at `(V, H, W, 2)`, x and y in [-1, 1], bilinearly -> `(V, C, H, W)`."""
     every = picture[None].expand(len(place), -1, -1, -1)
     return functional.grid_sample(every, place, padding_mode=beyond, align_corners=False)
 
 
 def _draw_texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Tensor:
-    """A part of a picture, `(3, TEXTURE, TEXTURE)` in [0, 1], or its mean colour."""
+    """Cuts a part of a random picture, `(3, TEXTURE, TEXTURE)` in [0, 1], or takes its mean colour."""
     picture = pictures[int(random.integers(len(pictures)))]
     y, x = (int(random.integers(length - TEXTURE + 1)) for length in picture.shape[:2])
     part = torch.from_numpy(picture[y : y + TEXTURE, x : x + TEXTURE].copy()).permute(2, 0, 1).float().div(255)
@@ -161,8 +159,8 @@ def _draw_texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[P
 
 
 def _draw_mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
-    """A smooth random landscape `(1, MASK, MASK)`: what lies above a threshold is there. Some are a straight edge,
-    whose normal `(2,)` comes with it.
+    """Draws smooth random values `(1, MASK, MASK)`: the layer is where they exceed a threshold. Some have a straight
+    edge and are returned with its normal `(2,)`.
     """
     if random.random() < STRAIGHT:
         angle, along = random.uniform(0, 2 * math.pi), torch.linspace(-1, 1, MASK)

@@ -1,8 +1,8 @@
 """Training crops for light-field networks: a view, the window of views around it, and its truth.
 
-Layered scenes (`training.data.layered_scenes`) are made as the run goes; views of meshes (`training.data.mesh_views`)
-before it. A part
-of the crops is there so that no harm is learnt: windows of another scene, noise, disparities that no plane matches.
+Layered scenes (`training.data.layered_scenes`) are made during the run, views of meshes (`training.data.mesh_views`)
+before it. Some crops teach the network when not to use the other views: windows of another scene, noise, disparities
+that no plane matches.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from ciir.training.data.pictures import Picture
 
 STEPS_PER_BLOCK = 6
-"""Steps that take their crops from the same scenes, at other places, turned and degraded otherwise."""
+"""Steps that share scenes, with different places, rotations and degradations."""
 KEPT_BLOCKS = 3
 """Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prepared at once."""
 MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.5), (1, 9, 0.14), (0, 9, 0.18), (1, 3, 0.09), (0, 3, 0.09))
-"""The number of a view along a side of a grid, of how many, and the share of such windows: the border is learnt too."""
+"""Index of a view along a side of a grid, the grid's side, and the share of such windows, border included."""
 MISMATCHED = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = (0.01, 0.1)
-"""Share of crops under heavy noise, in each view another, and its standard deviation. Its loss is far above others'."""
+"""Share of crops under heavy noise, different in each view, and its standard deviation."""
 GRAIN = (0.15, 2 / 255)
-"""Share of crops whose LR views are grainy as a camera's, and the largest standard deviation of that."""
+"""Share of crops with camera grain in the LR views, and its largest standard deviation."""
 
 
 class Inputs(NamedTuple):
@@ -77,7 +77,7 @@ class LightFieldCrops:
         eased: int = 0,
         memory: int = MEMORY,
     ) -> None:
-        """`folder`: pictures for the sheets of scenes; those smaller than `layered.TEXTURE` are left out.
+        """`folder`: pictures for the textures of layers; those smaller than `layered_scenes.TEXTURE` are skipped.
 
         `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.downscale.KINDS`, and with `meshes`
         of
@@ -149,7 +149,7 @@ class LightFieldCrops:
         return image, around, high
 
     def _made(self, block: int) -> tuple[Tensor, Tensor]:
-        """The scenes of a block of steps, as 8 bits. The last blocks are kept: threads may come in any order."""
+        """Returns the scenes of a block of steps, 8 bit. The last blocks are kept, as threads may ask in any order."""
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
@@ -163,7 +163,7 @@ class LightFieldCrops:
 
 
 class _LargePictures:
-    """The pictures that a sheet's texture can be cut from."""
+    """The pictures that are large enough for the texture of a layer."""
 
     def __init__(self, pictures: Pictures) -> None:
         self._pictures = pictures
@@ -181,14 +181,14 @@ class _LargePictures:
 
 
 def _draw_window(random: np.random.Generator, grids: Sequence[tuple[int, int, float]] = GRIDS) -> Window:
-    """Which of the views around are there, by the shares of `grids`."""
+    """Draws which rows and columns of the window are inside the grid, by the shares of `grids`."""
     shares = np.array([share for _, _, share in grids])
     rows, cols = (select_axis(*grids[int(random.choice(len(grids), p=shares / shares.sum()))][:2]) for _ in range(2))
     return Window(torch.from_numpy(rows.present), torch.from_numpy(cols.present))
 
 
 def _degrade(kind: str, fine: Tensor) -> degrade.Pair:
-    """LR and truth of what was sampled `layered.FINE` times as finely as LR, 8 bit `(C, H, W)`."""
+    """Degrades what was sampled `layered_scenes.FINE` times as finely as LR, 8 bit `(C, H, W)`."""
     if kind == "point":
         return degrade.make_pair(kind, fine, 2)
     high = degrade.box(fine[None].float().div(255), layered_scenes.FINE // 2)[0]
@@ -200,9 +200,9 @@ def _compute_luma(image: Tensor) -> Tensor:
 
 
 def _corrupt(random: np.random.Generator, image: Tensor, around: Tensor, ease: float) -> tuple[Tensor, Tensor]:
-    """Some crops with the views of another, some noisy, some grainy; the view itself stays the same in both.
+    """Gives some crops the views of another scene, and adds noise or grain to some.
 
-    `ease`: how much of the shares, up to 1.
+    `ease`: factor on the shares, up to 1.
     """
 
     def share(of: float) -> Tensor:
@@ -228,7 +228,7 @@ def _corrupt(random: np.random.Generator, image: Tensor, around: Tensor, ease: f
 def _augment(
     random: np.random.Generator, image: Tensor, around: Tensor, high: Tensor, window: Window
 ) -> tuple[Inputs, Tensor]:
-    """All crops of a batch upside down, left to right, and with rows for columns, each half of the time."""
+    """Flips all crops of a batch vertically, horizontally and along the diagonal, each half of the time."""
     rows, cols = window
     around = around.reshape(-1, WINDOW_SIDE, WINDOW_SIDE, *around.shape[2:])
     if random.random() < 0.5:

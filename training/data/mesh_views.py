@@ -1,8 +1,8 @@
-"""Views of meshes as training pairs: what the service renders for a lens array, and the clean picture at a finer pitch.
+"""Views of meshes as training pairs: views as the service renders them and clean pictures at a finer pitch.
 
-A mesh is turned at random, framed as the service frames it, brought nearer or pushed away, and seen from random pixels
-of 15x15, by arrays of 24x24, 48x48 and 96x96 lenses. Views of the smaller arrays fill a picture together, so that crops
-are as large as others': views as small as the paper's 25x25, its stated failure, are a third of what is learnt here.
+A mesh is rotated at random, framed as in the service, scaled, and rendered for random pixels of 15x15 by arrays of
+24x24, 48x48 and 96x96 lenses. Views of the smaller arrays are joined into one picture, so that crops have equal sizes:
+a third of the pairs has views as small as the paper's 25x25, where it reports failure.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ PICTURES = 24
 LENSES = (SIDE // 4, SIDE // 2, SIDE)
 """Lenses along each side of the arrays."""
 PIXELS = 15
-"""Pixels along each side under a lens, as many as the service takes where nothing is said."""
+"""Pixels along each side under a lens, as many as the service's default."""
 NEAREST = 2.5
-"""How many times as large as framed an object may be: it then reaches over the view's edge."""
+"""Largest scale of an object relative to its framed size: it then extends over the view's edge."""
 FARTHEST = 0.7
 TILT = 0.6
 """Largest angle of a mesh's own up direction to the vertical, radians."""
@@ -59,7 +59,7 @@ class MeshLightField(NamedTuple):
 
 
 def read_mesh(path: str | Path) -> Scene:
-    """The mesh in the file, folder or zip at `path`, and what it refers to. What was left out of it is told.
+    """Reads the mesh in the file, folder or zip at `path`, and the files it refers to; prints its notes.
 
     Raises `ValueError` where there is none, or it can't be read.
     """
@@ -75,7 +75,7 @@ def read_mesh(path: str | Path) -> Scene:
 
 
 def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
-    """A 4x4 rotation: any angle about the vertical, then tilted by up to `TILT`."""
+    """Draws a 4x4 rotation: any angle about the vertical, then a tilt of up to `TILT`."""
     turn, tilt = random.uniform(0, 2 * np.pi), random.uniform(-TILT, TILT)
     about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
     about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
@@ -85,9 +85,9 @@ def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
 
 
 def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[ViewPair, ViewPair]:
-    """Picture number `index`: (LR, truth) as pinhole arrays see the mesh, and as lenslet arrays do.
+    """Renders picture number `index` of a mesh: (LR, truth) of a pinhole array and of a lenslet array.
 
-    LR is `(96, 96, 3)`, 1, 4 or 16 views that lie side by side; the truth is `scale` times as large.
+    LR is `(96, 96, 3)`, 1, 4 or 16 views side by side; the truth is `scale` times as large.
     """
     random = np.random.default_rng((seed, index, 2))
     side = LENSES[index % len(LENSES)]
@@ -104,7 +104,7 @@ def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Vie
 
 
 def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
-    """Light field number `index`: what arrays of 48x48 and 96x96 lenses see of the mesh by 5x5 neighbouring pixels, and
+    """Renders light field number `index` of a mesh: 5x5 neighbouring views of an array of 48x48 or 96x96 lenses, and
     the truth of the middle one.
     """
     random = np.random.default_rng((seed, index, 3))
@@ -132,7 +132,7 @@ def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
 
 
 def _join_views(views: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """`(n*n, h, w, 3)` -> `(n*h, n*w, 3)`, row by row."""
+    """Joins views `(n*n, h, w, 3)` into a picture `(n*h, n*w, 3)`, row by row."""
     count, height, width, channels = views.shape
     across = round(count**0.5)
     rows = views.reshape(across, across, height, width, channels).swapaxes(1, 2)

@@ -1,4 +1,4 @@
-"""Any folder of pictures, VOC2012's as it unpacks among them, as 8-bit RGB that need not all fit into memory."""
+"""Folders of training pictures as 8-bit RGB, of which only a part is kept in memory."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]
 """`(H, W, C)`, 8 bit."""
 MEMORY = 4 * 2**30
-"""Bytes of decoded pictures that are kept: 7,600 of VOC2012's 17,125 fit. The rest is decoded whenever it is asked for.
+"""Bytes of decoded pictures that are kept: 7,600 of VOC2012's 17,125 fit. The rest is decoded on each access.
 """
 VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
-"""Where VOC2012's pictures lie in the folder that its archive unpacks to, and in those above."""
+"""Where VOC2012's pictures are in its unpacked archive and in the folders above."""
 
 
 def find_pictures(folder: Path) -> list[Path]:
-    """The pictures in `folder`, or in VOC2012 where `folder` is or holds it, sorted by name.
+    """Lists the pictures in `folder`, or in VOC2012 where `folder` is or contains it, sorted by name.
 
     Other files, hidden ones and folders are ignored. Raises `ValueError` where there is no folder, or no picture in it.
     """
@@ -38,16 +38,16 @@ def find_pictures(folder: Path) -> list[Path]:
         if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file()
     )
     if not files:
-        raise ValueError(f"{place}: no picture in it ({', '.join(sorted(SUFFIXES))}); name a folder that holds some")
+        raise ValueError(f"{place}: no picture in it ({', '.join(sorted(SUFFIXES))}); name a folder with pictures")
     return files
 
 
 def read_picture(path: Path) -> Picture:
-    """8 bit, `(H, W, 1)` grey or `(H, W, 3)` RGB, turned as its orientation tag says.
+    """Reads a picture as 8-bit `(H, W, 1)` grey or `(H, W, 3)` RGB, rotated by its orientation tag.
 
-    16 bits are rounded to 8, palettes become RGB, and what is transparent lies over black, as views do.
+    16 bits are rounded to 8, palettes become RGB, and transparent pixels are blended with black.
 
-    Raises `ValueError` where it can't be read: truncated, not a picture, or of a printer's CMYK.
+    Raises `ValueError` where it can't be read: truncated, not a picture, or CMYK.
     """
     pixels = decode(read_file(path, DEFAULT_LIMITS), name=str(path))
     if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
@@ -59,7 +59,7 @@ def read_picture(path: Path) -> Picture:
 
 
 def read_rgb(path: Path) -> Picture:
-    """`read_picture`, with grey as three equal channels: `(H, W, 3)`."""
+    """Reads a picture as `read_picture`, with grey as three equal channels: `(H, W, 3)`."""
     pixels = read_picture(path)
     return pixels if pixels.shape[2] == 3 else np.repeat(pixels, 3, axis=2)
 
@@ -67,8 +67,8 @@ def read_rgb(path: Path) -> Picture:
 class Pictures:
     """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
 
-    Each is decoded once at the start, so that a bad one is named before the work begins. The first ones are kept, up to
-    `memory` bytes; the others are decoded again each time, 2 to 4 ms for one of VOC2012.
+    Each is decoded once at the start, so that errors are found before training begins. The first ones are kept, up
+    to `memory` bytes; the others are decoded on each access, 2 to 4 ms for one of VOC2012.
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:
@@ -89,10 +89,10 @@ class Pictures:
         return len(self.files)
 
     def __getitem__(self, index: int) -> Picture:
-        """Raises `ValueError` where the file is no longer what it was at the start."""
+        """Raises `ValueError` where the file has changed since the start."""
         if index < len(self._kept):
             return self._kept[index]
         picture = read_rgb(self.files[index])
         if picture.shape[:2] != self.sizes[index]:
-            raise ValueError(f"{self.files[index]}: was changed while it was in use; start again")
+            raise ValueError(f"{self.files[index]}: was changed during the run; start again")
         return picture

@@ -1,9 +1,9 @@
-"""Views of random scenes as training pairs: what a lens array sees, and the clean picture at a finer pitch.
+"""Rendered views of random scenes as training pairs: views of a lens array and clean pictures at a finer pitch.
 
-Photographs scaled down by bicubic interpolation teach nothing of point samples: on a pinhole array's views a network
-that knows only them is worse than interpolation. Here textured and plain polygons, tilted and overlapping, are rendered
-by rays, so that the physics is that of `renderer.sampling`: a pinhole's LR picture is one ray a lens, a lenslet's is
-the mean over the lens, and the truth of both is the area average over cells of `pitch / scale`.
+A network that was trained only on photographs with bicubic LR is worse than interpolation on views of a pinhole array.
+Here tilted and overlapping polygons, textured or plain, are ray traced with the sampling of `renderer.sampling`: LR is
+one ray for each lens (pinhole) or the mean over the lens (lenslet), and the truth of both is the area average over
+cells of `pitch / scale`.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ TEXELS = (0.4, 4.0)
 
 
 def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
-    """One flat polygon of 3 to 24 corners, thin or round, somewhere in front of the array, turned and tilted."""
+    """Makes a flat polygon of 3 to 24 corners in front of the array, thin or round, turned and tilted at random."""
     corners = int(random.choice([3, 4, 4, 5, 7, 24]))
     angle = np.sort(random.uniform(0, 2 * np.pi, corners)) if corners < 24 else np.linspace(0, 2 * np.pi, 25)[:-1]
     size = SIDE * np.exp(random.uniform(np.log(0.05), np.log(0.9)))
     thin = np.exp(random.uniform(np.log(0.05), 0))
     flat = size * np.stack([np.cos(angle), thin * np.sin(angle)], axis=1)  # (n, 2)
-    turn, tilt, nod = random.uniform(0, 2 * np.pi), random.uniform(-1.2, 1.2), random.uniform(-1.2, 1.2)
+    turn, tilt, pitch = random.uniform(0, 2 * np.pi), random.uniform(-1.2, 1.2), random.uniform(-1.2, 1.2)
     across = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)])
-    down = np.array([-np.sin(turn) * np.cos(nod), np.cos(turn) * np.cos(nod), np.sin(nod)])
+    down = np.array([-np.sin(turn) * np.cos(pitch), np.cos(turn) * np.cos(pitch), np.sin(pitch)])
     middle = np.array([*random.uniform(-SIDE / 2, SIDE / 2, 2), -random.uniform(2, 4) * SIDE])
     vertices = middle + flat[:, :1] * across + flat[:, 1:] * down
     faces = np.array([[0, i, i + 1] for i in range(1, corners - 1)], np.int32)
@@ -63,7 +63,7 @@ def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pi
 def render_pairs(
     pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
 ) -> tuple[ViewPair, ViewPair]:
-    """Scene number `index`: (LR, truth) as a pinhole array sees it, and as a lenslet array does.
+    """Renders scene number `index`: (LR, truth) of a pinhole array and of a lenslet array.
 
     `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
     """
@@ -89,5 +89,5 @@ def render_views(
 
 
 def _drop_alpha(view: NDArray[np.uint8]) -> Picture:
-    """RGBA without A, the share that the scene covers."""
+    """RGBA without A, the coverage."""
     return np.ascontiguousarray(view[..., :3])

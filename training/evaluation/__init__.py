@@ -1,1 +1,1 @@
-"""TODO"""
+"""Accuracy of networks on test sets, by the published protocols."""

@@ -1,10 +1,10 @@
-"""The mean of several checkpoints' weights: the ends of a run's legs are each worse than the point between them.
+"""Averages the weights of several checkpoints.
 
     python -m ciir.training.export.average CHECKPOINT CHECKPOINT... -o MEAN
 
-Stochastic weight averaging (Izmailov et al., UAI 2018) and model soups (Wortsman et al., ICML 2022): legs that start
-from each other lie on the rim of one wide basin, and their mean in its middle. `fast`'s third and fourth leg have 37.31
-and 37.26 dB on Set5, their mean 37.37.
+Stochastic weight averaging (Izmailov et al., UAI 2018) and model soups (Wortsman et al., ICML 2022): runs that
+start from each other end on the rim of one wide basin, and their mean lies in its middle. The third and fourth run of
+`fast` reach 37.31 and 37.26 dB on Set5, their mean 37.37.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 
 def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
-    """Writes a checkpoint with the mean of the networks of `paths`; all else is the first's.
+    """Writes a checkpoint with the mean of the networks of `paths`; everything else is from the first.
 
-    Its recipe says `averaged` and names them, so it can be exported and started from, and no run goes on in its place.
-    Raises `ValueError` where there are fewer than two, one is no checkpoint, or their networks differ.
+    Its recipe lists them under `averaged`: it can be exported and started from, but not resumed.
+    Raises `ValueError` where there are fewer than two, one is not a checkpoint, or their networks differ.
     """
     if len(paths) < 2:
         raise ValueError(f"{len(paths)} checkpoint given; give two or more")
@@ -35,7 +35,7 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
     for path, state in zip(paths[1:], states[1:], strict=True):
         designs = [(of["recipe"]["network"], of["recipe"]["options"]) for of in (first, state)]
         if designs[0] != designs[1]:
-            raise ValueError(f"{path}: holds {designs[1]}, and {paths[0]} {designs[0]}; give legs of one network")
+            raise ValueError(f"{path}: holds {designs[1]}, and {paths[0]} {designs[0]}; give runs of one network")
     mean = {key: _mean([state["network"][key] for state in states]) for key in first["network"]}
     recipe: dict[str, Any] = {**first["recipe"], "averaged": [path.as_posix() for path in paths]}
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -43,7 +43,7 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
 
 
 def _mean(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
-    """In the first's type; whole numbers (counts of a normalisation) are the first's own."""
+    """The mean in the type of the first; integers (counts of a normalisation) are taken from the first."""
     if not tensors[0].is_floating_point():
         return tensors[0]
     return torch.stack([tensor.double() for tensor in tensors]).mean(0).to(tensors[0].dtype)
@@ -57,8 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     try:
         average_checkpoints(given.checkpoints, given.out)
-    except (ValueError, FloatingPointError) as fault:
-        sys.exit(f"average: {fault}")
+    except (ValueError, FloatingPointError) as error:
+        sys.exit(f"average: {error}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What an int8 network is calibrated on: real views, each with the picture that it ought to become."""
+"""Examples for the calibration of int8 networks: views with their truth."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 
 
 class Example(NamedTuple):
-    """What a network is given, and what it ought to make of it."""
+    """The inputs of a network and the truth of its output."""
 
     inputs: dict[str, NDArray[np.float32]]
-    """By their names, one picture each: `(1, C, h, w)` in [0, 1], and where a window stands."""
+    """By name, one picture each: `(1, C, h, w)` in [0, 1], and the position of the window."""
     high: Picture
     """`(scale*h, scale*w, 3)`, 8 bit."""
 
 
 PICTURES = 36
-"""Most pictures that are taken of each folder, evenly over their names."""
+"""Largest number of pictures of each folder, taken evenly over their names."""
 SIDE = 128
 """Longest side of an LR view of a picture: its middle."""
 VIEWS = 3
-"""Turned views of each built-in scene, one for each size of array in `mesh_views.LENSES`."""
+"""Views of each built-in scene, rotated, one for each size of array in `mesh_views.LENSES`."""
 BATCHES, SCENES_PER_BATCH = 8, 4
 """Batches of layered scenes with the pictures of a folder as textures, and how many scenes are in a batch."""
 LIGHT_FIELDS = 2
@@ -45,7 +45,7 @@ LIGHT_FIELDS = 2
 
 
 def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
-    """Of each folder's pictures, degraded in turn by each of `downscale.KINDS`, and of the built-in scenes' views.
+    """Makes examples of each folder's pictures, degraded in turn by each of `downscale.KINDS`, and of built-in scenes.
 
     Raises `ValueError` where a folder has no picture, or one can't be read or is smaller than one LR pixel.
     """
@@ -71,8 +71,8 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
 
 
 def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Example]:
-    """For a light-field network: layered scenes of each folder's pictures, as late in training, with windows at
-    the border of the grid among them, and built-in scenes' views.
+    """Makes examples for a light-field network: layered scenes of each folder's pictures, as late in training, some
+    at the border of the grid, and views of built-in scenes.
 
     Raises `ValueError` as `training.data.light_field_crops.LightFieldCrops` does.
     """
@@ -92,7 +92,7 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
 
 
 def to_input(low: Picture) -> NDArray[np.float32]:
-    """`(h, w, 3)` 8 bit as a network takes it: `(1, 3, h, w)` float32 in [0, 1]."""
+    """Converts `(h, w, 3)` 8 bit to the input of a network: `(1, 3, h, w)` float32 in [0, 1]."""
     return np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
 
 
@@ -101,7 +101,7 @@ def _make_picture_example(low: Picture, high: Picture) -> Example:
 
 
 def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
-    """Each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
+    """Yields each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
     names = [IMAGE.name, *(tensor.name for tensor in LIGHT_FIELD_INPUTS)]
     truths = high.mul(255).round().byte().permute(0, 2, 3, 1).numpy()
     for number, truth in enumerate(truths):
@@ -111,7 +111,7 @@ def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
 
 
 def _make_mesh_examples(field: MeshLightField) -> Iterator[Example]:
-    """What each kind of array sees of a mesh."""
+    """Yields the light field of a mesh of each kind of array."""
     middle = torch.from_numpy(select_axis(WINDOW_SIDE // 2, WINDOW_SIDE).present)
     for kind, views in field.views.items():
         image, around = (part[None].float().div(255) for part in (field.colours[kind], views))

@@ -1,4 +1,4 @@
-"""A checkpoint becomes what `models` ships: one `.onnx` file and its card."""
+"""Export of a checkpoint to the files of `models`: an `.onnx` file and its card."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ if TYPE_CHECKING:
     from torch import nn
 
 TOLERANCE = 1e-4
-"""Largest absolute difference between torch and onnxruntime that is let through."""
+"""Largest absolute difference between torch and onnxruntime that is accepted."""
 SMALLEST = 1e-12
-"""Weights nearer to zero than this become zero: they change no output that 16 bits can tell, but they, and even the
-products of two of them, may be denormal (under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
+"""Weights nearer to zero become zero: they change no 16-bit output, but they or products of two of them may be denormal
+(under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
 SHAPES = ((1, 3, 1, 1), (1, 3, 7, 5), (2, 3, 25, 25), (1, 3, 97, 131), (3, 3, 1, 40))
 """Where the two are compared: `(N, C, H, W)`, made as large as the network needs."""
 INT8 = "-int8"
-"""What an int8 twin has after the float network's name."""
+"""Suffix of the name of an int8 twin."""
 
 
 def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name`, or else the recipe's.
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name` or the recipe's.
 
     `checkpoint`: of `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or for a
     light-field network of views, whose scores (`training.evaluation.pictures`, `training.evaluation.light_fields`) go
@@ -64,7 +64,7 @@ def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: 
 def export_int8(
     checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
 ) -> Path:
-    """As `export_network`, but of the network's int8 twin, `NAME-int8`. `calibrate`: folders of pictures, see
+    """Exports the network's int8 twin, `NAME-int8`, as `export_network`. `calibrate`: folders of pictures, see
     `training.export.calibration`.
 
     Raises `ValueError` as `export_network`, and where the pictures can't be used or int8 costs too much accuracy.
@@ -113,7 +113,7 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
 
 
 def check_name(name: str) -> None:
-    """Raises `ValueError` where `name` can't be that of a file."""
+    """Raises `ValueError` where `name` is not a valid file name."""
     if not re.fullmatch(r"[\w.+-]+", name):
         raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
@@ -128,7 +128,7 @@ def make_card(
     sizes: Sizes,
     training: cards.Training,
 ) -> cards.Card:
-    """The card of a float network, with a hash of zeros and no accuracy."""
+    """Makes the card of a float network, with a hash of zeros and no accuracy."""
     inputs = examples.list_inputs(network)
     return cards.Card(
         name=name,
@@ -152,7 +152,7 @@ def make_card(
 
 
 def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes a network and its card into `out`, hash and accuracy filled in; both or, where one fails, neither.
+    """Writes a network and its card, with hash and accuracy, into `out`; on errors neither is written.
 
     Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
     """
@@ -170,7 +170,7 @@ def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: S
 
 
 def _command(card: cards.Card, folders: Sequence[Path]) -> str:
-    """What prints the scores of `_scores`, in their order."""
+    """The commands that print the scores of `_scores`, in order."""
     names = [folder.as_posix() for folder in folders]
     if not card.is_light_field:
         return " ".join(["ciir evaluate", card.name, *names])
@@ -179,7 +179,7 @@ def _command(card: cards.Card, folders: Sequence[Path]) -> str:
 
 
 def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
-    """Those of the network in `path` on each folder; of a light-field network, on each made small in every way."""
+    """Scores of a network on each folder; of a light-field network, with each degradation."""
     if not cards.read_card(path).is_light_field:
         upscaler = SingleImageNetwork(path)
         return tuple(pictures.score(upscaler, folder) for folder in folders)
@@ -189,7 +189,7 @@ def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
 
 
 def load_network(state: dict[str, Any]) -> nn.Module:
-    """The network of a checkpoint in evaluation mode, as it was trained."""
+    """Loads the network of a checkpoint in evaluation mode, as it was trained."""
     recipe = state["recipe"]
     network = make_network(recipe["network"], recipe["options"])
     network.load_state_dict(state["network"])
@@ -198,8 +198,8 @@ def load_network(state: dict[str, Any]) -> nn.Module:
 
 @torch.no_grad()
 def simplify_network(network: nn.Module) -> nn.Module:
-    """The network as it runs: branches and batch normalisation folded, interpolation along one side at a time, weights
-    under `SMALLEST` set to zero.
+    """Simplifies a network for export: folds branches and batch normalisation, separates interpolation, and sets
+    weights under `SMALLEST` to zero.
     """
     network = separate(collapse(fold_batch_norm(network)))
     if isinstance(network, LightFieldGenerator):
@@ -239,7 +239,7 @@ def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(
 
 
 def _losses(recipe: dict[str, Any]) -> str:
-    """What a network was trained for where that isn't pixels alone: PSNR says little of it then."""
+    """Names the losses of a network that was not trained for pixels only: PSNR then describes it badly."""
     if not recipe.get("adversarial"):
         return ""
     content = recipe.get("perceptual") or "none"

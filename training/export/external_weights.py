@@ -1,6 +1,6 @@
-"""Networks that others trained: a file of weights, what `spandrel` knows of its design, and the same ONNX and card.
+"""Import of external weights: networks that others trained, exported to ONNX with a card.
 
-spandrel (chaiNNer-org) tells the architecture and its options from the names and shapes of the weights.
+spandrel (chaiNNer-org) infers the architecture and its options from the names and shapes of the weights.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".pth", ".pt", ".ckpt", ".safetensors")
 UNUSED = ("InterpolationMode", "normalize", "rotate")
-"""What spandrel takes from `torchvision.transforms.functional`, for two networks that don't upscale: LaMa (inpainting)
+"""Imports of spandrel from `torchvision.transforms.functional`, for two networks that don't upscale: LaMa (inpainting)
 and RestoreFormer (faces)."""
 
 
 class ExternalNetwork(nn.Module):
-    """A network that spandrel made: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
+    """A network loaded by spandrel: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
 
     def __init__(self, descriptor: Any) -> None:
         """`descriptor`: a `spandrel.ImageModelDescriptor`."""
@@ -47,7 +47,7 @@ class ExternalNetwork(nn.Module):
 
 
 def _fold_branches(network: nn.Module) -> nn.Module:
-    """SPAN's Conv3XC folds its branches anew in every call, which can't be traced: once is enough."""
+    """Folds the branches of SPAN's Conv3XC once: it folds them in each call, which can't be traced."""
     modules: Iterable[Any] = network.modules()
     for module in modules:
         if hasattr(module, "update_params") and hasattr(module, "eval_conv"):
@@ -58,7 +58,7 @@ def _fold_branches(network: nn.Module) -> nn.Module:
 
 
 def _do_nothing() -> None:
-    """In place of what needs to be done no more."""
+    """Replaces the folding that has been done."""
 
 
 def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
@@ -145,13 +145,13 @@ def _read_weights(weights: Path) -> dict[str, Any]:
 
 
 def _convert_sizes(rule: Any) -> Sizes:
-    """spandrel's `SizeRequirements`; the least side is that of our own networks where it says nothing."""
+    """Converts spandrel's `SizeRequirements`; the least side is that of our own networks where it gives none."""
     return Sizes(max(Sizes().minimum, rule.minimum), rule.multiple_of, rule.square)
 
 
 @torch.no_grad()
 def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
-    """Raises `ValueError` where `network` isn't all that spandrel does with a picture: some want more than the call."""
+    """Raises `ValueError` where spandrel's result differs from `network`'s: some models need further steps."""
     image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:
@@ -160,7 +160,7 @@ def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None
 
 @contextmanager
 def without_torchvision() -> Iterator[None]:
-    """Within the block spandrel can be imported without torchvision.
+    """Lets spandrel be imported without torchvision, within the block.
 
     The common index has none for the CPU build of torch (the other one fails as it is imported), and spandrel uses
     three of its functions for two networks that are of no use here (see `UNUSED`). In their place stand functions that

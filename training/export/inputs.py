@@ -1,4 +1,4 @@
-"""What a network takes: the inputs of its ONNX file, and examples of them to export, compare and measure it on."""
+"""The inputs of a network's ONNX file, and examples of them to export, compare and measure it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LIGHT_FIELD_INPUTS = (
     cards.Tensor("rows", (WINDOW_SIDE,), "float32", 0.0, 1.0),
     cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
 )
-"""What a light-field network takes beside the view: see `training.networks.light_field`."""
+"""Inputs of a light-field network beside the view: see `training.networks.light_field`."""
 UNCERTAINTY = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
 """Its output beside the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
 WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
-"""Windows to try such a network on, as `(number, of how many)` views down and across: whole, at a corner, and in the
+"""Windows for tests of such a network, as `(number, of how many)` views down and across: whole, at a corner, and in the
 middle and at the edge of the least grid."""
 
 
@@ -41,7 +41,7 @@ def list_outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
 
 
 def list_windows(network: nn.Module) -> tuple[WindowPosition, ...]:
-    """The windows that it ought to be tried on; one, which says nothing, for a network of single pictures."""
+    """Lists the windows to test a network on; one, which is ignored, for a single-picture network."""
     return WINDOWS if isinstance(network, LightFieldGenerator) else WINDOWS[:1]
 
 

@@ -1,4 +1,4 @@
-"""What a card says of a network and nobody wrote down: how far it sees, what it learnt, what it costs."""
+"""Measurements for the card of a network: receptive radius, parameters, multiply-adds, tile overlap."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ if TYPE_CHECKING:
 WIDEST = 120
 """Largest radius, input pixels: tiles of 256x256 (`models.sessions.TILE_PIXELS`) then still have something to keep."""
 SMALL = 32
-"""Side of the picture whose multiply-adds are counted, pixels: what is padded counts too."""
+"""Side of the picture whose multiply-adds are counted, pixels, padding included."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
 SEAM = 0.5 / 255
-"""Largest difference of a tile from the whole picture that isn't seen: half a level of 8 bits."""
+"""Largest invisible difference of a tile from the whole picture: half a level of 8 bits."""
 KEPT = 32
-"""Side of the middle of a tile that is held against the whole, pixels."""
+"""Side of the middle of a tile that is compared with the whole picture, pixels."""
 
 
 def count_parameters(network: nn.Module) -> int:
-    """Numbers that were learnt: without constants that are stored as weights, such as an interpolated base's kernel."""
+    """Counts the learnt parameters, without constants stored as weights, such as an interpolation kernel."""
     return sum(weight.numel() for weight in network.parameters() if weight.requires_grad)
 
 
 @torch.no_grad()
 def count_macs(network: nn.Module, sizes: Sizes) -> float:
-    """Multiply-adds of all convolutions and matrix products for one output pixel (its three channels together)."""
+    """Counts the multiply-adds of all convolutions and matrix products for one output pixel (three channels)."""
     with FlopCounterMode(display=False) as counter:
         output = network(*examples.make_examples(network, 1, *sizes.round_up(SMALL, SMALL)))
     return float(counter.get_total_flops() / 2 / output[0, 0].numel())
 
 
 def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
-    """How many input pixels away, along each side, an input pixel can still change an output pixel; None where it is
-    more than `WIDEST`. For networks of convolutions and activations.
+    """Returns the distance in input pixels at which an input pixel can still change an output pixel; None where it
+    is more than `WIDEST`. For networks of convolutions and activations.
 
     Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
     number, so that no path cancels or rests on the weights that training happened to find. The picture is a strip,
@@ -72,7 +72,7 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
     inputs = [part.double() for part in examples.make_examples(probe, 1, *sides, place=place)]
     pictures = [part.requires_grad_() for part in inputs if part.ndim == 4]
     for part in pictures[1:]:
-        part.data += 1  # what the views around say lies above the view itself: no ReLU is silent
+        part.data += 1  # the views around are above the view itself, so that no ReLU is zero
     output = probe(*inputs).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]
     gradients = torch.cat(torch.autograd.grad(output.sum(), pictures), 1)
     touched = gradients.abs().sum([i for i in range(4) if i != axis]).nonzero()
@@ -81,12 +81,12 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
 
 @torch.no_grad()
 def find_tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
-    """How far tiles must reach over what is kept of them so that it is the whole picture's to `SEAM`, input pixels.
+    """Returns the tile overlap in input pixels with which tiles equal the whole picture up to `SEAM`.
 
-    For networks whose field is wider than a tile, or unknown: far pixels hardly count in most. Measured on noise that
-    is strong on one side and faint on the other: what a tile shows is not, on average, what the whole picture shows.
+    For networks whose receptive field is wider than a tile, or unknown: in most, far pixels hardly count. Measured on
+    noise that is strong on one side and faint on the other, so that a tile differs on average from the whole picture.
 
-    Raises `ValueError` where even the last of `OVERLAPS` is too little.
+    Raises `ValueError` where even the last of `OVERLAPS` is too small.
     """
     step = sizes.multiple_of
     rounded = sorted({-(-halo // step) * step for halo in OVERLAPS})
@@ -106,5 +106,5 @@ def find_tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
             return halo
     raise ValueError(
         f"tiles that overlap by {rounded[-1]} pixels differ from the whole picture by {worst:.3f}: "
-        f"the network looks further; give one of convolutions"
+        f"its receptive field is larger; give a network of convolutions"
     )

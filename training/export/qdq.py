@@ -6,7 +6,7 @@ bit, `value = scale * (code - zero)`; biases are 32 bit with the scale of the pr
 
 Two things decide the speed on processors with VNNI (measured with onnxruntime 1.31, 200x200 views): the kernel wants
 input channels in fours and output channels in sixteens, and is 2 to 4 times slower otherwise. So channels of zeros are
-added to pictures, and filters of zeros to layers, and what they make is cut off again.
+added to pictures, filters of zeros to layers, and their outputs are cut off again.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 INPUTS, OUTPUTS = 4, 16
-"""What numbers of channels the integer kernels are made for, multiples of these."""
+"""The integer kernels are made for multiples of these numbers of channels."""
 LARGEST = 1 << 30
 """Code of a bias, at most: half of what 32 bits hold, so that the sum of products fits too."""
 FAINTEST = 1e-8
-"""Least scale of a filter: one that training has let die would bring denormals."""
+"""Least scale of a filter: a filter of zeros would bring denormals."""
 ACTIVATIONS = ("LeakyRelu", "Relu")
 """Element-wise functions that run in 8 bits behind a convolution."""
 
@@ -46,7 +46,7 @@ class Grid(NamedTuple):
         return cls(scale, np.uint8(np.clip(np.rint(-low / scale), 0, 255)))
 
     def round(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Each value as the nearest of the grid."""
+        """Rounds each value to the nearest of the grid."""
         zero = np.float32(self.zero)
         rounded: NDArray[np.float32] = (np.clip(np.rint(values / self.scale) + zero, 0, 255) - zero) * self.scale
         return rounded
@@ -65,7 +65,7 @@ class Layer(NamedTuple):
 
     @property
     def tensors(self) -> tuple[str, ...]:
-        """What needs a grid: input, output, and between them the convolution's own where it isn't folded away."""
+        """The tensors that need a grid: input, output, and the convolution's output where it isn't folded."""
         source, made = self.convolution.input[0], self.convolution.output[0]
         if self.activation is None:
             return source, made
@@ -75,9 +75,9 @@ class Layer(NamedTuple):
 
 
 def find_layers(model: onnx.ModelProto) -> list[Layer]:
-    """The convolutions of all channels (not grouped) whose weights are constants, in order.
+    """Finds the convolutions with constant weights that are not grouped, in order.
 
-    Without one that makes the picture itself: that is not to be rounded to 256 levels.
+    The one that outputs the picture is excluded: the picture must not be rounded to 256 levels.
     """
     pictures = {value.name for value in model.graph.output}
     constants = {value.name for value in model.graph.initializer}
@@ -96,7 +96,7 @@ def find_layers(model: onnx.ModelProto) -> list[Layer]:
 
 
 def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
-    """A copy of a float network in which all `find_layers` but those named in `kept` run in 8 bits.
+    """Returns a copy of a float network in which all layers of `find_layers` but those in `kept` run in 8 bits.
 
     `grids`: for each of their `tensors`.
     """
@@ -104,7 +104,7 @@ def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collecti
 
 
 class _GraphRewriter:
-    """The nodes and constants of the graph to be, in order."""
+    """Builds the nodes and constants of the new graph, in order."""
 
     def __init__(self, model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str]) -> None:
         self.model, self.grids = model, grids

@@ -1,4 +1,4 @@
-"""Static int8 after training: grids from what a float network does on real views, and which layers stay in float.
+"""Static int8 quantisation after training: grids from a float network's values on real views, layers kept in float.
 
 Each tensor gets the grid of least squared error on samples of its values (as in Banner et al., NeurIPS 2019, with the
 clipping found by search); a LeakyReLU's input gets the one that does best behind it. Plain extremes lose 2 to 7 times
@@ -38,12 +38,12 @@ CLIPPINGS = np.linspace(0.2, 1.0, 17)
 
 
 def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
-    """A float network's int8 twin, as ONNX, and the names of the layers that stayed in float.
+    """Quantises a float network: returns its int8 twin as ONNX and the names of the layers kept in float.
 
     `weights`: as `to_onnx.convert_network` makes them. `pairs`: of `training.export.calibration`.
 
-    Raises `ValueError` where the network has no convolution that can run in 8 bits, or all of them are too costly, or
-    where this processor would show int8 worse than it is.
+    Raises `ValueError` where the network has no convolution that can run in 8 bits, int8 costs too much
+    accuracy, or this processor computes int8 inaccurately.
     """
     reason = processor.int8_unsupported_reason()
     if reason:
@@ -68,7 +68,7 @@ def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, l
 
 
 def choose_grids(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, Grid]:
-    """A grid for each tensor that `qdq.insert_qdq` asks for."""
+    """Chooses a grid for each tensor that `qdq.insert_qdq` needs."""
     layers = qdq.find_layers(model)
     image = model.graph.input[0].name
     tensors = list(dict.fromkeys(name for layer in layers for name in layer.tensors if name != image))
@@ -112,7 +112,7 @@ def _sample_tensors(model: onnx.ModelProto, tensors: Sequence[str], pairs: Seque
 
 
 def _choose_grid(sample: _Sample, after: Callable[[Values], Values]) -> Grid:
-    """Of the grids over parts of the range, the one that changes `after(values)` least, by squares."""
+    """Chooses the grid, over a part of the range, with the least squared change of `after(values)`."""
     values = sample.values
     wanted = after(values)
     grids = dict.fromkeys(Grid.over(low, high) for low in CLIPPINGS * sample.low for high in CLIPPINGS * sample.high)
@@ -131,7 +131,7 @@ def _make_leaky(node: onnx.NodeProto) -> Callable[[Values], Values]:
 def _sort_by_cost(
     model: onnx.ModelProto, grids: dict[str, Grid], names: Sequence[str], before: Values, pairs: Sequence[Example]
 ) -> list[str]:
-    """The layers, first the one whose 8 bits alone cost most dB for each weight, and so for each multiply-add."""
+    """Sorts layers by the dB that their 8 bits cost for each weight, the most expensive first."""
     sizes = {value.name: int(np.prod(value.dims)) for value in model.graph.initializer}
 
     def cost(name: str) -> float:
@@ -142,7 +142,7 @@ def _sort_by_cost(
 
 
 def _score(weights: bytes, pairs: Sequence[Example]) -> Values:
-    """Y-PSNR in dB of each pair, outputs not rounded; a picture that comes out almost exactly counts as 60 dB."""
+    """Y-PSNR in dB of each pair, with outputs not rounded, at most 60 dB."""
     session = open_session(weights, count_available_cores())
     scores = []
     for inputs, high in pairs:

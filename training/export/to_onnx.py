@@ -1,4 +1,4 @@
-"""A torch network as one ONNX file, without what only its exporter needs."""
+"""Conversion of a torch network to an ONNX file, without the exporter's metadata."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ INPUT, OUTPUT = examples.IMAGE.name, "upscaled"
 
 
 def convert_network(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> bytes:  # noqa: B008 - is frozen
-    """The network as a serialised ONNX model, weights inside; batch, height and width are free.
+    """Converts a network to a serialised ONNX model with its weights; batch, height and width are free.
 
     `network`: takes `examples.list_inputs`, returns `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
 
-    Raises `ValueError` where the network can't be written so: its sizes are fixed, or ONNX has not what it does.
+    Raises `ValueError` where its sizes are fixed, or ONNX lacks one of its operations.
     """
     inputs, outputs = examples.list_inputs(network), (output(scale), *examples.list_outputs(network))
     free = [[axis for axis, size in enumerate(tensor.shape) if isinstance(size, str)] for tensor in inputs]
@@ -63,19 +63,19 @@ def convert_network(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> b
 
 
 def output(scale: int) -> Tensor:
-    """What every network of ours makes."""
+    """The picture that every network outputs."""
     return Tensor(OUTPUT, ("batch", 3, *(f"{scale}*{side}" for side in examples.FREE)), "float32", 0.0, 1.0)
 
 
 def _name_axes(value: onnx.ValueInfoProto, shape: tuple[str | int, ...]) -> None:
-    """Gives the free axes the names that they have on the card."""
+    """Names the free axes as on the card."""
     for size, name in zip(value.type.tensor_type.shape.dim, shape, strict=True):
         if isinstance(name, str):
             size.dim_param = name
 
 
 def _forget_sources(model: onnx.ModelProto) -> None:
-    """Drops the notes on where in which file each node came from."""
+    """Removes the source locations of the nodes."""
     del model.metadata_props[:], model.graph.metadata_props[:]
     for part in (*model.graph.node, *model.graph.initializer, *model.graph.input, *model.graph.output):
         part.doc_string = ""
@@ -84,7 +84,7 @@ def _forget_sources(model: onnx.ModelProto) -> None:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps the exporter from advising to install torchvision and from warning of what torch itself calls."""
+    """Silences the exporter's advice to install torchvision and warnings about torch's own calls."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -1,1 +1,1 @@
-"""TODO"""
+"""The training loop: batches, updates, validation, checkpoints and logs."""

@@ -1,4 +1,4 @@
-"""TensorBoard's event file, written at once: its own writer's thread can't tell its caller of a full disk."""
+"""TensorBoard's event file, written directly: the thread of its own writer cannot report a full disk."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 class Events:
-    """A new event file in `folder`: TensorBoard joins it to older ones there, and hides theirs after `step`.
+    """A new event file in `folder`: TensorBoard joins it to older files there, and hides their events after `step`.
 
     The format is TensorFlow's: `Event` messages as records of length, checksum, data and checksum
     (tensorboard/compat/proto/event.proto, tensorflow/core/lib/io/record_writer.h).
 
-    Raises `ModuleNotFoundError` where the package tensorboard is not installed, `OSError` where there is no room.
+    Raises `ModuleNotFoundError` where the package tensorboard is not installed, `OSError` where the disk is full.
     """
 
     def __init__(self, folder: Path, *, step: int) -> None:
@@ -33,7 +33,7 @@ class Events:
         )
 
     def add(self, step: int, scalars: Mapping[str, float]) -> None:
-        """The values of `scalars` after `step`."""
+        """Appends the values of `scalars` after `step`."""
         from tensorboard.compat.proto import event_pb2, summary_pb2
 
         values = [summary_pb2.Summary.Value(tag=tag, simple_value=value) for tag, value in scalars.items()]

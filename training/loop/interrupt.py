@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish to stop after the present step, not in the middle of it."""
+"""Ctrl-C and SIGTERM as requests to stop after the current step."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the run can go on
-    """A run ended at a signal, with all that it had done in its checkpoint."""
+    """A run was stopped by a signal after it had written a checkpoint."""
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
         self.number = number
-        """The signal's."""
+        """The signal's number."""
 
 
 class Interrupts:
-    """Within the block the first signal only sets `number`; a second one does what it did before the block.
+    """Within the block the first signal only sets `number`; a second one acts as before the block.
 
-    For the main thread: Python gives signals to no other. What the process ignores stays ignored (`nohup`).
+    For the main thread only, as Python's signals. Ignored signals stay ignored (`nohup`).
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""How good a light-field network is while it is trained: Y-PSNR on the middle view of a light field."""
+"""Validation of a light-field network during training: Y-PSNR of the middle view of a light field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
-    """The light field in `folder`, made small in each way of `KINDS`; read once, before the first step.
+    """Reads the light field in `folder`, degraded in each way of `KINDS`.
 
     Raises `ValueError` as `light_fields.read_views` does.
     """
@@ -34,7 +34,7 @@ def read_light_field(folder: Path, scale: int) -> list[Pair]:
 
 
 def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
-    """What a light-field network takes for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
+    """Makes the inputs of a light-field network for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
     rows, cols = select_axis(v, low.shape[0]), select_axis(u, low.shape[1])
     views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
     around = (views @ torch.tensor(LUMA)).flatten(0, 1)[None]
@@ -44,7 +44,7 @@ def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
 
 @torch.no_grad()
 def validate_network(network: nn.Module, against: list[Pair]) -> float:
-    """Mean Y-PSNR in dB of the middle view over the ways of making it small, a border of 2 cut. Runs where it is."""
+    """Returns the mean Y-PSNR in dB of the middle view over all degradations, with a border of 2 cut."""
     device = next(network.parameters()).device
     network.eval()
     scores = []

@@ -1,4 +1,4 @@
-"""What a run leaves to be looked at: log.csv, TensorBoard's file, the picture of the curves."""
+"""Logs of a run: log.csv, a TensorBoard file and a plot."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ if TYPE_CHECKING:
     Row = dict[str, float]
 
 OTHER = ("step", "learning_rate", "psnr", "seconds", "seconds_per_step")
-"""Columns that are no losses."""
+"""Columns other than losses."""
 
 
 class Means:
-    """Mean losses over steps, added up where they are: nothing waits for a GPU before `take`."""
+    """Mean losses over steps, accumulated on their device: only `take` waits for a GPU."""
 
     def __init__(self) -> None:
         self._sums: dict[str, Tensor | float] = {}
         self._steps = 0
 
     def add(self, terms: Mapping[str, Tensor | float]) -> None:
-        """One step's losses: numbers, or tensors of one element without a gradient."""
+        """Adds one step's losses: numbers, or tensors of one element without a gradient."""
         for name, value in terms.items():
             self._sums[name] = self._sums.get(name, 0.0) + value
         self._steps += 1
 
     def take(self) -> dict[str, float]:
-        """The means since the last `take`."""
+        """Returns the means since the last `take`."""
         means = {name: float(value) / self._steps for name, value in self._sums.items()}
         self._sums, self._steps = {}, 0
         return means
 
 
 class Log:
-    """The log of a run in the folder `out` that goes on from `step`: later rows, of a run that broke off, are dropped.
+    """The log of a run in the folder `out` that continues from `step`: later rows of an interrupted run are dropped.
 
     `log.csv` has a row for each validation: `step`; `loss`, the sum of the terms, and each term, means over the steps
     since the row before; `learning_rate`; `psnr` in dB; `seconds` of the whole run; `seconds_per_step` without the
-    validations. `tensorboard/` holds the same, `curve.png` draws it. Where the package tensorboard or matplotlib is
-    not installed, its file is left out and standard error says so.
+    validations. `tensorboard/` has the same values and `curve.png` plots them. Where the package tensorboard or
+    matplotlib is not installed, its file is missing and a note goes to standard error.
 
-    Raises `ValueError` where `out/log.csv` is something else, and `OSError` where there is no room.
+    Raises `ValueError` where `out/log.csv` is not a log, and `OSError` where the disk is full.
     """
 
     def __init__(self, out: Path, *, title: str, step: int) -> None:
@@ -66,7 +66,7 @@ class Log:
             _note_missing(error, "tensorboard")
 
     def add(self, row: Row) -> None:
-        """`row`: `OTHER` and the losses."""
+        """Adds a row: `OTHER` and the losses."""
         self.rows.append(row)
         with replacing(self.out / "log.csv") as file:
             file.write(_to_csv(self.rows))
@@ -84,7 +84,7 @@ class Log:
 
 
 def read_log(path: Path) -> list[Row]:
-    """The rows of a `log.csv`. Raises `ValueError` where it is none."""
+    """Reads the rows of a `log.csv`. Raises `ValueError` where the file is not one."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(file)]
@@ -94,7 +94,7 @@ def read_log(path: Path) -> list[Row]:
 
 
 def list_losses(rows: Sequence[Row]) -> list[str]:
-    """The columns of `rows` that are losses, in the order in which they came."""
+    """Lists the columns of `rows` that are losses, in order of appearance."""
     return [name for name in dict.fromkeys(name for row in rows for name in row) if name not in OTHER]
 
 

@@ -1,4 +1,4 @@
-"""The picture of a run: validation PSNR and losses over steps."""
+"""Plot of a run: validation PSNR and losses over steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def draw_curves(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
-    """A PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
+    """Plots a run as a PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
 
     Raises `ModuleNotFoundError` where matplotlib is not installed.
     """
@@ -21,7 +21,7 @@ def draw_curves(rows: Sequence[Mapping[str, float]], losses: Sequence[str], titl
     figure = Figure(figsize=(9, 7), dpi=100)
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True)
-    mark = "." if len(rows) < 60 else ""  # a line through one point is nothing to see
+    mark = "." if len(rows) < 60 else ""  # a line through one point is invisible
     figure.subplots_adjust(left=0.1, right=0.98, top=0.95, bottom=0.07)
     for axes, names, label in ((above, ["psnr"], "PSNR on Y, dB"), (below, losses, "loss, mean since the last row")):
         for name in names:

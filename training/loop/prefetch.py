@@ -1,4 +1,4 @@
-"""Batches made by threads before they are asked for, so that a GPU need not wait for them."""
+"""Prefetching of batches by threads, so that a GPU does not wait for them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ciir.training.loop.run import Inputs
 
     Batch = tuple[Inputs, Tensor]
-    """What the network takes, and what it should make of it."""
+    """The inputs of the network and the truth."""
 
 
 def prefetch_batches(

@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a plain line for each validation anywhere else."""
+"""Progress of a run: a bar on a terminal, elsewhere a line for each validation."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class Progress:
         self._bar.close()
 
     def step(self, loss: float | None) -> None:
-        """Another step is done; `loss` where it is known."""
+        """Counts a step; `loss` where it is known."""
         if loss is not None:
             self._bar.set_postfix_str(f"loss {loss:.4g}, PSNR {self.psnr:.2f} dB", refresh=False)
         self._bar.update()
 
-    def validated(self, step: int, *, loss: float, psnr: float, pace: float) -> None:
-        """A validation after `step`, with the mean loss since the one before; `pace` in seconds a step."""
+    def report_validation(self, step: int, *, loss: float, psnr: float, pace: float) -> None:
+        """Reports a validation after `step` with the mean loss since the previous one; `pace` in seconds a step."""
         self.psnr = psnr
         if self._bar.disable:
             left = tqdm.format_interval((self._bar.total - step) * pace)

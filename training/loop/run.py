@@ -1,4 +1,4 @@
-"""All that changes while a network is trained, and the step that changes it."""
+"""The state of a training run, and its update."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
     Inputs = Tensor | tuple[Tensor, ...]
-    """A picture, or all that a network takes where that is more."""
+    """A picture, or the tuple of all inputs of a network."""
 
 CHECK_EVERY = {"cpu": 1, "cuda": 50}
-"""Steps between looks at the loss: each makes the CPU wait for the GPU."""
+"""Steps between checks of the loss: each check makes the CPU wait for the GPU."""
 
 
 class Run:
-    """A network in training: what a checkpoint holds is its whole state."""
+    """A network in training; a checkpoint holds its whole state."""
 
     def __init__(self, recipe: Recipe) -> None:
-        """Starts from random weights, which depend on the seed alone. Raises `ValueError` where the recipe is wrong."""
+        """Starts from random weights, which depend only on the seed. Raises `ValueError` where the recipe is wrong."""
         self.recipe, self.device = recipe, choose_device(recipe.device)
         torch.manual_seed(recipe.seed)
         network = make_network(recipe.network, recipe.options)
@@ -51,12 +51,11 @@ class Run:
         self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, find_commit()
 
     def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
-        """One step: LR `(N, 3, h, w)`, or all that the network takes, and HR `(N, 3, H, W)`, float in [0, 1] -> its
-        losses, `loss` their sum.
+        """Updates the weights with LR `(N, 3, h, w)`, or all inputs of the network, and HR `(N, 3, H, W)`, float in
+        [0, 1]; returns the losses, `loss` their sum.
 
-        Raises `FloatingPointError` where the loss or its gradient's norm is no finite number, on CUDA within
-        `CHECK_EVERY` steps, which the weights then are no longer either; `ValueError` where the discriminator has
-        saturated.
+        Raises `FloatingPointError` where the loss or its gradient's norm is not finite, on CUDA within `CHECK_EVERY`
+        steps (the weights are then lost); `ValueError` where the discriminator has saturated.
         """
         inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
@@ -68,7 +67,7 @@ class Run:
             raise FloatingPointError(f"step {self.step}: the loss is {loss.item()}; lower learning_rate or set clip")
         self.optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        # Looked at without a limit, too: Adam would divide by its infinite square, and stand still without a word.
+        # Checked without clipping too: Adam would divide by its infinite square and silently stop learning.
         norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
         if self.checks_loss and not torch.isfinite(norm):
             raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
@@ -83,7 +82,7 @@ class Run:
 
     @property
     def checks_loss(self) -> bool:
-        """Whether the loss of the coming step may be looked at."""
+        """Whether the loss of the coming step is checked."""
         return self.step % CHECK_EVERY[self.device.type] == 0
 
     def _placed(self, image: Tensor) -> Tensor:
@@ -108,13 +107,13 @@ class Run:
         checkpoints.save_checkpoint(path, state)
 
     def resume(self, path: Path) -> None:
-        """Goes on from the checkpoint of a run of the same recipe. Raises `ValueError` where it is another's."""
+        """Resumes from a checkpoint of the same recipe. Raises `ValueError` where its recipe differs."""
         state = checkpoints.read_checkpoint(path)
         differs = recipes.find_difference(state["recipe"], self.recipe)
         if differs:
             raise ValueError(
                 f"{path}: made by another recipe: {differs}; name another folder, and this checkpoint as `initial` "
-                "where its weights are wanted"
+                "to start from its weights"
             )
         try:
             self.network.load_state_dict(state["raw"])
@@ -130,10 +129,10 @@ class Run:
         self.psnr = state.get("psnr", math.nan)
 
     def start_from(self, path: Path) -> None:
-        """Takes the weights of another run's checkpoint. Raises `ValueError` where its network is another.
+        """Loads the weights of another run's checkpoint. Raises `ValueError` where its network differs.
 
-        Options that no weight shows, a slope, may differ: a line on stderr names both. From a single-picture
-        generator's checkpoint a light-field network takes the weights of the one that it holds.
+        Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
+        network loads the checkpoint of a single-picture generator into the generator that it contains.
         """
         try:
             state = checkpoints.read_checkpoint(path)
@@ -149,27 +148,27 @@ class Run:
                 f"initial: {path} holds {there}, which is not this recipe's {here}; name another"
             ) from error
         if there != here and not is_single:
-            tqdm.write(f"initial: {path} holds {there}, and goes on as {here}", file=sys.stderr)
+            tqdm.write(f"initial: {path} holds {there}, and continues as {here}", file=sys.stderr)
         self.average.load_state_dict(self.network.state_dict())
 
 
 def holds_single(recipe: Recipe, other: dict[str, Any]) -> bool:
-    """Whether `recipe` is a light-field network's and `other` a single-picture one's."""
+    """Whether `recipe` is of a light-field network and `other` of a single-picture one."""
     return recipe.light_field and not other.get("light_field", False)
 
 
 def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
-    """What a network is called with."""
+    """Returns the arguments of a network's call."""
     return (inputs,) if isinstance(inputs, torch.Tensor) else inputs
 
 
 def choose_device(name: str) -> torch.device:
-    """What a recipe's `device` names. Raises `ValueError` where it is CUDA and there is none."""
+    """Finds the device of a recipe's `device`. Raises `ValueError` where it is CUDA and there is none."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     if name == "cuda" and not torch.cuda.is_available():
         raise ValueError(
-            f"device: cuda is asked for, and torch {torch.__version__} finds no GPU; give cpu, or install the driver "
+            f"device: cuda, but torch {torch.__version__} finds no GPU; give cpu, or install the driver "
             "and torch's build for CUDA"
         )
     return torch.device(name)
@@ -185,7 +184,7 @@ def learning_rate(recipe: Recipe, step: int) -> float:
 
 @torch.no_grad()
 def update_average(average: nn.Module, network: nn.Module, decay: float) -> None:
-    """Moves the weights of `average` to `decay` times themselves plus the rest of `network`'s; buffers are copied."""
+    """Updates a running mean of weights: `average = decay * average + (1 - decay) * network`; buffers are copied."""
     for mean, weight in zip(average.parameters(), network.parameters(), strict=True):
         mean.lerp_(weight, 1.0 - decay)
     for name, buffer in average.named_buffers():
@@ -193,7 +192,7 @@ def update_average(average: nn.Module, network: nn.Module, decay: float) -> None
 
 
 def find_commit() -> str:
-    """The commit of the code that runs, with `+` where the checkout differs from it; `unknown` outside a checkout."""
+    """Finds the commit of the running code, with `+` where the checkout differs; `unknown` outside a checkout."""
     folder = Path(__file__).parent
 
     def git(*words: str) -> str:

@@ -1,4 +1,4 @@
-"""The training loop: step after step, with a validation, a row of the log and a checkpoint every now and then."""
+"""The training loop: updates, with validation, a row of the log and a checkpoint at regular intervals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
 THREADS = {"cpu": 0, "cuda": 8}
-"""That make batches ahead: on a CPU they would only take the time that the step needs."""
+"""Threads that prefetch batches: on a CPU they would only slow down the updates."""
 
 
 def train(recipe: Recipe, out: Path) -> Path:
@@ -38,7 +38,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     `out` gets `checkpoint.pt`, and what `training.loop.logs.Log` writes, after each `recipe.validate_every` steps. A
     resumed run continues bit for bit on the CPU: the data and the step size depend on the step alone.
 
-    Ctrl-C and SIGTERM end it after the present step, with a checkpoint, by `training.loop.interrupt.Stopped`.
+    Ctrl-C and SIGTERM stop it after the current step, with a checkpoint, by raising `training.loop.interrupt.Stopped`.
 
     Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` where a folder or a
     checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` where
@@ -78,32 +78,33 @@ def train(recipe: Recipe, out: Path) -> Path:
                 run.psnr = score(run.average)
                 row |= {"step": run.step, "learning_rate": learning_rate(recipe, run.step - 1), "psnr": run.psnr}
                 log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
-                progress.validated(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
+                progress.report_validation(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
                 since, at = time.monotonic(), run.step
             if due or interrupts.number:
                 run.seconds = time.monotonic() - begun
                 run.save(checkpoint)
             if interrupts.number and run.step < recipe.steps:
                 raise Stopped(
-                    f"stopped at step {run.step} of {recipe.steps}, which {checkpoint} holds; the same command goes on",
+                    f"stopped at step {run.step} of {recipe.steps}, saved in {checkpoint}; "
+                    "continue with the same command",
                     interrupts.number,
                 )
     return checkpoint
 
 
 def report_start(recipe: Recipe, step: int) -> None:
-    """One line on stderr as a run starts, and one more where it is too short for its warm-up."""
-    stop = "stop with Ctrl-C, and go on by the same command"
+    """Prints a line on stderr as a run starts, and a warning where it is too short for its warm-up."""
+    stop = "stop with Ctrl-C, continue with the same command"
     tqdm.write(f"training {recipe.name}: from step {step} to {recipe.steps}; {stop}", file=sys.stderr)
     if recipe.warmup >= recipe.steps:
         tqdm.write(
-            f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never comes to learning_rate",
+            f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never reaches learning_rate",
             file=sys.stderr,
         )
 
 
 def _check_network(recipe: Recipe, network: nn.Module) -> None:
-    """Raises `ValueError` where the network takes something else than the batches of the recipe hold."""
+    """Raises `ValueError` where the network does not take the batches of the recipe."""
     if isinstance(network, LightFieldGenerator) == recipe.light_field:
         return
     if recipe.light_field:
@@ -117,7 +118,8 @@ def _check_network(recipe: Recipe, network: nn.Module) -> None:
 
 
 def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
-    """Scenes are made by a thread of their own, on a CPU too: that is as much work as the network's, in blocks."""
+    """Chooses how batches are prefetched. Layered scenes get a thread on a CPU too: they come in blocks and cost as
+    much as the updates."""
     threads = THREADS[run.device.type]
     return (
         {"threads": max(1, threads), "ready": (KEPT_BLOCKS - 1) * STEPS_PER_BLOCK}
@@ -127,7 +129,7 @@ def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
 
 
 def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
-    """How a network is scored while it is trained, and the batch of a step."""
+    """Loads the data of a recipe: returns the validation of a network, and the function that makes a step's batch."""
     common: dict[str, Any] = {
         name: getattr(recipe, name) for name in ("crop", "scale", "batch", "seed", "degradations", "meshes")
     }
@@ -136,6 +138,6 @@ def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[
         views = LightFieldCrops(Path(recipe.train), **common, eased=recipe.eased)
         return lambda network: light_field_validation.validate_network(network, fields), views.make_batch
     pairs = validation.read_pairs(Path(recipe.validate), recipe.scale)
-    spoilt = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
-    crops = Crops(Path(recipe.train), **common, **spoilt)
+    corruption = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
+    crops = Crops(Path(recipe.train), **common, **corruption)
     return lambda network: validation.validate_network(network, pairs, recipe.scale), crops.make_batch

@@ -1,1 +1,1 @@
-"""TODO"""
+"""Loss terms: pixel, perceptual and adversarial."""

@@ -1,7 +1,7 @@
-"""The adversarial game: its losses, an update of the discriminator, and a watch over it.
+"""Adversarial losses, the update of the discriminator, and the detection of its saturation.
 
-Public logs of SRGAN's recipe show the discriminator dead from epoch 7 or 9 on while training went on for days: every
-picture, real or made, is judged 1.0, or made ones 1e-9. From then on the generator learns nothing from it.
+Public logs of SRGAN's recipe show discriminators that are saturated from epoch 7 or 9 on: every picture, real or
+made, gets 1.0, or made ones 1e-9. From then on the generator learns nothing from them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AdversarialLosses:
-    """The two players' losses, scalars, of logits `(N,)` float32."""
+    """The losses of generator and discriminator, scalars, from logits `(N,)` float32."""
 
     generator: Callable[[Tensor], Tensor]
     """Of the made pictures' logits."""
@@ -59,7 +59,7 @@ discriminator's is 1 while it guesses.
 
 
 def find_losses(name: str) -> AdversarialLosses:
-    """What a recipe's `adversarial` names. Raises `ValueError` where there is none."""
+    """Finds the losses that a recipe's `adversarial` names. Raises `ValueError` for an unknown name."""
     if name not in LOSSES:
         raise ValueError(f"adversarial: {name!r} is not known; give one of {', '.join(LOSSES)}, or none")
     return LOSSES[name]
@@ -67,15 +67,15 @@ def find_losses(name: str) -> AdversarialLosses:
 
 @dataclass
 class SaturationWatch:
-    """Notices a discriminator that is of no more use to the generator.
+    """Detects a discriminator that no longer helps the generator.
 
     After the first `start` updates (a pretrained generator's pictures are easy to tell at first, and an untrained
-    discriminator judges all alike), each update is looked at. The run ends when `patience` of them on end were
+    discriminator gives all the same), each update is checked. The run ends when `patience` updates in a row were
 
-    - won: the discriminator's loss was below `doubt` divided by the number of pictures, real and made. A single one
-      that is in doubt adds log(2) = 0.69 divided by that (hinge: 1), so not one was; its gradient is gone.
+    - won: the discriminator's loss was below `doubt` divided by the number of pictures, real and made. A single
+      undecided picture adds log(2) = 0.69 divided by that (hinge: 1), so none was: the gradient vanishes.
     - or blind: the probabilities (sigmoid of the logits) that it gave all pictures, real and made, lay within
-      `spread` of each other, whatever they were. The logs' "all are 1.0" is this case.
+      `spread` of each other, as in the logs where all are 1.0.
     """
 
     start: int = 500
@@ -85,9 +85,9 @@ class SaturationWatch:
 
     updates: int = 0
     won: int = 0
-    """How many of the last updates on end were won."""
+    """How many updates in a row were won."""
     blind: int = 0
-    """How many of the last updates on end were blind."""
+    """How many updates in a row were blind."""
 
     def record(self, loss: float, real: Tensor, made: Tensor) -> None:
         """Counts one update of the discriminator. Raises `ValueError` where it has saturated."""
@@ -100,21 +100,21 @@ class SaturationWatch:
         self.blind = self.blind + 1 if (probabilities.max() - probabilities.min()).item() < self.spread else 0
         if self.won >= self.patience:
             raise ValueError(
-                f"the discriminator has told all real pictures from all made ones since update "
-                f"{self.updates - self.won + 1} (loss below {floor:.2g}, {self.won} times on end) and guides the "
-                "generator no longer; lower learning_rate, pretrain the generator for longer, or take adversarial = "
+                f"the discriminator has separated all real pictures from all made ones since update "
+                f"{self.updates - self.won + 1} (loss below {floor:.2g}, {self.won} times in a row) and no longer "
+                "guides the generator; lower learning_rate, pretrain the generator for longer, or take adversarial = "
                 '"hinge"'
             )
         if self.blind >= self.patience:
             raise ValueError(
-                f"the discriminator has judged all pictures alike, real or made, since update "
-                f"{self.updates - self.blind + 1} (within {self.spread}, {self.blind} times on end) and guides the "
-                'generator no longer; lower learning_rate or adversarial_weight, or take adversarial = "hinge"'
+                f"the discriminator has given all pictures the same value, real or made, since update "
+                f"{self.updates - self.blind + 1} (within {self.spread}, {self.blind} times in a row) and no longer "
+                'guides the generator; lower learning_rate or adversarial_weight, or take adversarial = "hinge"'
             )
 
 
 class Adversary:
-    """A discriminator with its losses, its optimiser (Adam) and its watch."""
+    """A discriminator with its losses, its optimiser (Adam) and its saturation watch."""
 
     def __init__(self, name: str, network: Discriminator, *, bfloat16: bool = False) -> None:
         """`name`: key of `LOSSES`. `network`: on the device of its pictures. `bfloat16`: run it in bfloat16."""
@@ -125,8 +125,8 @@ class Adversary:
         self.watch = SaturationWatch()
 
     def judge(self, output: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """The generator's loss, a scalar, and the feature maps of its pictures; gradients pass to `output` alone."""
-        # The generator's step has no use for gradients of these weights, a third of the work.
+        """Returns the generator's loss, a scalar, and its pictures' feature maps; gradients flow to `output` only."""
+        # The generator's update needs no gradients of these weights, a third of the work.
         self.network.requires_grad_(False)
         try:
             with self._autocast(output):
@@ -144,7 +144,7 @@ class Adversary:
 
     def update(self, output: Tensor, high: Tensor, rate: float) -> dict[str, float]:
         """One step of size `rate` on made pictures (detached here) and real ones; returns its `discriminator_loss`, and
-        `discriminator_accuracy`, the share of the pictures that it told right before the step.
+        `discriminator_accuracy`, the share of pictures that it classified correctly before the step.
 
         Raises `FloatingPointError` where the loss is not a number; `ValueError` where the discriminator is saturated.
         """
@@ -164,7 +164,7 @@ class Adversary:
         return {"discriminator_loss": loss.item(), "discriminator_accuracy": accuracy.item()}
 
     def state_dict(self) -> dict[str, Any]:
-        """All that a resumed run needs to go on bit for bit."""
+        """The state that a resumed run needs to continue bit for bit."""
         return {
             "network": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -172,7 +172,7 @@ class Adversary:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Goes on from what `state_dict` returned."""
+        """Restores what `state_dict` returned."""
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.watch = SaturationWatch(**state["watch"])

@@ -1,4 +1,4 @@
-"""What a step of training minimises: the terms that a recipe names, by name and weighted."""
+"""The training objective: the weighted loss terms that a recipe names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import torch
 
 from ciir.training.losses import perceptual
 from ciir.training.losses.adversarial import Adversary, find_losses
-from ciir.training.losses.pixel import pixel_loss
+from ciir.training.losses.pixel import find_pixel_loss
 from ciir.training.networks.discriminator import Discriminator
 
 if TYPE_CHECKING:
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 
 class Objective:
-    """The pixel loss, and where the recipe names them a perceptual and an adversarial term.
+    """The pixel loss, with the perceptual and adversarial terms that the recipe names.
 
     With `loss = "mse"`, `perceptual = "vgg19"` and `adversarial = "bce"` this is the paper's sum: MSE + VGG-19 content
     + 1e-3 adversarial (Wu et al., Applied Sciences 2024, 14(2), 656, section 2.2).
 
     The terms are float32. With the recipe's `bfloat16`, VGG-19 and the discriminator run in that. The discriminator's
-    first weights depend on the recipe's seed alone; torch's random state stays as it was.
+    initial weights depend only on the recipe's seed; torch's random state does not change.
 
-    Raises `ValueError` for a name that is not known, for `vgg19` without its file or on crops below 16 pixels, and
-    for `discriminator` features without an adversarial term, which is what trains the discriminator.
+    Raises `ValueError` for an unknown name, for `vgg19` without its file or on crops below 16 pixels, and
+    for `discriminator` features without an adversarial term, which trains the discriminator.
     """
 
     def __init__(self, recipe: Recipe, device: torch.device) -> None:
         self.recipe = recipe
-        self.pixel = pixel_loss(recipe.loss)
+        self.pixel = find_pixel_loss(recipe.loss)
         _check_terms(recipe)
         self.content: Callable[[Tensor, Tensor], Tensor] | None = perceptual.PIXELS.get(recipe.perceptual)
         if recipe.perceptual == "vgg19":
@@ -49,7 +49,7 @@ class Objective:
             self.adversary = Adversary(recipe.adversarial, network, bfloat16=recipe.bfloat16)
 
     def generator(self, output: Tensor, high: Tensor) -> dict[str, Tensor]:
-        """The terms that the generator's step minimises the sum of: name -> weighted scalar.
+        """Computes the terms of the generator's loss: name -> weighted scalar.
 
         `output` and `high`: made and real pictures, `(N, 3, H, W)` float32, nominally in [0, 1]. Keys are the recipe's
         `loss` and `perceptual`, and `adversarial`.
@@ -67,18 +67,18 @@ class Objective:
         return terms
 
     def discriminator(self, output: Tensor, high: Tensor, rate: float) -> dict[str, float]:
-        """One update of the discriminator, of step size `rate`; see `Adversary.update`. Empty where there is none.
+        """Updates the discriminator with step size `rate`, see `Adversary.update`; empty where there is none.
 
-        Raises `ValueError` where it has saturated, `FloatingPointError` where its loss is no number.
+        Raises `ValueError` where it has saturated, `FloatingPointError` where its loss is not a number.
         """
         return self.adversary.update(output, high, rate) if self.adversary else {}
 
     def state_dict(self) -> dict[str, Any]:
-        """All that changes while training, for a checkpoint; empty where there is no discriminator."""
+        """The state of the discriminator for a checkpoint; empty where there is none."""
         return self.adversary.state_dict() if self.adversary else {}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Goes on from what `state_dict` of the same recipe's objective returned."""
+        """Restores what `state_dict` of the same recipe's objective returned."""
         if self.adversary:
             self.adversary.load_state_dict(state)
 

@@ -1,4 +1,4 @@
-"""Perceptual terms: distances between pictures that weigh structure more than the value of each sample.
+"""Perceptual terms: distances between pictures that depend on structure more than on single samples.
 
 `vgg19` needs torchvision's weight file; `gradient`, `frequency` and `discriminator` (feature matching) need none.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PERCEPTUAL = ("vgg19", "gradient", "frequency", "discriminator")
-"""What a recipe's `perceptual` may name."""
+"""Names for a recipe's `perceptual`."""
 
 Layout = tuple[int | Literal["pool"], ...]
 """Output channels of each 3x3 convolution, and where the picture is halved."""
@@ -99,7 +99,7 @@ class VggContent:
         self.bfloat16 = bfloat16
 
     def __call__(self, output: Tensor, high: Tensor) -> Tensor:
-        """`(N, 3, H, W)` in [0, 1], both. Gradients pass to `output` alone."""
+        """`(N, 3, H, W)` in [0, 1], both. Gradients flow to `output` only."""
         with torch.autocast(output.device.type, torch.bfloat16, enabled=self.bfloat16):
             made = self.network(output)
             with torch.no_grad():
@@ -112,7 +112,7 @@ def gradient(output: Tensor, high: Tensor) -> Tensor:
     """Mean absolute difference of the differences between neighbours, down and across; a scalar.
 
     The gradient difference loss of Mathieu et al., ICLR 2016, equation 6, with alpha = 1, but of signed differences: an
-    edge the wrong way round costs twice its height, where magnitudes would let it pass. `(..., H, W)`, 2x2 at least.
+    inverted edge costs twice its height, where a difference of magnitudes would ignore it. `(..., H, W)`, 2x2 at least.
     """
     difference = output - high
     return 0.5 * (difference.diff(dim=-1).abs().mean() + difference.diff(dim=-2).abs().mean())
@@ -128,7 +128,7 @@ def frequency(output: Tensor, high: Tensor) -> Tensor:
 
 
 PIXELS = {"gradient": gradient, "frequency": frequency}
-"""The terms that are functions of the pictures alone."""
+"""The terms that depend on the two pictures only."""
 
 
 def feature_matching(output: Sequence[Tensor], high: Sequence[Tensor]) -> Tensor:

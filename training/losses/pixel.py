@@ -31,7 +31,7 @@ def charbonnier(output: Tensor, high: Tensor) -> Tensor:
 def luma(output: Tensor, high: Tensor) -> Tensor:
     """0.3 times the mean absolute difference of RGB and 0.7 times that of Y (BT.601's weights), a scalar.
 
-    Accuracy is judged on Y, and JPEG leaves photographs little colour to learn from: 0.03 dB on Set5 over `l1`.
+    Accuracy is measured on Y, and JPEG photographs have little colour detail: gains 0.03 dB on Set5 over `l1`.
     """
     difference = output - high
     weights = difference.new_tensor([0.299, 0.587, 0.114])[:, None, None]
@@ -42,8 +42,8 @@ LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"l1": l1, "mse": mse, "
 """A recipe's `loss` -> function of (output, high), both float of one shape, in [0, 1]."""
 
 
-def pixel_loss(name: str) -> Callable[[Tensor, Tensor], Tensor]:
-    """The function that a recipe's `loss` names. Raises `ValueError` where there is none."""
+def find_pixel_loss(name: str) -> Callable[[Tensor, Tensor], Tensor]:
+    """Finds the function that a recipe's `loss` names. Raises `ValueError` for an unknown name."""
     if name not in LOSSES:
         raise ValueError(f"loss: {name!r} is not known; give one of {', '.join(LOSSES)}")
     return LOSSES[name]

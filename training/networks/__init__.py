@@ -1,4 +1,4 @@
-"""The generators, one file each, and the names by which recipes ask for them."""
+"""The generators, one file each, by their names in recipes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NETWORKS: dict[str, Callable[..., nn.Module]] = {
 
 
 def make_network(name: str, options: dict[str, Any]) -> nn.Module:
-    """The network that a recipe asks for, with random weights. Raises `ValueError` for an unknown name or option."""
+    """Makes the network of a recipe with random weights. Raises `ValueError` for an unknown name or option."""
     if name not in NETWORKS:
         raise ValueError(f"network: {name!r} is not known; give one of {', '.join(NETWORKS)}")
     try:

@@ -1,4 +1,4 @@
-"""Batch normalisation (Ioffe and Szegedy, ICML 2015), folded into the convolution before it once training is over."""
+"""Batch normalisation (Ioffe and Szegedy, ICML 2015), and its folding into convolutions after training."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def add_batch_norm(convolution: nn.Conv2d) -> nn.Sequential:
-    """`convolution` with batch normalisation of its outputs."""
+    """Appends batch normalisation to a convolution."""
     return nn.Sequential(convolution, nn.BatchNorm2d(convolution.out_channels))
 
 
 def fold_batch_norm(network: Network) -> Network:
-    """A copy of `network`, in evaluation mode, in which every `add_batch_norm` convolution is one plain convolution.
+    """Returns a copy of `network` in evaluation mode, with batch normalisation folded into the convolutions.
 
-    It computes what `network` does in evaluation mode, to float32's rounding.
+    Its output equals that of `network` in evaluation mode up to float32 rounding.
     """
     network = copy.deepcopy(network).eval()
     for module in network.modules():

@@ -1,8 +1,8 @@
-"""A 3x3 convolution that has several branches while it is trained and is one plain convolution afterwards.
+"""A 3x3 convolution with several branches for training that becomes one plain convolution afterwards.
 
 The idea of ECBSR (Zhang et al., ACM MM 2021), SESR (Bhardwaj et al., MLSys 2022) and SPAN's Conv3XC (Wan et al., CVPRW
-2024): branches that are all linear, so that their sum is one 3x3 kernel. As in SESR's efficient training, the branches
-are added up before the picture is touched: a step costs what the plain convolution costs.
+2024): all branches are linear, so that their sum is one 3x3 kernel. As in SESR's efficient training, the kernels are
+added before they are applied: an update costs as much as with the plain convolution.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class CollapsibleConv(nn.Module):
 
     @torch.no_grad()
     def collapsed(self) -> nn.Conv2d:
-        """A plain convolution that computes the same."""
+        """Returns the equivalent plain convolution."""
         outputs, inputs = self.kernel.shape[:2]
         plain = nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
         plain.weight.copy_(self.weight())
@@ -66,7 +66,7 @@ class CollapsibleConv(nn.Module):
 
 
 def collapse(network: Network) -> Network:
-    """A copy of `network` in which every `CollapsibleConv` is one plain convolution."""
+    """Returns a copy of `network` in which every `CollapsibleConv` is one plain convolution."""
     network = copy.deepcopy(network)
     for module in list(network.modules()):
         for name, child in module.named_children():

@@ -1,6 +1,6 @@
 """SRGAN's discriminator (Ledig et al., CVPR 2017, section 2.1.1 and figure 4), for crops of any size.
 
-No generator: it tells real pictures from made ones while one is trained, and is not shipped.
+It separates real pictures from made ones while a generator is trained, and is not shipped.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ SLOPE = 0.2
 
 
 class Discriminator(nn.Module):
-    """RGB in [0, 1], `(N, 3, H, W)` -> one logit for each picture, `(N,)`: above zero for what it takes for real.
+    """RGB in [0, 1], `(N, 3, H, W)` -> one logit for each picture, `(N,)`: above zero for real pictures.
 
     For each of `channels` a 3x3 convolution to that many channels and one of stride 2, each with batch normalisation
-    (but for the very first) and LeakyReLU; then two dense layers. Where SRGAN's dense layers look at all of a 96x96
-    crop at once, ours look at the mean over the picture, so that crops of any size do. SRGAN's sigmoid is part of the
+    (but for the very first) and LeakyReLU; then two dense layers. SRGAN's dense layers take a whole 96x96 crop, ours
+    the mean over the picture, so that crops may have any size. SRGAN's sigmoid is part of the
     loss.
 
-    Batch normalisation takes its figures from the batch at all times: there is no use after training that would need
-    running ones. Without `normalise`, the logit of a picture does not depend on its batch.
+    Batch normalisation always uses the statistics of the batch: the discriminator is not used after training. Without
+    `normalise`, the logit of a picture does not depend on its batch.
     """
 
     def __init__(self, channels: Sequence[int] = (64, 128, 256, 512), *, normalise: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""Bicubic interpolation as a layer, and how many count_doublings make a scale."""
+"""Bicubic interpolation as a layer, and the number of doublings of a scale."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CUBIC = -0.5
 
 
 class Bicubic(nn.Module):
-    """Interpolation as one convolution: `(N, C, H, W)` -> `(N, C * scale^2, H, W)`, to be put apart by PixelShuffle.
+    """Interpolation as one convolution: `(N, C, H, W)` -> `(N, C * scale^2, H, W)`, for PixelShuffle.
 
     Sample k of `scale` lies (k + 1/2) / scale - 1/2 pixels from the pixel that it belongs to; at the border the
     outermost pixels are repeated.
@@ -28,7 +28,7 @@ class Bicubic(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
-        # The padding is the lossless part: a weight in bfloat16 would be 1/500 off in flat areas.
+        # In float32: with weights in bfloat16 flat areas would be off by 1/500.
         with torch.autocast(image.device.type, enabled=False):
             output: Tensor = self.convolution(functional.pad(image, (2, 2, 2, 2), mode="replicate"))
         return output
@@ -43,7 +43,7 @@ def _keys(distance: Tensor) -> Tensor:
 
 
 def count_doublings(scale: int) -> int:
-    """1 for scale 2, 2 for scale 4. Raises `ValueError` for any other."""
+    """Counts doublings: 1 for scale 2, 2 for scale 4. Raises `ValueError` for any other."""
     if scale not in (2, 4):
-        raise ValueError(f"scale: {scale} is not made of count_doublings; give 2 or 4")
+        raise ValueError(f"scale: {scale} is neither 2 nor 4; give one of them")
     return scale // 2

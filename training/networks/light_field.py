@@ -1,9 +1,9 @@
-"""Our light-field generator: a single-picture generator that is told what the views around would make of its picture.
+"""Our light-field generator: a single-picture generator with the detail that neighbouring views add as further input.
 
-A plane sweep (`plane_sweep`) says for each disparity what fine picture the views make together, and how well they
-agree. A few convolutions choose a plane for each pixel, or none; the chosen fine picture takes the place of the
-interpolated base, and is shown to the single-picture generator, which corrects it. Where no plane suits, that one works
-alone.
+A plane sweep (`plane_sweep`) combines the views into a fine picture for each disparity and measures how well they
+agree. A few convolutions select a plane for each pixel, or none; the selected fine picture replaces the interpolated
+base and is an input of the single-picture generator, which corrects it. Where no plane matches, the generator works on
+the view only.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 SHARPNESS = 60.0
-"""How strongly disagreement speaks against a plane before anything is learnt, for each unit of standard deviation."""
-DOUBT = 0.15
-"""Standard deviation above which no plane is the better choice before anything is learnt. High on purpose: at 0.03 no
-plane was chosen wherever there was texture, and training hardly came to use the other views."""
+"""Initial penalty of a plane for each unit of standard deviation between the views."""
+NO_PLANE = 0.15
+"""Standard deviation above which initially no plane is selected. High on purpose: at 0.03 no plane was selected where
+there was texture, and training hardly used the other views."""
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
 FLAT = 0.02
-"""Mean difference of the views over all planes below which there is nothing to be in doubt about."""
+"""Mean difference of the views over all planes below which uncertainty is not measured: the picture is flat."""
 SIDES = 4
 CHOSEN = 5
-"""Channels of what was chosen: four phases, and how much the views differ."""
+"""Channels of the selected plane: four phases, and the deviation of the views."""
 FACTORS = (2.0, 4.0)
 """By which differences of luma and standard deviations are multiplied: they are small beside colours."""
 LUMA = (0.299, 0.587, 0.114)
 
 
 class LightFieldGenerator(nn.Module):
-    """Upscales one view of a light field by 2 with the help of those around it.
+    """Upscales one view of a light field by 2 with the views around it.
 
     `image`: the view, RGB in [0, 1], `(N, 3, H, W)`. `around`: luma (BT.601, full range) of a window of 5x5 views, row
     by row, the view itself in the middle, `(N, 25, H, W)`. `rows` and `cols`, `(5,)` each: 1 for each row and column of
-    the window that is there, 0 for those beyond the border of the grid; what `around` holds for these plays no part,
-    and the view's own row and column must be there.
+    the window inside the grid, 0 for those beyond its border, whose values in `around` are ignored; the view's own row
+    and column must be inside.
 
     Content moves by `disparity * offset` pixels towards larger coordinates from `image` to a view. Returns RGB,
     nominally in [0, 1], `(N, 3, 2*H, 2*W)`.
@@ -87,9 +87,9 @@ class LightFieldGenerator(nn.Module):
     def forward_with_uncertainty(
         self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """What `forward` returns; and how little the views around have to do with the view, `(N, 1, H, W)`: what they
-        differ by at the best plane over what they differ by on average. 0.2 to 0.5 where they show the same scene, up
-        to 1 where they don't, or only noise; low where all is flat.
+        """Returns what `forward` returns, and the uncertainty `(N, 1, H, W)`: the deviation of the views at the best
+        plane over their mean deviation. 0.2 to 0.5 where they show the same scene, up to 1 where they don't or show
+        noise; low where the picture is flat.
         """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, rows, cols)
@@ -99,8 +99,8 @@ class LightFieldGenerator(nn.Module):
             red, green, blue = base.split(4, 1)
             alone = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue - own
             blurred = functional.avg_pool2d(spread, PATCH, 1, PATCH // 2, count_include_pad=False)
-            doubt = _measure_uncertainty(fine, spread)
-            against = self.sharpness * torch.cat([blurred, torch.full_like(own, DOUBT)], 1)
+            uncertainty = _measure_uncertainty(fine, spread)
+            against = self.sharpness * torch.cat([blurred, torch.full_like(own, NO_PLANE)], 1)
         by_fine, by_spread = self.factors
         shown = [
             _multiply(by_fine, fine.flatten(1, 2)),
@@ -118,28 +118,28 @@ class LightFieldGenerator(nn.Module):
             _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
         )  # (N, 4, H, W): chosen less interpolated
         spread = _sum_channels(planes * spread)
-        told = torch.cat([compared, _multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
+        informed = torch.cat([compared, _multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
         features = activation(first(image))
         if self.merged is None:
-            features = activation(second(features) + self.inform(told))
+            features = activation(second(features) + self.inform(informed))
         else:
-            features = activation(self.merged(torch.cat([features, told], 1)))
+            features = activation(self.merged(torch.cat([features, informed], 1)))
         for layer in rest[1:]:
             features = layer(features)
         change = self.single.tail(features).float() + base + gain.repeat(1, 3, 1, 1)
-        return functional.pixel_shuffle(change, self.scale), doubt
+        return functional.pixel_shuffle(change, self.scale), uncertainty
 
 
 def _count_views(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
-    """Which share of the views above, below, left and right there is, `(N, SIDES, H, W)`: few agree by chance."""
+    """Share of views inside the grid above, below, left and right, `(N, SIDES, H, W)`: few views agree by chance."""
     half = len(rows) // 2
     shares = torch.stack([part.mean() for there in (rows, cols) for part in (there[:half], there[half + 1 :])])
     return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
 
 
 def _measure_uncertainty(fine: Tensor, spread: Tensor) -> Tensor:
-    """From the mean of the views less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
+    """Uncertainty from the views' mean less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
     apart = (spread.square() + fine.mean(2).square()).sqrt()
     apart = functional.avg_pool2d(apart, PATCH, 1, PATCH // 2, count_include_pad=False)
     both = torch.cat([apart.amin(1, keepdim=True), _sum_channels(apart) / apart.shape[1]], 1)
@@ -148,7 +148,7 @@ def _measure_uncertainty(fine: Tensor, spread: Tensor) -> Tensor:
 
 
 class WithUncertainty(nn.Module):
-    """A light-field generator that returns both, as it is exported."""
+    """A light-field generator that returns the picture and the uncertainty, as exported."""
 
     def __init__(self, network: LightFieldGenerator) -> None:
         super().__init__()
@@ -161,8 +161,8 @@ class WithUncertainty(nn.Module):
 
 
 def _sum_channels(x: Tensor) -> Tensor:
-    """Over axis 1, which stays. By a product: onnxruntime's own sum adds up in an order that depends on the number of
-    pictures and of threads, so that a view alone would differ from the same among others."""
+    """Sums over axis 1, which stays, by a matrix product: the order of onnxruntime's own sum depends on the numbers of
+    pictures and threads, so that results would depend on the batch."""
     ones = x.new_ones(1, x.shape[1])
     return (ones @ x.flatten(2)).reshape(len(x), 1, *x.shape[2:])
 
@@ -173,8 +173,8 @@ def _multiply(factor: float, x: Tensor) -> Tensor:
 
 @torch.no_grad()
 def merge_layers(network: LightFieldGenerator) -> None:
-    """Changes a collapsed network, in place, so that it computes the same in less time: two convolutions whose outputs
-    are added become one, and what only scales inputs goes into weights.
+    """Merges layers of a collapsed network in place for speed: two convolutions whose outputs are added become one, and
+    factors on inputs go into weights.
     """
     by_fine, by_spread = network.factors
     plain = (network.compare[0], network.inform, network.single.body[2])

@@ -1,11 +1,12 @@
-"""A plane sweep that keeps sub-pixel detail: what the views around one would make of it, plane after plane.
+"""A plane sweep that keeps sub-pixel detail: combines neighbouring views into a fine picture for each disparity.
 
-For each hypothesis of a disparity every view's samples are put where they then lie in the view that is looked for, on a
-grid twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Collins, CVPR 1996). At the right
-hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. Both are told.
+For each hypothesis of a disparity the samples of all views are shifted to their places in the middle view, on a grid
+twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Collins, CVPR 1996). At the right
+hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. The sweep
+returns the mean and the deviation.
 
-Shifts go along columns and rows one after the other. Which samples count is the same for every window; how much each
-does follows from which rows and columns of views are there. So one network serves the border of the grid, too.
+Columns and rows are shifted one after the other. The samples used are the same for every window; their weights depend
+on which rows and columns of views are inside the grid. So one network works at the border of the grid too.
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from torch.nn import functional
 SIDE = 5
 """Views along each side of the window."""
 MOST = 2.0
-"""Largest disparity that is looked for, LR pixels from one view to the next."""
+"""Largest disparity of the sweep, LR pixels from one view to the next."""
 REACH = 4
-"""Taps to each side of a pixel: what views two away are shifted by at most."""
+"""Taps to each side of a pixel: the largest shift, of views two away."""
 PHASE = 0.25
-"""A fine sample's distance from the coarse one that it is a part of, in LR pixels, at scale 2."""
+"""Distance of a fine sample from its coarse sample, in LR pixels, at scale 2."""
 NEAR = 0.5
-"""How far from a fine sample a view's sample counts, falling linearly, in LR pixels: there is one of each view."""
-DOUBT = 0.03
-"""Standard deviation that a sample alone is taken to have."""
+"""Distance in LR pixels at which the weight of a view's sample falls to zero, linearly: each view has one sample."""
+SINGLE = 0.03
+"""Assumed standard deviation of a single sample."""
 SURE = 0.01
 LEAST = 1e-6
-"""Added to the variance, whose root has no slope at zero."""
+"""Added to the variance, whose root has no finite slope at zero."""
 
 
 class PlaneSweep(nn.Module):
-    """Luma of a window of views -> a fine picture for each plane, and how much the views differ about it."""
+    """Luma of a window of views -> a fine picture for each plane, and the deviation of the views from it."""
 
     weights: Tensor
     samples: Tensor
@@ -74,7 +75,7 @@ class PlaneSweep(nn.Module):
         variance = (square.reshape(count, planes, height, width) - (mean * mean).mean(2)).clamp(min=0)
         # Few samples agree by chance, and one with itself for certain.
         few = ((down**2).sum((2, 3)).mean(1) * (across**2).sum((2, 3)).mean(1))[:, None, None]
-        variance = (variance + few * DOUBT**2) / (1 - few + SURE)
+        variance = (variance + few * SINGLE**2) / (1 - few + SURE)
         return mean, (variance + LEAST).sqrt()
 
     def _shifted(self, lines: Tensor, down: Tensor, across: Tensor) -> Tensor:

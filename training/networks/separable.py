@@ -1,4 +1,4 @@
-"""Bicubic interpolation along one side at a time: the same in a third of the multiply-adds and in less time."""
+"""Separable bicubic interpolation: the same result with a third of the multiply-adds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class SeparableBicubic(nn.Module):
-    """What `interpolation.Bicubic` computes, `(N, C, H, W)` -> `(N, C * scale^2, H, W)`, to float32's rounding."""
+    """`interpolation.Bicubic` as two convolutions, `(N, C, H, W)` -> `(N, C * scale^2, H, W)`."""
 
     def __init__(self, base: Bicubic) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class SeparableBicubic(nn.Module):
 
 @torch.no_grad()
 def separate(network: Network) -> Network:
-    """A copy of `network` in which every `Bicubic` is a `SeparableBicubic`."""
+    """Returns a copy of `network` in which every `Bicubic` is a `SeparableBicubic`."""
     network = copy.deepcopy(network)
     for module in list(network.modules()):
         for name, child in module.named_children():

@@ -44,7 +44,7 @@ def test_low_and_high_stay_aligned_under_every_flip_and_turn(crops):
 
 def test_pictures_smaller_than_the_crop_are_left_out_and_told(recipe, capsys):
     assert len(Crops(Path(recipe.train), crop=24, scale=2, batch=1, seed=0).groups[0]) == 2
-    assert "1 of 3 pictures are left out: they are smaller than the crop of 24x24" in capsys.readouterr().err
+    assert "1 of 3 pictures are skipped: they are smaller than the crop of 24x24" in capsys.readouterr().err
     with pytest.raises(ValueError, match="every picture is smaller than the crop of 60x60"):
         Crops(Path(recipe.train), crop=60, scale=2, batch=1, seed=0)
 

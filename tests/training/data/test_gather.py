@@ -75,9 +75,9 @@ def test_each_picture_is_taken_once_and_test_pictures_never(tmp_path, capsys):
         (source / f"{seed}.png").write_bytes(saved(picture(seed), "PNG"))
     (source / "again.jpg").write_bytes(saved(picture(1, 400, 480), "JPEG"))  # the same picture, larger
     (tests / "x_HR.png").write_bytes(saved(picture(2, 100, 120), "PNG"))  # a test picture, smaller
-    assert gather.gather_pictures([source], out, at_most=9, apart=[tests]) == 3
+    assert gather.gather_pictures([source], out, at_most=9, exclude=[tests]) == 3
     assert len(list(out.glob("art-*.png"))) == 3
-    assert "3 pictures taken, 2 left out" in capsys.readouterr().out
+    assert "3 pictures taken, 2 skipped" in capsys.readouterr().out
     assert gather.gather_pictures([source], tmp_path / "few", at_most=1) == 1
 
 
@@ -85,7 +85,7 @@ def test_faults_are_one_line(tmp_path, capsys):
     with pytest.raises(ValueError, match="no picture of 160 pixels or more"):
         gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1)
     with pytest.raises(ValueError, match="no picture in it"):  # a guard that guards nothing is a fault
-        gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1, apart=[tmp_path])
+        gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1, exclude=[tmp_path])
     (tmp_path / "a" / "images").mkdir(parents=True)
     (tmp_path / "b" / "images").mkdir(parents=True)
     with pytest.raises(ValueError, match="two folders have the same name"):

@@ -88,7 +88,7 @@ def test_memory_bounds_what_is_kept_and_nothing_else(tmp_path):
     for i in range(4):
         np.testing.assert_array_equal(tight[i], COLOUR + np.uint8(i))
     save(tmp_path / "3.png", COLOUR[1:])
-    with pytest.raises(ValueError, match=r"3\.png: was changed while it was in use"):
+    with pytest.raises(ValueError, match=r"3\.png: was changed during the run"):
         tight[3]
 
 

@@ -23,7 +23,7 @@ def double(*parts):
 
 def test_a_slanted_sheet_is_met_where_its_equation_says():
     disparity, slope = 0.7, np.array([0.04, -0.03])
-    found = planes.intersect_layer(*double(OFFSETS, disparity, slope)).of(ALONG)
+    found = planes.intersect_layer(*double(OFFSETS, disparity, slope)).apply(ALONG)
     for view, offset in enumerate(OFFSETS):
         for y, x in ((0, 0), (3, 17), (40, 22)):
             pixel = np.array([ALONG[y], ALONG[x]])
@@ -33,8 +33,8 @@ def test_a_slanted_sheet_is_met_where_its_equation_says():
 def test_one_map_after_another():
     matrix, shift = np.random.default_rng(0).normal(size=(3, 2)), np.array([0.5, -1.0, 2.0])
     first = planes.intersect_layer(*double(OFFSETS, 0.7, (0.04, -0.03)))
-    wanted = first.of(ALONG).numpy() @ matrix.T + shift
-    np.testing.assert_allclose(first.then(*double(matrix, shift)).of(ALONG), wanted, atol=1e-12)
+    wanted = first.apply(ALONG).numpy() @ matrix.T + shift
+    np.testing.assert_allclose(first.compose(*double(matrix, shift)).apply(ALONG), wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize("change", [-0.7, 0.3, 2.0])
@@ -48,7 +48,7 @@ def test_a_fold_is_seen_by_the_views_before_it_alone_as_wide_as_they_see_it(chan
     steps = torch.arange(-2.0, 3.0, dtype=torch.float64)
     offsets = torch.cartesian_prod(steps, steps)
     along = (torch.arange(400, dtype=torch.float64) + 0.5) / 20 - 10
-    seen = fold.seen(along, offsets, torch.tensor(disparity, dtype=torch.float64), flat)
+    seen = fold.coverage(along, offsets, torch.tensor(disparity, dtype=torch.float64), flat)
     for view, (_, u) in enumerate(offsets.tolist()):
         near = edge + disparity * u  # where the sheet begins
         wanted = max(0.0, width * (1 + change * u))

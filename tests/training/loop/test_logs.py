@@ -106,7 +106,7 @@ def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):
     with Progress(10, 110, 30.0) as progress:
         progress.step(0.5)
         progress.step(None)
-        progress.validated(60, loss=0.25, psnr=33.333, pace=2.4)
+        progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4)
     assert capsys.readouterr().err == "step 60 of 110: loss 0.25, PSNR 33.33 dB, 2.4 s a step, 02:00 left\n"
 
 
@@ -115,7 +115,7 @@ def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):
     with Progress(0, 2, 30.0) as progress:
         progress.step(0.5)
         progress.step(0.25)
-        progress.validated(2, loss=0.25, psnr=33.333, pace=2.4)
+        progress.report_validation(2, loss=0.25, psnr=33.333, pace=2.4)
     told = capsys.readouterr().err
     assert "2/2" in told
     assert "loss 0.25, PSNR 30.00 dB" in told

@@ -109,7 +109,7 @@ def test_initial_of_another_network(recipe, saved):
 def test_cuda_where_there_is_none(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert trainer.choose_device("auto") == trainer.choose_device("cpu") == torch.device("cpu")
-    with pytest.raises(ValueError, match=r"cuda is asked for, and torch .* finds no GPU; give cpu"):
+    with pytest.raises(ValueError, match=r"cuda, but torch .* finds no GPU; give cpu"):
         trainer.choose_device("cuda")
 
 

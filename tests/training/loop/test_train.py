@@ -115,7 +115,7 @@ def test_a_signal_ends_the_step_and_the_run_goes_on_from_there(unbroken, tmp_pat
     before = signal.getsignal(number)
     with monkeypatch.context() as patch:
         at_step(patch, 2, lambda: signal.raise_signal(number))
-        with pytest.raises(Stopped, match=r"step 3 of 5.*the same command goes on") as caught:
+        with pytest.raises(Stopped, match=r"step 3 of 5.*continue with the same command") as caught:
             train.train(recipe, tmp_path)
     assert caught.value.number == number
     assert signal.getsignal(number) is before
@@ -258,8 +258,8 @@ def test_options_of_the_command_are_fields_of_the_recipe():
 
 def test_a_warm_up_longer_than_the_run_is_told(recipe, tmp_path, capsys):
     train.report_start(replace(recipe, steps=5, warmup=5), 0)
-    assert "warmup: 5 of 5 steps; the step size never comes to learning_rate" in capsys.readouterr().err
+    assert "warmup: 5 of 5 steps; the step size never reaches learning_rate" in capsys.readouterr().err
     train.report_start(replace(recipe, steps=5, warmup=4), 2)
     assert capsys.readouterr().err.splitlines() == [
-        "training tiny: from step 2 to 5; stop with Ctrl-C, and go on by the same command"
+        "training tiny: from step 2 to 5; stop with Ctrl-C, continue with the same command"
     ]

@@ -128,7 +128,9 @@ def test_a_discriminator_that_wins_for_good_stops_the_run():
         watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
     for _ in range(9):
         watch.record(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
-    with pytest.raises(ValueError, match=r"told all real .* since update 6 \(loss below 0.16, 10 times .*; lower") as e:
+    with pytest.raises(
+        ValueError, match=r"separated all real .* since update 6 \(loss below 0.16, 10 times .*; lower"
+    ) as e:
         watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
     assert "\n" not in str(e.value)
 
@@ -140,7 +142,9 @@ def test_a_discriminator_that_judges_all_alike_stops_the_run(logit):
     alike = torch.full((2,), logit)
     for _ in range(14):
         watch.record(0.7, alike, alike)
-    with pytest.raises(ValueError, match=r"all pictures alike, real or made, since update 6 .*; lower learning_rate"):
+    with pytest.raises(
+        ValueError, match=r"all pictures the same value, real or made, since update 6 .*; lower learning_rate"
+    ):
         watch.record(0.7, alike, alike)
 
 
@@ -165,6 +169,6 @@ def test_a_guess_is_no_alarm():
 def test_the_watch_looks_at_updates():
     player = adversary()
     player.watch = SaturationWatch(start=3, patience=4, spread=1.0)
-    with pytest.raises(ValueError, match="judged all pictures alike"):  # the step is too small to change that
+    with pytest.raises(ValueError, match="given all pictures the same value"):  # the step is too small to change that
         teach(player, 100, rate=0.0)
     assert player.watch.updates == 7

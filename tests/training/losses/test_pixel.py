@@ -28,9 +28,9 @@ def test_charbonnier_is_l1_far_from_zero_and_smooth_at_zero():
 
 
 def test_names():
-    assert pixel.pixel_loss("charbonnier") is pixel.charbonnier
+    assert pixel.find_pixel_loss("charbonnier") is pixel.charbonnier
     with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, charbonnier"):
-        pixel.pixel_loss("l2")
+        pixel.find_pixel_loss("l2")
 
 
 def test_luma_weighs_what_is_seen():

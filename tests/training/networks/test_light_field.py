@@ -10,7 +10,7 @@ from ciir.models.light_field.windows import select_axis
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.light_field import LightFieldGenerator, merge_layers
-from ciir.training.networks.plane_sweep import DOUBT, LEAST, MOST, NEAR, PHASE, REACH, SIDE, SURE, PlaneSweep
+from ciir.training.networks.plane_sweep import LEAST, MOST, NEAR, PHASE, REACH, SIDE, SINGLE, SURE, PlaneSweep
 
 THERE = [select_axis(*at).present for at in ((4, 9), (0, 9), (8, 9), (1, 3), (0, 2), (0, 1))]
 OFFSETS = range(-(SIDE // 2), SIDE // 2 + 1)
@@ -44,7 +44,7 @@ def slow_sweep(views, rows, cols, planes):
                     few.append(of @ of)
                 squares, means = np.mean(variances, 0)
                 lone = np.mean(few)
-                doubted = (max(0.0, squares - means) + lone * DOUBT**2) / (1 - lone + SURE)
+                doubted = (max(0.0, squares - means) + lone * SINGLE**2) / (1 - lone + SURE)
                 spread[plane, y, x] = np.sqrt(doubted + LEAST)
     return mean, spread
 

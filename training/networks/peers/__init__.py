@@ -1,1 +1,1 @@
-"""TODO"""
+"""Networks from the literature, for comparison."""
