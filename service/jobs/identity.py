@@ -19,7 +19,19 @@ if TYPE_CHECKING:
 
 DIGITS = 32
 CHUNK = 1 << 20
-_PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "pillow", "imagecodecs", "tifffile", "DracoPy")
+_PACKAGES = (
+    "ciir",
+    "numpy",
+    "onnxruntime",
+    "embreex",
+    "pyrender",
+    "pillow",
+    "imagecodecs",
+    "tifffile",
+    "DracoPy",
+    "trimesh",
+    "pycollada",
+)
 _CODE = ("renderer", "models", "service")
 _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
