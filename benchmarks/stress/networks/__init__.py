@@ -1,1 +1,1 @@
-"""TODO"""
+"""Stress cases of networks for single pictures."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found
-from ciir.benchmarks.stress.networks import patterns as made
-from ciir.benchmarks.stress.networks.shipped import LEVEL, box
+from ciir.benchmarks.stress.networks import patterns
+from ciir.benchmarks.stress.networks.shipped import LEVEL, downsample
 from ciir.models import catalogue, upscale_pixels
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
@@ -36,7 +36,7 @@ contrast, brightness or gamma, or of a third more noise."""
 
 def brightness(effort: Effort) -> Iterator[Found]:
     """All levels multiplied by 1/16 to 1."""
-    yield from _followed(
+    yield from _follow_margin(
         effort, "brightness", _octaves(effort, -4, 0), lambda image, factor: np.float32(factor) * image
     )
 
@@ -47,18 +47,18 @@ def contrast(effort: Effort) -> Iterator[Found]:
     def change(image: Values, factor: float) -> Values:
         return np.asarray(np.clip(0.5 + (image - 0.5) * np.float32(factor), 0, 1))
 
-    yield from _followed(effort, "contrast", _octaves(effort, -4, 1), change)
+    yield from _follow_margin(effort, "contrast", _octaves(effort, -4, 1), change)
 
 
 def gamma(effort: Effort) -> Iterator[Found]:
     """All levels to the power of 1/4 to 4."""
-    yield from _followed(effort, "gamma", _octaves(effort, -2, 2), lambda image, power: image ** np.float32(power))
+    yield from _follow_margin(effort, "gamma", _octaves(effort, -2, 2), lambda image, power: image ** np.float32(power))
 
 
 def noise(effort: Effort) -> Iterator[Found]:
     """White Gaussian noise of 0 to 32 levels on what networks see."""
     steps = [0.0, *(0.5 * 2 ** (step / 2.5) for step in range(0, 16, 5 if effort.quick else 1))]
-    yield from _followed(effort, "noise", steps, None)
+    yield from _follow_margin(effort, "noise", steps, None)
 
 
 def _octaves(effort: Effort, first: int, last: int) -> list[float]:
@@ -66,15 +66,15 @@ def _octaves(effort: Effort, first: int, last: int) -> list[float]:
     return [float(step) for step in np.logspace(first, last, count + 1, base=2)]
 
 
-def _followed(
+def _follow_margin(
     effort: Effort, what: str, steps: list[float], change: Callable[[Values, float], Values] | None
 ) -> Iterator[Found]:
     """The margin over bicubic at each of `steps`, which is noise in levels where there is no `change` to the truth."""
-    truths = np.stack(list(made.views(SIDE).values()))
+    truths = np.stack(list(patterns.render_views(SIDE).values()))
     series = {name: np.zeros(len(steps)) for name in (*effort.models, "")}
     for index, step in enumerate(steps):
         truth = truths if change is None else change(truths, step)
-        low = box(truth)
+        low = downsample(truth)
         if change is None:
             random = np.random.default_rng(0)
             low = low + np.float32(step * LEVEL) * random.standard_normal(low.shape, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""What must not change the output, or must move it: shifts, flips, transposition, order, threads, tiles, time."""
+"""What must not change the output, or must move it: shifts, flips, transposition, order, threads, tiles, repetition."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found
-from ciir.benchmarks.stress.networks import patterns as made
-from ciir.benchmarks.stress.networks import shipped
-from ciir.benchmarks.stress.networks.shipped import LEVEL, UNSEEN, box, peak, rms, worst
+from ciir.benchmarks.stress.networks import patterns, shipped
+from ciir.benchmarks.stress.networks.shipped import bound_difference, downsample, find_worst, peak, rms
 from ciir.models import catalogue, tiles
 from ciir.models.sessions import count_available_cores
 
@@ -21,9 +20,8 @@ if TYPE_CHECKING:
 
 SIDE = 64
 TURNED = 1.0
-"""How large the change of the output by turning the input and turning back may be, in terms of the error to the truth.
-Nothing makes a network treat left as right but its training pictures; but where turning changed more than the error
-that it has anyway, it would have learnt an orientation and not what pictures look like."""
+"""How large the change of the output by turning the input and turning back may be, over the error to the truth. No
+filter is tied to its mirror image; but a change above the error would mean that the network prefers an orientation."""
 INT8_STEP = 1.0
 """Levels RMS for int8, whose codes may round to a neighbour where float rounding differs by a bit."""
 
@@ -37,92 +35,76 @@ TURNS: dict[str, Callable[[Values], Values]] = {
 
 def shifts(effort: Effort) -> Iterator[Found]:
     """Input moved by one pixel: the output moves by two, away from the borders."""
-    given = made.pictures(SIDE) if effort.quick else {**made.pictures(SIDE), **made.patterns(SIDE, SIDE)}
+    given = patterns.make_pictures(SIDE)
+    if not effort.quick:
+        given |= patterns.make_patterns(SIDE, SIDE)
     images = np.stack(list(given.values()))
     for name in effort.models:
-        run, edge = shipped.raw(name), shipped.card(name).radius + 1
-        whole, found = run(images), {}
-        inside = 2 * edge
+        network, margin = shipped.load_network(name), 2 * (shipped.read_card(name).radius + 1)
+        whole = network(images)
         for way, axis in (("down", 2), ("across", 3)):
             keep, drop = [slice(None)] * 4, [slice(None)] * 4
             keep[axis], drop[axis] = slice(1, None), slice(2, None)
-            moved = run(np.ascontiguousarray(images[tuple(keep)])) - whole[tuple(drop)]
-            moved = moved[:, :, inside:-inside, inside:-inside]
-            found[way] = _size(name, moved)
-        names = [f"{key}, {way}" for way in found for key in given]
-        measured, where = worst(np.concatenate(list(found.values())), names)
-        yield _bounded(f"{name}: shifted by one pixel", name, measured, where)
+            moved = network(np.ascontiguousarray(images[tuple(keep)])) - whole[tuple(drop)]
+            inner = moved[:, :, margin:-margin, margin:-margin]
+            yield bound_difference(f"shifted by one pixel {way}", name, inner, list(given), int8_rms=INT8_STEP)
 
 
 def turns(effort: Effort) -> Iterator[Found]:
-    """Flips and transposition: the change, in terms of the network's error on the same pictures."""
-    truth = np.stack(list(made.pictures(2 * SIDE).values()))
-    low, names = box(truth), list(made.pictures(2 * SIDE))
+    """Flips and transposition: the change over the network's error on the same pictures."""
+    given = patterns.make_pictures(2 * SIDE)
+    truth = np.stack(list(given.values()))
+    low = downsample(truth)
     for name in effort.models:
-        run = catalogue.load_upscaler(name)
-        large = run(low)
-        error = rms(large - truth)
-        found = {}
-        for turn, turned in TURNS.items():
-            change = turned(run(np.ascontiguousarray(turned(low)))) - large
-            found[turn] = rms(change) / error
-        labels = [f"{key} {turn}" for turn in found for key in names]
-        measured, where = worst(np.concatenate(list(found.values())), labels)
-        yield Found(f"{name}: turned and back, change over error", TURNED, measured, where)
+        model = catalogue.load_upscaler(name)
+        large = model(low)
+        changes = [turn(model(np.ascontiguousarray(turn(low)))) - large for turn in TURNS.values()]
+        relative = np.concatenate([rms(change) / rms(large - truth) for change in changes])
+        names = [f"{key} {turn}" for turn in TURNS for key in given]
+        yield find_worst(f"{name}: turned and back, change over error", TURNED, relative, names)
 
 
 def order(effort: Effort) -> Iterator[Found]:
     """A batch in another order, and a second run: the same bits."""
-    images = np.stack([*made.pictures(SIDE // 2).values(), *made.patterns(SIDE // 2, SIDE // 2).values()])
+    side = SIDE // 2
+    images = np.stack([*patterns.make_pictures(side).values(), *patterns.make_patterns(side, side).values()])
     mixed = np.random.default_rng(0).permutation(len(images))
     for name in effort.models:
-        run = catalogue.load_upscaler(name)
-        large = run(images)
-        moved = float(peak(run(images[mixed]) - large[mixed]).max())
+        model = catalogue.load_upscaler(name)
+        large = model(images)
+        moved = float(peak(model(images[mixed]) - large[mixed]).max())
         yield Found(f"{name}: a batch in another order, worst value", 0, moved)
-        again = [float(peak(run(images) - large).max()) for _ in range(2 if effort.quick else 10)]
+        again = [float(peak(model(images) - large).max()) for _ in range(2 if effort.quick else 10)]
         yield Found(f"{name}: run again, worst value", 0, max(again))
 
 
 def threads(effort: Effort) -> Iterator[Found]:
     """1, 2, 3 and more threads: the same within half a level of 16 bits."""
-    images = np.stack(list(made.pictures(SIDE).values()))
+    given = patterns.make_pictures(SIDE)
+    images = np.stack(list(given.values()))
     counts = (2,) if effort.quick else tuple(sorted({2, 3, 4, 7, count_available_cores()}))
     for name in effort.models:
-        alone = shipped.raw(name, threads=1)(images)
-        found = []
-        for count in counts:
-            difference = shipped.raw(name, threads=count)(images) - alone
-            found.append(float(_size(name, difference).max()))
-        measured, where = worst(np.array(found), [f"{count} threads" for count in counts])
-        yield _bounded(f"{name}: against one thread", name, measured, where)
+        single = shipped.load_network(name, threads=1)(images)
+        difference = np.concatenate([shipped.load_network(name, threads=count)(images) - single for count in counts])
+        names = [f"{count} threads, {key}" for count in counts for key in given]
+        yield bound_difference("against one thread", name, difference, names, int8_rms=INT8_STEP)
 
 
 def tile_sizes(effort: Effort) -> Iterator[Found]:
     """Tiles of different sizes: the same within half a level of 16 bits."""
-    image = made.natural(150, 130)[None]
+    image = patterns.make_natural(150, 130)[None]
     for name in effort.models:
-        run, card = shipped.raw(name), shipped.card(name)
-        whole = run(image)
-        found = {}
-        for side in (48,) if effort.quick else (2 * card.radius + 8, 40, 48, 64, 97):
-            tiled = tiles.run_in_tiles(
-                run, image, scale=card.scale, radius=card.radius, tile_pixels=side * side, batch_pixels=1
+        network, card = shipped.load_network(name), shipped.read_card(name)
+        whole = network(image)
+        sides = (48,) if effort.quick else (2 * card.radius + 8, 40, 48, 64, 97)
+        tiled = [
+            tiles.run_in_tiles(
+                network, image, scale=card.scale, radius=card.radius, tile_pixels=side * side, batch_pixels=1
             )
-            found[f"tiles of {side}x{side}"] = _size(name, tiled - whole)
-        measured, where = worst(np.concatenate(list(found.values())), list(found))
-        yield _bounded(f"{name}: in tiles", name, measured, where)
-
-
-def _size(name: str, difference: Values) -> Values:
-    """How large the difference is in the measure of `_bounded`, for each picture."""
-    return rms(difference) / LEVEL if shipped.is_int8(name) else peak(difference)
-
-
-def _bounded(what: str, name: str, measured: float, where: str) -> Found:
-    if shipped.is_int8(name):
-        return Found(f"{what}, RMS, levels", INT8_STEP, measured, where)
-    return Found(f"{what}, worst value", UNSEEN, measured, where)
+            for side in sides
+        ]
+        names = [f"tiles of {side}x{side}" for side in sides]
+        yield bound_difference("in tiles", name, np.concatenate(tiled) - whole, names, int8_rms=INT8_STEP)
 
 
 CASES: tuple[Case, ...] = (shifts, turns, order, threads, tile_sizes)

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found, Skipped
-from ciir.benchmarks.stress.networks import in_torch, shipped
-from ciir.benchmarks.stress.networks import patterns as made
-from ciir.benchmarks.stress.networks.shipped import peak, worst
+from ciir.benchmarks.stress.case import Found
+from ciir.benchmarks.stress.networks import patterns, shipped
+from ciir.benchmarks.stress.networks.shipped import find_worst, peak
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from onnx import NodeProto
 
-    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.benchmarks.stress.case import Case, Effort, Skipped
     from ciir.benchmarks.stress.networks.shipped import Values
 
 SIDE = 32
@@ -35,45 +34,45 @@ PATTERNS = 0.75
 bounded in `signals.against_float`."""
 
 
-def inputs() -> tuple[list[str], Values]:
+def make_inputs() -> tuple[list[str], Values]:
     """Pictures and patterns, the names of both."""
-    given = {**made.pictures(SIDE), **made.patterns(SIDE, SIDE)}
+    given = {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE)}
     return list(given), np.stack(list(given.values()))
 
 
 def activations(effort: Effort) -> Iterator[Found | Skipped]:
     """The largest value of each convolution's output on pictures and patterns, and its growth from layer to layer."""
-    if missing := in_torch.missing():
-        yield Skipped("activations", missing)
+    if skipped := list(shipped.require_onnx("activations")):
+        yield from skipped
         return
-    names, images = inputs()
-    for name in shipped.floats(effort):
-        weights = shipped.weights(name)
-        layers = [node.output[0] for node in shipped.nodes(weights) if node.op_type in ("Conv", "ConvTranspose")]
-        inside = shipped.looking_inside(weights, layers)(images)
-        largest = {layer: worst(peak(values.astype(np.float32)), names) for layer, values in inside.items()}
-        all_layers = ", ".join(f"{value:.1f}" for value, _ in largest.values())
-        value, where = max(largest.values())
-        yield Found(f"{name}: largest value of any layer", FLOAT16 / HEADROOM, value, f"{where}; layers: {all_layers}")
-        before = _before(shipped.nodes(weights), layers)
-        growth = {layer: largest[layer][0] / (largest[before[layer]][0] if before[layer] else 1) for layer in layers}
+    names, images = make_inputs()
+    for name in shipped.list_float_networks(effort):
+        weights = shipped.read_weights(name)
+        layers = [node.output[0] for node in shipped.list_nodes(weights) if node.op_type in ("Conv", "ConvTranspose")]
+        inside = shipped.expose_tensors(weights, layers)(images)
+        peaks = {layer: peak(values.astype(np.float32)) for layer, values in inside.items()}
+        largest = {layer: float(values.max()) for layer, values in peaks.items()}
+        what = f"{name}: largest value of any layer"
+        yield find_worst(what, FLOAT16 / HEADROOM, np.max(list(peaks.values()), axis=0), names)
+        before = _find_previous(shipped.list_nodes(weights), layers)
+        growth = {layer: largest[layer] / (largest[before[layer]] if before[layer] else 1) for layer in layers}
         layer = max(growth, key=lambda key: growth[key])
         yield Found(f"{name}: growth of the largest value over one layer", GROWTH, growth[layer], layer)
 
 
 def saturation(effort: Effort) -> Iterator[Found | Skipped]:
     """The share of each int8 tensor's values that lie on the ends of its grid, on pictures and on patterns."""
-    if missing := in_torch.missing():
-        yield Skipped("saturation", missing)
+    if skipped := list(shipped.require_onnx("saturation")):
+        yield from skipped
         return
-    names, images = inputs()
-    count = len(made.pictures(SIDE))  # they come first
-    for _, name in shipped.twins(effort):
-        weights = shipped.weights(name)
-        rounding = [node for node in shipped.nodes(weights) if node.op_type == "QuantizeLinear"]
+    names, images = make_inputs()
+    count = len(patterns.make_pictures(SIDE))  # they come first
+    for _, name in shipped.list_int8_twins(effort):
+        weights = shipped.read_weights(name)
+        rounding = [node for node in shipped.list_nodes(weights) if node.op_type == "QuantizeLinear"]
         rounding = rounding[1:]  # the first is the picture itself, whose grid is its 256 levels
-        asked = [text for node in rounding for text in (node.output[0], node.input[2])]
-        inside = shipped.looking_inside(weights, asked)(images)
+        tensors = [text for node in rounding for text in (node.output[0], node.input[2])]
+        inside = shipped.expose_tensors(weights, tensors)(images)
         shares = {}
         for node in rounding:
             codes, zero = inside[node.output[0]], int(inside[node.input[2]])
@@ -81,14 +80,12 @@ def saturation(effort: Effort) -> Iterator[Found | Skipped]:
             ends = (codes == 255) | ((codes == 0) & (zero > 0))
             shares[node.output[0]] = ends.mean(axis=(1, 2, 3))
         for kind, bound, part in (("pictures", PICTURES, slice(count)), ("patterns", PATTERNS, slice(count, None))):
-            found = {tensor: worst(np.asarray(share[part]), names[part]) for tensor, share in shares.items()}
-            tensor = max(found, key=lambda key: found[key][0])
-            measured, where = found[tensor]
             what = f"{name}: share of a tensor at the ends of int8, {kind}"
-            yield Found(what, bound, measured, f"{tensor}, {where}")
+            labels = [f"{tensor}, {where}" for tensor in shares for where in names[part]]
+            yield find_worst(what, bound, np.concatenate([share[part] for share in shares.values()]), labels)
 
 
-def _before(nodes: list[NodeProto], layers: list[str]) -> dict[str, str]:
+def _find_previous(nodes: list[NodeProto], layers: list[str]) -> dict[str, str]:
     """For each of `layers` the nearest one upstream along first inputs; empty where the picture comes first."""
     first = {node.output[0]: node.input[0] for node in nodes if node.input}
     found = {}

@@ -1,6 +1,6 @@
-"""What networks are stressed with: pictures made by code, and patterns that no picture holds.
+"""The inputs: pictures made by code, and patterns that no picture holds.
 
-All are float32 `(3, H, W)`; in [0, 1], but for those of `outside`.
+All are float32 `(3, H, W)`; in [0, 1], but for those of `make_outside`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 DENORMAL = 1e-40
 """Below the least normal float32, 1.2e-38."""
 SAMPLES = 4
-"""Rays along each side of a pixel of `views`."""
+"""Rays along each side of a pixel of `render_views`."""
 
 
-def natural(height: int, width: int, *, seed: int = 0) -> Values:
+def make_natural(height: int, width: int, *, seed: int = 0) -> Values:
     """Noise whose amplitude falls as 1/frequency, as that of photographs does (Field, J. Opt. Soc. Am. A 4(12), 1987).
 
     Mean 0.5, standard deviation 0.18; the channels share three quarters of their amplitude.
@@ -41,7 +41,7 @@ def natural(height: int, width: int, *, seed: int = 0) -> Values:
 
 
 @cache
-def views(side: int) -> dict[str, Values]:
+def render_views(side: int) -> dict[str, Values]:
     """The shipped scenes, each as a lens array of `side x side` sees it from its middle, 16 rays a lens."""
     array = LensArray(side, side, 1, 1)
     return {name: _view(name, array) for name in SCENES}
@@ -55,12 +55,12 @@ def _view(name: str, array: LensArray) -> Values:
     return np.ascontiguousarray(np.moveaxis(view[..., :3], 2, 0), np.float32) / np.float32(255)
 
 
-def pictures(side: int) -> dict[str, Values]:
-    """What networks are made for: `views`, and `natural`."""
-    return {**views(side), "1/f noise": natural(side, side)}
+def make_pictures(side: int) -> dict[str, Values]:
+    """Pictures of the kind that networks are made for: `render_views`, and `make_natural`."""
+    return {**render_views(side), "1/f noise": make_natural(side, side)}
 
 
-def patterns(height: int, width: int, *, seed: int = 0) -> dict[str, Values]:
+def make_patterns(height: int, width: int, *, seed: int = 0) -> dict[str, Values]:
     """Constants, one hot pixel, checkerboards and stripes up to Nyquist, steps, noises, denormals."""
     random = np.random.default_rng((seed, height, width))
     y, x = np.mgrid[:height, :width]
@@ -90,7 +90,7 @@ def patterns(height: int, width: int, *, seed: int = 0) -> dict[str, Values]:
     return {name: _picture(plane, shape) for name, plane in planes.items()}
 
 
-def sinusoids(side: int, steps: int) -> dict[str, Values]:
+def make_sinusoids(side: int, steps: int) -> dict[str, Values]:
     """`0.5 + 0.5 cos` along all pairs of frequencies from 0 to Nyquist in `steps` steps, both slants."""
     y, x = np.mgrid[:side, :side]
     found = {}
@@ -101,8 +101,8 @@ def sinusoids(side: int, steps: int) -> dict[str, Values]:
     return found
 
 
-def outside(height: int, width: int) -> dict[str, Values]:
-    """Values up to +-10, which no picture may hold."""
+def make_outside(height: int, width: int) -> dict[str, Values]:
+    """Values up to +-10, outside the range of pictures."""
     random = np.random.default_rng((height, width))
     shape = (3, height, width)
     y, x = np.mgrid[:height, :width]

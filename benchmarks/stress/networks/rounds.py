@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found
-from ciir.benchmarks.stress.networks import patterns as made
-from ciir.benchmarks.stress.networks.shipped import LEVEL, box, worst
+from ciir.benchmarks.stress.networks import patterns
+from ciir.benchmarks.stress.networks.shipped import LEVEL, downsample, find_worst
 from ciir.models import catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.benchmarks.stress.case import Case, Effort, Found
     from ciir.benchmarks.stress.networks.shipped import Values
 
 SIDE = 48
@@ -25,34 +24,28 @@ RINGING = 1.05**50
 """How many times as large the total variation may become, 11.5: 5 % a round, 50 times over. A round sharpens a little,
 since networks learn to undo a coarser sampling than the mean of 2x2; what is sharpened is sharpened again."""
 DRIFT_KNOWN = {"paper": 40.0}
-"""The paper's network does drift. It ships for comparison."""
+"""The paper's network drifts. It ships for comparison."""
 
 
 def rounds(effort: Effort) -> Iterator[Found]:
     """Pictures upscaled and averaged down again and again: their mean level and total variation."""
-    names = list(made.pictures(SIDE))
-    first = np.stack(list(made.pictures(SIDE).values()))
+    given = patterns.make_pictures(SIDE)
+    first = np.stack(list(given.values()))
+    count = 10 if effort.quick else ROUNDS
     for name in effort.models:
         model, images = catalogue.load_upscaler(name), first
         drift, ringing = [], []
-        for _ in range(10 if effort.quick else ROUNDS):
-            images = box(model(images))
+        for _ in range(count):
+            images = downsample(model(images))
             drift.append(np.abs(images.mean(axis=(1, 2, 3)) - first.mean(axis=(1, 2, 3))) / LEVEL)
-            ringing.append(variation(images) / variation(first))
-        measured, where = worst(np.max(drift, axis=0), names)
-        yield Found(
-            f"{name}: drift of the mean over {len(drift)} rounds, levels", DRIFT_KNOWN.get(name, DRIFT), measured, where
-        )
-        measured, where = worst(np.max(ringing, axis=0), names)
-        yield Found(
-            f"{name}: growth of total variation over {len(drift)} rounds",
-            RINGING,
-            measured,
-            where,
-        )
+            ringing.append(compute_variation(images) / compute_variation(first))
+        bound, what = DRIFT_KNOWN.get(name, DRIFT), f"{name}: drift of the mean over {count} rounds, levels"
+        yield find_worst(what, bound, np.max(drift, axis=0), list(given))
+        what = f"{name}: growth of total variation over {count} rounds"
+        yield find_worst(what, RINGING, np.max(ringing, axis=0), list(given))
 
 
-def variation(images: Values) -> Values:
+def compute_variation(images: Values) -> Values:
     """Mean absolute difference of neighbours, down and across, of each picture: `(N, C, H, W)` -> `(N,)`."""
     sums = [np.abs(np.diff(images, axis=axis)).mean(axis=(1, 2, 3)) for axis in (2, 3)]
     return np.asarray(sums[0] + sums[1])

@@ -1,11 +1,13 @@
-"""The shipped networks as cases want them: with onnxruntime and nothing around it, and with a look inside."""
+"""The shipped networks in onnxruntime alone, in the ONNX reference, and with inner tensors as outputs; measures."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.models import cards, catalogue
 from ciir.models.sessions import count_available_cores, open_session
 
@@ -24,71 +26,68 @@ LEVEL = np.float32(1 / 255)
 UNSEEN = 0.5 / 65535
 """Half a level of 16 bits: two results that differ by less come out as neighbours in any file that we write."""
 
-TOGETHER = 32
+BATCH = 32
 """Pictures in one run."""
 
 
-def weights(name: str) -> bytes:
+def read_weights(name: str) -> bytes:
     """The network's `.onnx`."""
     return (catalogue.SHIPPED / f"{name}.onnx").read_bytes()
 
 
-def card(name: str) -> cards.Card:
+def read_card(name: str) -> cards.Card:
     """The network's card."""
     return cards.read_card(catalogue.SHIPPED / f"{name}.json")
 
 
 def is_int8(name: str) -> bool:
     """Whether the network's convolutions run in 8 bits."""
-    return card(name).precision == "int8"
+    return read_card(name).precision == "int8"
 
 
-def floats(effort: Effort) -> Iterator[str]:
+def list_float_networks(effort: Effort) -> Iterator[str]:
     """The networks that compute in float32."""
     return (name for name in effort.models if not is_int8(name))
 
 
-def twins(effort: Effort) -> Iterator[tuple[str, str]]:
+def list_int8_twins(effort: Effort) -> Iterator[tuple[str, str]]:
     """(float network, its int8 twin) of each int8 one."""
-    return ((card(name).float_twin, name) for name in effort.models if is_int8(name))
+    return ((read_card(name).float_twin, name) for name in effort.models if is_int8(name))
 
 
-def raw(name: str, *, threads: int | None = None) -> Callable[[Values], Values]:
-    """The network as onnxruntime runs it, `TOGETHER` pictures at a time: no check, padding, tiles, or clipping."""
-    session = open_session(weights(name), threads or count_available_cores())
+def load_network(name: str, *, threads: int | None = None) -> Callable[[Values], Values]:
+    """The network as onnxruntime runs it, `BATCH` pictures at a time: no check, padding, tiles, or clipping."""
+    session = open_session(read_weights(name), threads or count_available_cores())
 
     def run(images: Values) -> Values:
-        outputs = [session.run(None, {"image": part})[0] for part in parts(images)]
+        outputs = [session.run(None, {"image": part})[0] for part in split_batch(images)]
         return np.concatenate(outputs)
 
     return run
 
 
-def torch_twin(name: str) -> Callable[[Values], Values]:
-    """The same graph in torch (`in_torch`), which must be there; on one core, as two wait for each other longer than
-    these small pictures take where other work runs beside.
-    """
-    import torch
+def load_reference(name: str) -> Callable[[Values], Values]:
+    """The network as the ONNX package's reference evaluator computes it, in numpy, node by node."""
+    import onnx
+    from onnx.reference import ReferenceEvaluator
 
-    from ciir.benchmarks.stress.networks import in_torch
-
-    network = in_torch.network(weights(name))
+    evaluator = ReferenceEvaluator(onnx.load_from_string(read_weights(name)))
 
     def run(images: Values) -> Values:
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            with torch.no_grad():
-                return np.concatenate([network(torch.from_numpy(part)).numpy() for part in parts(images)])
-        finally:
-            torch.set_num_threads(threads)
+        return np.concatenate([evaluator.run(None, {"image": part})[0] for part in split_batch(images)])
 
     return run
 
 
-def parts(images: Values) -> Iterator[Values]:
-    """`(N, C, H, W)`, `TOGETHER` pictures at a time, so that memory doesn't grow with their number."""
-    return (images[first : first + TOGETHER] for first in range(0, len(images), TOGETHER))
+def require_onnx(what: str) -> Iterator[Skipped]:
+    """A `Skipped` where the ONNX package is not installed; nothing where it is."""
+    if find_spec("onnx") is None:
+        yield Skipped(what, "needs onnx: pip install 'ciir[training]'")
+
+
+def split_batch(images: Values) -> Iterator[Values]:
+    """`(N, C, H, W)`, `BATCH` pictures at a time, so that memory doesn't grow with their number."""
+    return (images[first : first + BATCH] for first in range(0, len(images), BATCH))
 
 
 def rms(values: NDArray[np.floating]) -> Values:
@@ -101,26 +100,33 @@ def peak(values: NDArray[np.floating]) -> Values:
     return np.asarray(np.abs(values).max(axis=(1, 2, 3)), np.float32)
 
 
-def box(images: Values) -> Values:
+def downsample(images: Values) -> Values:
     """`(N, C, 2H, 2W)` -> `(N, C, H, W)`, the mean of each 2x2: what a lens cell twice as large sees."""
     count, channels, height, width = images.shape
     return np.asarray(images.reshape(count, channels, height // 2, 2, width // 2, 2).mean(axis=(3, 5)))
 
 
-def worst(values: Values, names: Sequence[str]) -> tuple[float, str]:
-    """The largest of `(N,)`, or the first NaN, and the name of its input."""
+def find_worst(what: str, bound: float, values: Values, names: Sequence[str]) -> Found:
+    """The largest of `values` `(N,)`, or the first NaN, with the name of its input."""
     index = int(np.argmax(values))  # NaN counts as the largest
-    return float(values[index]), names[index]
+    return Found(what, bound, float(values[index]), names[index])
 
 
-def nodes(network: bytes) -> list[NodeProto]:
+def bound_difference(what: str, name: str, difference: Values, names: Sequence[str], *, int8_rms: float) -> Found:
+    """Differences `(N, C, H, W)` against `UNSEEN`, or, for an int8 network, their RMS against `int8_rms` levels."""
+    if is_int8(name):
+        return find_worst(f"{name}: {what}, RMS, levels", int8_rms, rms(difference) / LEVEL, names)
+    return find_worst(f"{name}: {what}, worst value", UNSEEN, peak(difference), names)
+
+
+def list_nodes(network: bytes) -> list[NodeProto]:
     """The graph's nodes, in order."""
     import onnx
 
     return list(onnx.load_from_string(network).graph.node)
 
 
-def looking_inside(network: bytes, names: Sequence[str]) -> Callable[[Values], dict[str, NDArray[np.generic]]]:
+def expose_tensors(network: bytes, names: Sequence[str]) -> Callable[[Values], dict[str, NDArray[np.generic]]]:
     """The network with the tensors `names` as outputs beside its own."""
     import onnx
 
