@@ -1,4 +1,4 @@
-"""What a stress case is: a function that measures numbers, each held against a bound."""
+"""Stress cases: functions that measure numbers, each with a bound."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Found:
-    """One number that was bounded, and what it came to. It holds where `measured <= bound`; NaN never does."""
+    """One measured number and its bound, which holds where `measured <= bound`; NaN never holds."""
 
     what: str
-    """What was bounded, in words, with its unit: `fast against fast-int8, worst pixel of noise, levels of 8 bits`."""
+    """The quantity with its unit: `fast against fast-int8, worst pixel of noise, levels of 8 bits`."""
     bound: float
     measured: float
     where: str = ""
-    """The input that came closest to the bound, where that helps: `1x37, checkerboard`."""
+    """The input that came closest to the bound: `1x37, checkerboard`."""
 
     @property
     def holds(self) -> bool:
         """Whether the bound holds."""
-        return bool(self.measured <= self.bound)  # NaN is not; numpy's own truth is no JSON
+        return bool(self.measured <= self.bound)  # NaN does not; and numpy's bool is not JSON's
 
 
 @dataclass(frozen=True)
 class Skipped:
-    """Something that could not be measured here, and why, with the remedy."""
+    """A quantity that could not be measured here, and why, with the remedy."""
 
     what: str
     why: str
@@ -39,16 +39,16 @@ class Effort:
     """How much is tried."""
 
     models: tuple[str, ...]
-    """The catalogue's networks that are stressed; those that this machine's processor can't run are left out."""
+    """The networks to stress; all of them run on this processor."""
     quick: bool = False
-    """A few sizes and rounds in place of all: for the smoke test, seconds in all."""
+    """A few sizes and rounds in place of all, for the smoke test."""
 
 
 class Case(Protocol):
-    """A function of this shape; its name and the first line of its docstring are what the report calls it."""
+    """A function that measures; its name and the first line of its docstring are its report's title."""
 
     __name__: str
 
     def __call__(self, effort: Effort) -> Iterator[Found | Skipped]:
-        """Measures; deterministic, but for what timing of threads may change. Yields as soon as it knows."""
+        """Yields each result when it is measured; deterministic, apart from the timing of threads."""
         ...

@@ -1,4 +1,4 @@
-"""All cases, one after the other: what was bounded, the bound, what was measured, and whether it holds."""
+"""Runs the stress cases and reports each bound, what was measured, and whether the bound holds."""
 
 from __future__ import annotations
 
@@ -30,42 +30,37 @@ GROUPS = {
     "geometry": "ciir.benchmarks.stress.geometry.views",
     "training": "ciir.benchmarks.stress.training",
 }
-"""Name -> the module whose `CASES` belong to it; imported when its turn comes."""
+"""Name -> the module whose `CASES` belong to it; imported when the group runs."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one case found, or why it found nothing."""
+    """One result of a case."""
 
     group: str
     case: str
     result: Found | Skipped
     seconds: float
-    """Since the case's last result, or its begin."""
+    """Since the case's last result or its start."""
     failure: str = ""
     """The exception that ended the case, in one line; empty where there was none."""
-
-    @property
-    def broken(self) -> bool:
-        """Whether a bound did not hold, or the case could not be ended."""
-        return isinstance(self.result, Found) and not self.result.holds
 
     @property
     def state(self) -> str:
         """`ok`, `BROKEN` or `skipped`."""
         if isinstance(self.result, Skipped):
             return "skipped"
-        return "BROKEN" if self.broken else "ok"
+        return "ok" if self.result.holds else "BROKEN"
 
-    def line(self) -> str:
-        """For people."""
+    def format_line(self) -> str:
+        """One line of the report."""
         if isinstance(self.result, Skipped):
             return f"skipped  {self.result.what}: {self.result.why}"
         bound, measured, where = f"{self.result.bound:.4g}", f"{self.result.measured:.4g}", self.result.where
         return f"{self.state:7s}  {self.result.what:72s} {bound:>10s} {measured:>10s}  {self.failure or where}".rstrip()
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN and no infinity: `bound` or `measured` is then null, and `_word` says which."""
+        """For JSON, which has no NaN or infinity: `bound` or `measured` is then null, with `_word` beside it."""
         plain: dict[str, Any] = {"group": self.group, "case": self.case, "what": self.result.what, "state": self.state}
         if isinstance(self.result, Skipped):
             return plain | {"why": self.result.why, "seconds": round(self.seconds, 3)}
@@ -80,7 +75,7 @@ class Outcome:
         }
 
 
-def chosen_groups(names: Sequence[str]) -> tuple[str, ...]:
+def select_groups(names: Sequence[str]) -> tuple[str, ...]:
     """The groups to run, in the order of `GROUPS`; all where `names` is empty. Raises `InvalidOption` for others."""
     for name in names:
         if name not in GROUPS:
@@ -88,12 +83,12 @@ def chosen_groups(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in GROUPS if not names or name in names)
 
 
-def chosen_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
-    """The networks to stress, all where `names` is empty, and those that this processor can't run.
+def select_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
+    """The networks to stress, all where `names` is empty, and those that this processor cannot run.
 
-    Those that take single pictures: what light-field networks do with odd windows, `benchmarks.light_fields` shows.
+    Only networks for single pictures; `benchmarks.light_fields` measures light-field networks on unusual windows.
 
-    Raises `InvalidOption` where a name is no network's.
+    Raises `InvalidOption` for other names.
     """
     singles = catalogue.list_single_image_names()
     networks = {
@@ -102,24 +97,24 @@ def chosen_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]
     for name in names:
         if name not in networks:
             raise InvalidOption(f"--model: no network {name[:40]!r} here; give some of {', '.join(networks)}")
-    asked = [entry for name, entry in networks.items() if not names or name in names]
+    selected = [entry for name, entry in networks.items() if not names or name in names]
     unsuited = [
         Skipped(entry.name, f"{entry.unsupported_reason}; another machine is needed")
-        for entry in asked
+        for entry in selected
         if entry.unsupported_reason
     ]
-    return tuple(entry.name for entry in asked if not entry.unsupported_reason), unsuited
+    return tuple(entry.name for entry in selected if not entry.unsupported_reason), unsuited
 
 
-def run(groups: Sequence[str], effort: Effort) -> Iterator[Outcome]:
-    """The outcomes of all cases of `groups`, as they come. An exception ends its case and counts as broken."""
+def run_cases(groups: Sequence[str], effort: Effort) -> Iterator[Outcome]:
+    """The outcomes of all cases of `groups`. An exception ends its case and counts as broken."""
     for group in groups:
         for case in importlib.import_module(GROUPS[group]).CASES:
-            yield from outcomes(group, case, effort)
+            yield from run_case(group, case, effort)
 
 
-def outcomes(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
-    """What one case finds."""
+def run_case(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
+    """The outcomes of one case."""
     begun = time.perf_counter()
     results = case(effort)
     while True:
@@ -128,9 +123,9 @@ def outcomes(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
             result = next(results)
         except StopIteration:
             return
-        except Exception as error:  # noqa: BLE001 - it is reported as broken, and the other cases go on
+        except Exception as error:  # noqa: BLE001 - reported as broken; the other cases still run
             failure = join_lines(f"{type(error).__name__}: {error}")
-            result = Found(f"{case.__name__} was ended by an exception", 0, math.nan)
+            result = Found(f"{case.__name__} raised an exception", 0, math.nan)
         ended = time.perf_counter()
         yield Outcome(group, case.__name__, result, ended - begun, failure)
         begun = ended
@@ -139,21 +134,21 @@ def outcomes(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
 
 
 def stress(
-    groups: Sequence[str], effort: Effort, *, say: Callable[[str], object], skipped: Sequence[Skipped] = ()
+    groups: Sequence[str], effort: Effort, *, write: Callable[[str], object], skipped: Sequence[Skipped] = ()
 ) -> dict[str, Any]:
-    """Runs `groups` and tells each line to `say`; returns all of it, ready for JSON. `skipped`: known before."""
+    """Runs `groups`, passes each line to `write`, and returns the results for JSON. `skipped` are reported first."""
     begun = time.perf_counter()
-    say(f"{'':7s}  {'what was bounded':72s} {'bound':>10s} {'measured':>10s}  where")
+    write(f"{'':7s}  {'what was bounded':72s} {'bound':>10s} {'measured':>10s}  where")
     found = [Outcome("", "", result, 0.0) for result in skipped]
     for outcome in found:
-        say(outcome.line())
-    for outcome in run(groups, effort):
+        write(outcome.format_line())
+    for outcome in run_cases(groups, effort):
         found.append(outcome)
-        say(outcome.line())
+        write(outcome.format_line())
     states = [outcome.state for outcome in found]
     seconds = time.perf_counter() - begun
     counts = {state: states.count(state) for state in ("ok", "BROKEN", "skipped")}
-    say(f"{counts['ok']} hold, {counts['BROKEN']} broken, {counts['skipped']} skipped, in {seconds:.0f} s")
+    write(f"{counts['ok']} hold, {counts['BROKEN']} broken, {counts['skipped']} skipped, in {seconds:.0f} s")
     return {
         "broken": counts["BROKEN"],
         "quick": effort.quick,

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
 DESIGNS = {"fast": "fast", "quality": "quality", "paper": "paper", "gan": "gan", "paper's adversary": "paper-vgg"}
-"""What is trained -> its recipe, of which network, losses, clipping and precision are taken."""
+"""Name -> the recipe that gives network, losses, clipping and precision."""
 RATES = (1e-4, 1e-3, 1e-2)
 REFUSED = ("paper's adversary", 1e-2)
-"""MSE squares what Adam's steps of 1e-2 in sixteen layers come to: it diverges with clipping and without, and must be
-refused for that. No recipe goes on like this: the paper's step size is a hundredth."""
+"""MSE diverges at steps of 1e-2, with clipping and without, and the run must end with an error. The paper's step size
+is a hundredth of this."""
 UPDATES, QUICK_UPDATES = 200, 10
 CROP, BATCH = 24, 2
 LARGEST = math.sqrt(3.4028e38)
@@ -70,7 +70,7 @@ def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
 
 @contextmanager
 def _crops(recipe: Recipe) -> Iterator[Crops]:
-    """What the recipe draws from four generated pictures: smooth, rough, and cut by edges."""
+    """Crops of four generated pictures: smooth, rough, and cut by edges."""
     from ciir.training.data.crops import Crops
 
     with tempfile.TemporaryDirectory() as folder:
@@ -93,7 +93,7 @@ def _crops(recipe: Recipe) -> Iterator[Crops]:
 
 
 class Updated(NamedTuple):
-    """What one update came to."""
+    """The result of one update."""
 
     loss: float
     gradient: list[Tensor]
@@ -101,12 +101,12 @@ class Updated(NamedTuple):
 
     @property
     def norm(self) -> float:
-        """The gradient's norm; in float64, so that a large one is told from an infinite one."""
+        """The gradient's norm; in float64, where large ones stay finite."""
         return math.sqrt(sum(float(part.double().square().sum()) for part in self.gradient))
 
 
 def _update(run: Run, low: Tensor, high: Tensor) -> Updated:
-    """One update of `run`, and its gradient as it was before it was clipped."""
+    """One update of `run`, and its gradient before clipping."""
     gradient: list[Tensor] = []
 
     def keep(weight: Tensor) -> None:
@@ -146,7 +146,7 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
             what = f"{design} at {rate:g}, {updates} updates"
             if (design, rate) == REFUSED:
                 is_silent = not max(loss, norm) <= LARGEST and "lower learning_rate" not in where
-                yield Found(f"{what}: diverged without a word", 0.0, float(is_silent), where)
+                yield Found(f"{what}: diverged without an error", 0.0, float(is_silent), where)
                 continue
             yield Found(f"{what}: largest loss", LARGEST, loss, where)
             yield Found(f"{what}: largest gradient norm", LARGEST, norm, where)
@@ -184,7 +184,7 @@ def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a cas
     recipe = _recipe("gan")
     with _crops(recipe) as crops:
         low, high = crops.make_batch(0)
-    far = torch.full_like(high, 1e16)  # its loss is still a number, the square of its gradient's norm is not
+    far = torch.full_like(high, 1e16)  # its loss is finite, the square of its gradient's norm is not
     run = Run(replace(recipe, loss="mse"))
     yield Found(
         "an infinite gradient, let through", 0.0, _let_through(run, 1e12 * low, far, "the gradient's norm is inf")
@@ -212,12 +212,12 @@ def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a cas
     yield Found("NaN in a checkpoint's weight, saved", 0.0, saved)
 
 
-def _let_through(run: Run, low: Tensor, high: Tensor, words: str = "the loss is nan") -> float:
-    """0 where the update is refused in one line that names the step and says `words`; 1 otherwise."""
+def _let_through(run: Run, low: Tensor, high: Tensor, text: str = "the loss is nan") -> float:
+    """0 where the update is refused in one line that names the step and contains `text`; 1 otherwise."""
     try:
         run.update(low, high)
     except FloatingPointError as error:
-        return float(f"step 0: {words}" not in str(error) or "\n" in str(error))
+        return float(f"step 0: {text}" not in str(error) or "\n" in str(error))
     return 1.0
 
 

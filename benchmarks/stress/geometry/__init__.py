@@ -1,1 +1,1 @@
-"""TODO"""
+"""Stress cases of geometry: pixel mapping and both rendering backends."""

@@ -1,4 +1,4 @@
-"""How far pictures are from what rays see: in colour away from edges, and in place at them."""
+"""Compares rendered pictures with ray casting: colours away from edges, and the position of edges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
-from ciir.benchmarks.stress.geometry.rays import by_embree, slowly
+from ciir.benchmarks.stress.geometry.rays import build_embree_sight, build_slow_sight
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import open_backend
 
@@ -40,7 +40,7 @@ _RADII = [2.0**-k for k in range(10, -1, -1)]
 
 @dataclass(frozen=True)
 class Agreement:
-    """What comparing a picture with rays came to."""
+    """The result of comparing a picture with rays."""
 
     worst: float
     """The largest difference where the rays about a sample agree, levels of 8 bits."""
@@ -55,8 +55,8 @@ class Agreement:
     covered: int
     """Pixels that show the object."""
 
-    def found(self, what: str) -> Iterator[Found]:
-        """The three numbers of raster, with their bounds."""
+    def list_bounds(self, what: str) -> Iterator[Found]:
+        """The three numbers of the raster backend, with their bounds."""
         yield Found(f"{what}: worst colour away from edges, levels", RASTER_LEVELS, self.worst, self.at)
         expected = SNAP * self.edges  # an edge that moves by SNAP sweeps over as many samples as it is long times that
         most = expected + 4 * np.sqrt(expected) + 1
@@ -65,8 +65,8 @@ class Agreement:
         yield Found(f"{what}: silhouette from its place, pixels", BAND, self.silhouette)
 
 
-def backends(what: str) -> Iterator[Backend | Skipped]:
-    """Rays, then raster, or why it can't run here."""
+def open_backends(what: str) -> Iterator[Backend | Skipped]:
+    """Ray casting, then raster, or why that cannot run here."""
     yield open_backend("raytrace")[0]
     try:
         yield open_backend("raster")[0]
@@ -74,10 +74,12 @@ def backends(what: str) -> Iterator[Backend | Skipped]:
         yield Skipped(f"{what}: raster", str(error))
 
 
-def held(what: str, placed: Scene, array: LensArray, views: Sequence[View], *, slow: int) -> Iterator[Found | Skipped]:
+def compare_backends(
+    what: str, placed: Scene, array: LensArray, views: Sequence[View], *, slow: int
+) -> Iterator[Found | Skipped]:
     """Rays against `slow` rays of each view in float64, and raster against both."""
-    reference = slowly(placed)
-    for backend in backends(what):
+    reference = build_slow_sight(placed)
+    for backend in open_backends(what):
         if isinstance(backend, Skipped):
             yield backend
             continue
@@ -87,21 +89,23 @@ def held(what: str, placed: Scene, array: LensArray, views: Sequence[View], *, s
         exact = compare(pictures, views, array, reference, allowed=allowed, band=band, some=slow)
         yield Found(f"{what}: {backend.name} against float64, worst colour, levels", allowed, exact.worst, exact.at)
         if is_raster:
-            yield from compare(pictures, views, array, by_embree(placed)).found(f"{what}: raster against rays")
+            yield from compare(pictures, views, array, build_embree_sight(placed)).list_bounds(
+                f"{what}: raster against rays"
+            )
 
 
-def origins(array: LensArray, row: NDArray[np.intp], col: NDArray[np.intp]) -> Values:
-    """Where the samples of these pixels `(n,)` lie, `(n, 3)`, in the array's plane."""
+def locate_samples(array: LensArray, row: NDArray[np.intp], col: NDArray[np.intp]) -> Values:
+    """The positions of the samples of these pixels `(n,)` , `(n, 3)`, in the array's plane."""
     return np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
 
 
-def direction(array: LensArray, view: View) -> Values:
+def compute_direction(array: LensArray, view: View) -> Values:
     """The direction that all rays of the view have, `(3,)`."""
     return np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
 
 
-def around(sight: Sight, start: Values, along: Values, radius: float, rays: int) -> Values:
-    """What `rays` rays at `radius` scene units about each of `start` `(n, 3)` see: `(n, rays, 4)`."""
+def cast_ring(sight: Sight, start: Values, along: Values, radius: float, rays: int) -> Values:
+    """The colours of `rays` rays at `radius` scene units about each of `start` `(n, 3)`: `(n, rays, 4)`."""
     angle = np.arange(rays) * (2 * np.pi / rays)
     ring = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(rays)], axis=1)
     return sight((start[:, None] + ring).reshape(-1, 3), along).reshape(len(start), rays, 4)
@@ -117,25 +121,25 @@ def compare(
     band: float = BAND,
     some: int = 0,
 ) -> Agreement:
-    """`pictures` `(rows, cols, 4)`, one for each of `views`, against what `sight` sees along the same rays.
+    """`pictures` `(rows, cols, 4)`, one for each of `views`, against the colours of `sight` along the same rays.
 
-    A pixel that differs by more than `allowed` levels is at an edge where rays within `band` pixels of its sample don't
-    agree within `STEP` levels. `some`: so many pixels of each view, drawn at random, in place of all.
+    A pixel that differs by more than `allowed` levels is at an edge where rays within `band` pixels of its sample
+    differ by more than `STEP` levels. `some`: how many pixels of each view to draw at random; 0: all.
     """
     worst, at, moved, edges, silhouette, covered = 0.0, "", 0, 0, 0.0, 0
     random = np.random.default_rng(0)
     for view, picture in zip(views, pictures, strict=True):
-        along = direction(array, view)
+        along = compute_direction(array, view)
         every = np.arange(array.rows * array.cols)
         index = random.choice(every, some, replace=False) if some else every
         row, col = np.divmod(index, array.cols)
-        start = origins(array, row, col)
+        start = locate_samples(array, row, col)
         seen, drawn = sight(start, along), picture[row, col].astype(np.float64)
         difference = np.abs(drawn - seen).max(axis=1)
         off = np.flatnonzero(difference > allowed)
         is_edge = np.zeros(len(index), bool)
         if len(off):
-            ring = around(sight, start[off], along, band * array.pitch, 8)
+            ring = cast_ring(sight, start[off], along, band * array.pitch, 8)
             is_edge[off] = (np.abs(ring - seen[off, None]) > STEP).any(axis=(1, 2))
         inside = np.where(is_edge, 0.0, difference)
         if inside.max() > worst:
@@ -144,22 +148,22 @@ def compare(
         moved += int(is_edge.sum())
         covered += int((seen[:, 3] > 0).sum())
         if not some:
-            edges += _neighbours(seen.reshape(array.rows, array.cols, 4), allowed)
+            edges += _count_differing_neighbours(seen.reshape(array.rows, array.cols, 4), allowed)
         cut = is_edge & ((drawn[:, 3] > 0) != (seen[:, 3] > 0))
         if cut.any():
-            silhouette = max(silhouette, _distance(sight, start[cut], along, drawn[cut, 3] > 0, array.pitch))
+            silhouette = max(silhouette, _find_edge_distance(sight, start[cut], along, drawn[cut, 3] > 0, array.pitch))
     return Agreement(worst, at, moved, edges, silhouette, covered)
 
 
-def _neighbours(seen: Values, allowed: float) -> int:
+def _count_differing_neighbours(seen: Values, allowed: float) -> int:
     """Pairs of neighbours in `(rows, cols, 4)` that differ by more than `allowed`."""
     return sum(int((np.abs(np.diff(seen, axis=axis)).max(axis=2) > allowed).sum()) for axis in (0, 1))
 
 
-def _distance(sight: Sight, start: Values, along: Values, covered: NDArray[np.bool_], pitch: float) -> float:
+def _find_edge_distance(sight: Sight, start: Values, along: Values, covered: NDArray[np.bool_], pitch: float) -> float:
     """The largest of the distances to the nearest ray that the object covers or not, as `covered` `(n,)`; pixels."""
     for radius in _RADII:
-        ring = around(sight, start, along, radius * pitch, 32)
+        ring = cast_ring(sight, start, along, radius * pitch, 32)
         left = ~((ring[..., 3] > 0) == covered[:, None]).any(axis=1)
         if not left.any():
             return radius

@@ -1,4 +1,4 @@
-"""An elemental image array to views and back, in memory and by way of files: bit for bit."""
+"""Elemental image arrays to views and back, in memory and through files, bit for bit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PICKUPS: tuple[Pickup, ...] = ("virtual", "optical")
 
 
 def pixel_mapping(effort: Effort) -> Iterator[Found | Skipped]:
-    """Elemental image arrays of each depth and number of channels to views and back, by PNG, TIFF and views' files."""
+    """Elemental image arrays of each depth and number of channels to views and back: PNG, TIFF, a PNG for each view."""
     random = np.random.default_rng(0)
     for depth in DEPTHS:
         lost = dict.fromkeys(("in memory", "by PNG", "by TIFF", "by files of views"), (0, ""))
@@ -37,26 +37,31 @@ def pixel_mapping(effort: Effort) -> Iterator[Found | Skipped]:
             eia = cast("Pixels", random.integers(0, np.iinfo(depth).max + 1, shape, dtype=depth))
             field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=pickup)
             back = field.eia(pickup=pickup)
-            came = back, _through(back, ".png"), _through(back, ".tif"), _as_files(field).eia(pickup=pickup)
+            returned = (
+                back,
+                _encode_and_decode(back, ".png"),
+                _encode_and_decode(back, ".tif"),
+                _write_and_read_views(field).eia(pickup=pickup),
+            )
             where = f"{channels} channels, {rows}x{cols} lenses of {pixels_v}x{pixels_u} pixels, {pickup}"
-            for way, picture in zip(lost, came, strict=True):
-                lost[way] = max(lost[way], (_differ(picture, eia), where))
+            for way, picture in zip(lost, returned, strict=True):
+                lost[way] = max(lost[way], (_count_differences(picture, eia), where))
         for way, (values, where) in lost.items():
             what = f"{8 * np.dtype(depth).itemsize} bit, to views and back {way}: values that differ"
             yield Found(what, 0.0, float(values), where if values else "")
 
 
-def _differ(one: Pixels, other: Pixels) -> int:
-    """Values that are not the same; all where shape or depth are not."""
+def _count_differences(one: Pixels, other: Pixels) -> int:
+    """The number of values that differ; all where shape or depth differ."""
     return int((one != other).sum()) if one.shape == other.shape and one.dtype == other.dtype else other.size
 
 
-def _through(picture: Pixels, suffix: str) -> Pixels:
+def _encode_and_decode(picture: Pixels, suffix: str) -> Pixels:
     return pictures.decode(encode(picture, suffix), name=f"picture{suffix}")
 
 
-def _as_files(field: LightField) -> LightField:
-    """The light field as it comes back from one PNG for each view."""
+def _write_and_read_views(field: LightField) -> LightField:
+    """The light field written as a PNG for each view and read again."""
     pixels_v, pixels_u = field.views.shape[:2]
     files = {
         f"view_{v:02d}_{u:02d}.png": encode(field.views[v, u], ".png") for v in range(pixels_v) for u in range(pixels_u)

@@ -1,4 +1,4 @@
-"""What a ray sees, in float64 and without a tree: the reference that both rendering backends are held against."""
+"""Ray casting in float64, without an acceleration structure: the reference for both rendering backends."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA in levels of 8 bits, `(n, 4)`; 0 for nothing."""
 
 _ON_AN_EDGE = 1e-12
-"""How far outside a triangle a ray still meets it, as a share of it: or float64 would leak at shared edges."""
+"""How far outside a triangle a ray still meets it, as a share of its size: otherwise rays pass between triangles."""
 
 
-def slowly(scene: Scene) -> Sight:
-    """Tries every triangle whose box across the ray holds it (Moeller and Trumbore, J. Graphics Tools 2(1), 1997)."""
+def build_slow_sight(scene: Scene) -> Sight:
+    """Tests every triangle whose bounding box contains the ray (Moeller and Trumbore, J. Graphics Tools 2(1), 1997)."""
     corners = np.concatenate([part.vertices[part.faces] for part in scene.parts])  # (m, 3 corners, 3)
     part_of = np.repeat(np.arange(len(scene.parts)), [len(part.faces) for part in scene.parts])  # (m,)
     first = np.cumsum([0] + [len(part.faces) for part in scene.parts])
     slack = 1e-9 * float(np.abs(corners).max())
 
-    def colour(triangle: int, weights: Values) -> tuple[Values, bool]:
-        """RGBA in levels at these barycentric weights `(3,)`, and whether the surface is there at all."""
+    def find_colour(triangle: int, weights: Values) -> tuple[Values, bool]:
+        """RGBA in levels at these barycentric weights `(3,)`, and whether the surface is opaque there."""
         part = scene.parts[part_of[triangle]]
         face = part.faces[triangle - first[part_of[triangle]]]
         rgba = weights @ part.colors[face].astype(np.float64)
@@ -39,20 +39,20 @@ def slowly(scene: Scene) -> Sight:
             rgba = rgba * sample_texture(part.texture, (weights @ part.uv[face].astype(np.float64))[None])[0]
         return np.append(np.clip(rgba[:3], 0.0, 1.0), 1.0) * 255.0, bool(rgba[3] >= (part.alpha_cutoff or 0.0))
 
-    def look(origin: Values, direction: Values, tried: NDArray[np.intp]) -> Values:
+    def cast(origin: Values, direction: Values, tried: NDArray[np.intp]) -> Values:
         one, two = corners[tried, 1] - corners[tried, 0], corners[tried, 2] - corners[tried, 0]  # (k, 3)
         across = np.cross(direction, two)
         start = origin - corners[tried, 0]
         turned = np.cross(start, one)
         determinant = np.einsum("ki,ki->k", one, across)
-        with np.errstate(divide="ignore", invalid="ignore"):  # edge-on triangles, which no ray meets
+        with np.errstate(divide="ignore", invalid="ignore"):  # edge-on triangles
             u = np.einsum("ki,ki->k", start, across) / determinant
             v = turned @ direction / determinant
             distance = np.einsum("ki,ki->k", two, turned) / determinant
             met = (u >= -_ON_AN_EDGE) & (v >= -_ON_AN_EDGE) & (u + v <= 1 + _ON_AN_EDGE) & (distance > 0)
         hits = np.flatnonzero(met)
         for hit in hits[np.argsort(distance[hits], kind="stable")]:
-            rgba, is_there = colour(int(tried[hit]), np.array([1 - u[hit] - v[hit], u[hit], v[hit]]))
+            rgba, is_there = find_colour(int(tried[hit]), np.array([1 - u[hit] - v[hit], u[hit], v[hit]]))
             if is_there:
                 return rgba
         return np.zeros(4)
@@ -62,7 +62,7 @@ def slowly(scene: Scene) -> Sight:
         flat = corners @ plane.T  # (m, 3 corners, 2)
         low, high = flat.min(axis=1) - slack, flat.max(axis=1) + slack
         seen = [
-            look(origin, direction, np.flatnonzero(((low <= place) & (place <= high)).all(axis=1)))
+            cast(origin, direction, np.flatnonzero(((low <= place) & (place <= high)).all(axis=1)))
             for origin, place in zip(origins, origins @ plane.T, strict=True)
         ]
         return np.array(seen).reshape(-1, 4)
@@ -70,8 +70,8 @@ def slowly(scene: Scene) -> Sight:
     return sight
 
 
-def by_embree(scene: Scene) -> Sight:
-    """As `renderer.backends.embree` sees it, before rounding to 8 bits."""
+def build_embree_sight(scene: Scene) -> Sight:
+    """The colours of `renderer.backends.embree` before rounding to 8 bits."""
     from ciir.renderer.backends.embree import PreparedScene
 
     prepared = PreparedScene(scene)

@@ -20,53 +20,53 @@ RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _SQUARE = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
-def ramp(x: Values, y: Values, side: float) -> Values:
-    """A colour that is linear in the place, so that any triangulation must show it exactly: `(..., 3)` in [0, 1]."""
+def compute_ramp(x: Values, y: Values, side: float) -> Values:
+    """A colour that is linear in the position, so that any triangulation shows it exactly: `(..., 3)` in [0, 1]."""
     return np.stack(np.broadcast_arrays(x / side + 0.5, y / side + 0.5, 0.5), axis=-1)
 
 
-def opaque(colors: NDArray[np.floating], alpha: float = 1.0) -> NDArray[np.float32]:
+def add_alpha(colors: NDArray[np.floating], alpha: float = 1.0) -> NDArray[np.float32]:
     """RGB `(n, 3)` with this alpha: `(n, 4)`."""
     return np.concatenate([colors, np.full((len(colors), 1), alpha)], axis=1).astype(np.float32)
 
 
-def sheet(
+def make_sheet(
     distance: float, side: float, color: Sequence[float], *, slope: float = 0.0, cutoff: float | None = None
 ) -> Part:
-    """A square of one colour; it recedes by `slope` along x. With `cutoff` its alpha is half that: it is not there."""
+    """A square of one colour; it recedes by `slope` along x. With `cutoff` its alpha is half of it: cut away."""
     half = side / 2
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     vertices = np.column_stack([corners, -distance - slope * corners[:, 0]])
     return Part(
-        vertices, _SQUARE, opaque(np.tile(color, (4, 1)), 1.0 if cutoff is None else cutoff / 2), None, None, cutoff
+        vertices, _SQUARE, add_alpha(np.tile(color, (4, 1)), 1.0 if cutoff is None else cutoff / 2), None, None, cutoff
     )
 
 
-def speck(distance: float, at: float) -> Part:
+def make_speck(distance: float, at: float) -> Part:
     """A triangle out of sight, `at` units aside: it makes the scene reach to `distance`."""
     vertices = np.array([[at, at, -distance], [at + 1, at, -distance], [at, at + 1, -distance]])
-    return Part(vertices, np.array([[0, 1, 2]], np.int32), opaque(np.ones((3, 3))))
+    return Part(vertices, np.array([[0, 1, 2]], np.int32), add_alpha(np.ones((3, 3))))
 
 
-def needles(count: int, *, radius: float, distance: float) -> Scene:
-    """A disc of `count` triangles that meet in its middle, coloured by `ramp` over its diameter."""
+def make_needles(count: int, *, radius: float, distance: float) -> Scene:
+    """A disc of `count` triangles that meet in its middle, coloured by `compute_ramp` over its diameter."""
     turn = np.arange(count) * (2 * np.pi / count)
     rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(count, -distance)], axis=1)
     vertices = np.concatenate([[[0.0, 0.0, -distance]], rim])
     after = np.roll(np.arange(count), -1)
     faces = np.stack([np.zeros(count, np.int64), 1 + np.arange(count), 1 + after], axis=1).astype(np.int32)
-    return Scene((Part(vertices, faces, opaque(ramp(vertices[:, 0], vertices[:, 1], 2 * radius))),))
+    return Scene((Part(vertices, faces, add_alpha(compute_ramp(vertices[:, 0], vertices[:, 1], 2 * radius))),))
 
 
-def mosaic(count: int, *, side: float, distance: float) -> Scene:
-    """A flat square of `count x count` squares of two triangles each, coloured by `ramp`."""
+def make_mosaic(count: int, *, side: float, distance: float) -> Scene:
+    """A flat square of `count x count` squares of two triangles each, coloured by `compute_ramp`."""
     y, x = np.meshgrid(*2 * [np.linspace(-side / 2, side / 2, count + 1)], indexing="ij")
     vertices = np.stack([x, y, np.full_like(x, -distance)], axis=-1).reshape(-1, 3)
     faces = make_grid_faces(count + 1, count + 1).astype(np.int32)
-    return Scene((Part(vertices, faces, opaque(ramp(x, y, side).reshape(-1, 3))),))
+    return Scene((Part(vertices, faces, add_alpha(compute_ramp(x, y, side).reshape(-1, 3))),))
 
 
-def hills(triangles: int) -> Scene:
+def make_hills(triangles: int) -> Scene:
     """A rolling surface of about so many triangles, with colours that change slowly; 2 x 2 units, facing +z."""
     count = int(np.sqrt(triangles / 2)) + 1
     y, x = np.meshgrid(*2 * [np.linspace(-1, 1, count)], indexing="ij")
@@ -74,4 +74,4 @@ def hills(triangles: int) -> Scene:
     height = sample_noise(flat, frequency=3.0, octaves=3, seed=1)
     vertices = flat + np.stack([0 * height, 0 * height, 0.3 * height], axis=1)
     colors = np.stack([sample_noise(flat, frequency=2.0, seed=seed) for seed in (2, 3, 4)], axis=1)
-    return Scene((Part(vertices, make_grid_faces(count, count).astype(np.int32), opaque(0.5 + 0.4 * colors)),))
+    return Scene((Part(vertices, make_grid_faces(count, count).astype(np.int32), add_alpha(0.5 + 0.4 * colors)),))

@@ -1,4 +1,4 @@
-"""Surfaces that lie close behind one another, in one plane, or are none at all."""
+"""Surfaces close behind one another, surfaces in one plane, and degenerate triangles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.geometry import shapes
-from ciir.benchmarks.stress.geometry.agreement import backends
+from ciir.benchmarks.stress.geometry.agreement import open_backends
 from ciir.errors import InvalidGeometry
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SIDE = 20
 ARRAY = LensArray(SIDE, SIDE, 3, 3)
 STRAIGHT = LensArray(SIDE, SIDE, 3, 3, delta=1e-6)
-"""Whose rays stay in front of it over a million pitches."""
+"""An array whose rays stay in front of it over a million pitches."""
 VIEWS = ((0, 0), (1, 1))
 ORDERED = 2.0**-22
 """The gap between two surfaces that both backends order, as a share of the scene's depth: a depth buffer of 24 bits
@@ -37,7 +37,7 @@ PASSED = 8e-6
 `renderer.backends.embree.STEP`, which is 2e-6 of it."""
 
 
-def _wrong(backend: Backend, scene: Scene, array: LensArray, color: Sequence[float]) -> float:
+def _count_wrong_pixels(backend: Backend, scene: Scene, array: LensArray, color: Sequence[float]) -> float:
     """Pixels of the scene's views that are of another colour than `color`, RGB in [0, 1]."""
     rgba = np.append(255.0 * np.asarray(color), 255.0)
     return float(sum((picture != rgba).any(axis=2).sum() for picture in backend.render_views(scene, array, VIEWS)))
@@ -46,17 +46,17 @@ def _wrong(backend: Backend, scene: Scene, array: LensArray, color: Sequence[flo
 def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
     """A sheet just behind another, at the near plane, half way and at the far plane, from 1e-3 to 1e6 away."""
     ranges = [(1.0, 50.0), (1e-3, 1e6)] if effort.quick else [(1.0, 50.0), (1e-3, 50.0), (1.0, 1e6), (1e-3, 1e6)]
-    for backend in backends("depth order"):
+    for backend in open_backends("depth order"):
         if isinstance(backend, Skipped):
             yield backend
             continue
         for near, far in ranges:
             wrong, gap = 0.0, ORDERED * (far - near)
             for front in (near, (near + far) / 2, far - gap):
-                pair = [shapes.sheet(front, 60.0, shapes.RED), shapes.sheet(front + gap, 60.0, shapes.GREEN)]
-                ends = [shapes.speck(near, 1000.0), shapes.speck(far, 1000.0)]
+                pair = [shapes.make_sheet(front, 60.0, shapes.RED), shapes.make_sheet(front + gap, 60.0, shapes.GREEN)]
+                ends = [shapes.make_speck(near, 1000.0), shapes.make_speck(far, 1000.0)]
                 for order in (pair, pair[::-1]):
-                    wrong += _wrong(backend, Scene((*order, *ends)), STRAIGHT, shapes.RED)
+                    wrong += _count_wrong_pixels(backend, Scene((*order, *ends)), STRAIGHT, shapes.RED)
             yield Found(
                 f"{backend.name}: depth {near:g} to {far:g}, gap {gap:.3g}, pixels of the hidden sheet", 0.0, wrong
             )
@@ -65,7 +65,7 @@ def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
 def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
     """The same for perspective renders of one lens each, whose depth buffer tells less the farther a surface is."""
     array = LensArray(2, 2, SIDE, SIDE)
-    for backend in backends("depth order by lens"):
+    for backend in open_backends("depth order by lens"):
         if isinstance(backend, Skipped):
             yield backend
         if isinstance(backend, Skipped) or backend.name != "raster":
@@ -77,8 +77,8 @@ def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
                 # tells d * depth / near plane * 2^-24; the near plane is at half of `near` or more.
                 gap = 4 * front * (front + far - near) / (near / 2) * 2.0**-24
                 side = 2.0 * far
-                pair = [shapes.sheet(front, side, shapes.RED), shapes.sheet(front + gap, side, shapes.GREEN)]
-                ends = [shapes.speck(near, 10 * far), shapes.speck(far, 10 * far)]
+                pair = [shapes.make_sheet(front, side, shapes.RED), shapes.make_sheet(front + gap, side, shapes.GREEN)]
+                ends = [shapes.make_speck(near, 10 * far), shapes.make_speck(far, 10 * far)]
                 for order in (pair, pair[::-1]):
                     eia = backend.render_eia(Scene((*order, *ends)), array)
                     wrong += float((eia[..., :2] != (255, 0)).any(axis=2).sum())
@@ -87,9 +87,14 @@ def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
 
 def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
     """Two sheets in one plane, which show one or the other and the same each time; seams where samples lie."""
-    red, green = shapes.sheet(30.0, 60.0, shapes.RED, slope=0.3), shapes.sheet(30.0, 50.0, shapes.GREEN, slope=0.3)
-    mosaic = shapes.mosaic(SIDE * 2, side=2.0 * SIDE, distance=30.0)  # half a pitch each: corners on every other ray
-    for backend in backends("coplanar sheets"):
+    red, green = (
+        shapes.make_sheet(30.0, 60.0, shapes.RED, slope=0.3),
+        shapes.make_sheet(30.0, 50.0, shapes.GREEN, slope=0.3),
+    )
+    mosaic = shapes.make_mosaic(
+        SIDE * 2, side=2.0 * SIDE, distance=30.0
+    )  # half a pitch each: corners on every other ray
+    for backend in open_backends("coplanar sheets"):
         if isinstance(backend, Skipped):
             yield backend
             continue
@@ -105,29 +110,31 @@ def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a c
 
 def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
     """Up to 31 sheets that are cut away altogether, close behind one another, in front of one that is there."""
-    for backend in backends("cut-outs"):
+    for backend in open_backends("cut-outs"):
         if isinstance(backend, Skipped):
             yield backend
             continue
         for count in (31,) if effort.quick else (1, 8, 31):
             for slope in (0.0, 0.5):
                 gap = PASSED * 60.0
-                clear = [shapes.sheet(30 + gap * i, 60.0, shapes.RED, slope=slope, cutoff=0.5) for i in range(count)]
-                solid = shapes.sheet(30 + gap * count, 60.0, shapes.GREEN, slope=slope)
-                wrong = _wrong(backend, Scene((*clear, solid)), ARRAY, shapes.GREEN)
+                clear = [
+                    shapes.make_sheet(30 + gap * i, 60.0, shapes.RED, slope=slope, cutoff=0.5) for i in range(count)
+                ]
+                solid = shapes.make_sheet(30 + gap * count, 60.0, shapes.GREEN, slope=slope)
+                wrong = _count_wrong_pixels(backend, Scene((*clear, solid)), ARRAY, shapes.GREEN)
                 what = f"{backend.name}: {count} cut-outs {gap:.2g} apart, slope {slope:g}"
-                yield Found(f"{what}, pixels that don't show what is behind", 0.0, wrong)
+                yield Found(f"{what}, pixels that do not show the sheet behind", 0.0, wrong)
 
 
 def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
-    """Triangles without area change no bit of a picture; vertices that are no numbers are refused by name."""
-    ball = _ball(12 if effort.quick else 60)
+    """Triangles without area change no bit of a picture; vertices that are not numbers are refused."""
+    ball = make_ball(12 if effort.quick else 60)
     corners = len(ball.vertices)
     flat = np.array([[0, 0, 1], [2, 2, 2], [corners, corners + 1, corners + 2]])  # the last: three on a line
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]])
-    spoilt = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
-    clean, dirty = (assemble_scene([surface], name="ball") for surface in (ball, spoilt))
-    for backend in backends("triangles without area"):
+    extended = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
+    clean, dirty = (assemble_scene([surface], name="ball") for surface in (ball, extended))
+    for backend in open_backends("triangles without area"):
         if isinstance(backend, Skipped):
             yield backend
             continue
@@ -135,17 +142,17 @@ def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
             next(iter(backend.render_views(s.transform(frame_scene(s, ARRAY)), ARRAY, VIEWS))) for s in (clean, dirty)
         )
         yield Found(f"{backend.name}: triangles without area, values that differ", 0.0, float((one != other).sum()))
-    told = sum("6 of" in note and "zero area" in note for note in dirty.notes)
-    yield Found("triangles without area, not told of", 0.0, float(1 - told))
-    for value, word in ((np.nan, "NaN or infinite"), (np.inf, "NaN or infinite"), (-1e12, "a coordinate is 1e+12")):
+    noted = sum("6 of" in note and "zero area" in note for note in dirty.notes)
+    yield Found("triangles without area, without a note", 0.0, float(1 - noted))
+    for value, text in ((np.nan, "NaN or infinite"), (np.inf, "NaN or infinite"), (-1e12, "a coordinate is 1e+12")):
         vertices = ball.vertices.copy()
         vertices[ball.faces[3, 1], 2] = value
-        yield Found(f"a vertex at {value:g}, let through", 0.0, _let_through(vertices, ball.faces, word))
+        yield Found(f"a vertex at {value:g}, let through", 0.0, _let_through(vertices, ball.faces, text))
     none = _let_through(ball.vertices, np.repeat(ball.faces[:, :1], 3, axis=1), "zero area")
     yield Found("no triangle with an area, let through", 0.0, none)
 
 
-def _ball(rings: int) -> Surface:
+def make_ball(rings: int) -> Surface:
     """A unit sphere with its poles left open."""
     from ciir.renderer.scenes.modelling import revolve
 
@@ -154,12 +161,12 @@ def _ball(rings: int) -> Surface:
     return Surface(vertices, faces)
 
 
-def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], word: str) -> float:
-    """0 where the mesh is refused in one line that says `word`; 1 otherwise."""
+def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], text: str) -> float:
+    """0 where the mesh is refused in one line that contains `text`; 1 otherwise."""
     try:
         assemble_scene([Surface(vertices, faces)], name="broken")
     except InvalidGeometry as error:
-        return float(word not in str(error) or "\n" in str(error))
+        return float(text not in str(error) or "\n" in str(error))
     return 1.0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.geometry import pixel_mapping, shapes, surfaces
-from ciir.benchmarks.stress.geometry.agreement import backends, held
+from ciir.benchmarks.stress.geometry.agreement import compare_backends, open_backends
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
@@ -38,7 +38,7 @@ def _scales(effort: Effort) -> tuple[float, ...]:
     return (SCALES[0], SCALES[-1]) if effort.quick else SCALES
 
 
-def _changed(of: Scene, scale: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Scene:
+def _scale_and_move(of: Scene, scale: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Scene:
     """The scene scaled about the origin, then moved. Its light stays as it was."""
     matrix = np.diag([scale, scale, scale, 1.0])
     matrix[:3, 3] = offset
@@ -51,9 +51,9 @@ def framed(effort: Effort) -> Iterator[Found | Skipped]:
     for name, whole in _scenes(effort):
         for scale in _scales(effort):
             for offset in (0.0, AWAY):
-                mesh = _changed(whole, scale, (offset, -offset, offset))
+                mesh = _scale_and_move(whole, scale, (offset, -offset, offset))
                 placed = mesh.transform(frame_scene(mesh, ARRAY))
-                yield from held(f"{name} x{scale:g} moved {offset:g}", placed, ARRAY, views, slow=SLOW)
+                yield from compare_backends(f"{name} x{scale:g} moved {offset:g}", placed, ARRAY, views, slow=SLOW)
 
 
 def in_its_units(effort: Effort) -> Iterator[Found | Skipped]:
@@ -63,33 +63,35 @@ def in_its_units(effort: Effort) -> Iterator[Found | Skipped]:
         placed = whole.transform(frame_scene(whole, ARRAY))
         for scale in _scales(effort):
             array = replace(ARRAY, pitch=scale)
-            yield from held(f"{name}, pitch {scale:g}", _changed(placed, scale), array, views, slow=SLOW)
-        # As far as that a lens array sees an object in all its views where its tangents are as small.
+            yield from compare_backends(
+                f"{name}, pitch {scale:g}", _scale_and_move(placed, scale), array, views, slow=SLOW
+            )
+        # At that distance all views show the object only where the tangents are as small.
         array = replace(ARRAY, delta=ARRAY.delta * 20 / AWAY)
-        far = _changed(placed, 1.0, (0.0, 0.0, -AWAY))
-        yield from held(f"{name}, {AWAY:g} pitches away", far, array, views, slow=SLOW)
+        far = _scale_and_move(placed, 1.0, (0.0, 0.0, -AWAY))
+        yield from compare_backends(f"{name}, {AWAY:g} pitches away", far, array, views, slow=SLOW)
 
 
 def many_triangles(effort: Effort) -> Iterator[Found | Skipped]:
     """Rolling hills of up to two million triangles, up to 90 in each pixel."""
     for count in (20_000,) if effort.quick else (1_000_000, 2_000_000):
-        whole = shapes.hills(count)
+        whole = shapes.make_hills(count)
         array = replace(ARRAY, rows=150, cols=150)
         placed = whole.transform(frame_scene(whole, array))
-        yield from held(f"hills of {whole.triangles:,} triangles", placed, array, VIEWS[:1], slow=SLOW // 4)
+        yield from compare_backends(f"hills of {whole.triangles:,} triangles", placed, array, VIEWS[:1], slow=SLOW // 4)
 
 
 def slivers(effort: Effort) -> Iterator[Found | Skipped]:
-    """A disc of needles whose colour is linear in the place: up to a million, 160,000 times longer than wide."""
+    """A disc of needles whose colour is linear in the position: up to a million, 160,000 times longer than wide."""
     array = replace(ARRAY, rows=40, cols=40)
     x, y = np.meshgrid(array.lens_x(), array.lens_y())
-    truth = 255.0 * shapes.ramp(x, y, 60.0)
+    truth = 255.0 * shapes.compute_ramp(x, y, 60.0)
     for count in (1000,) if effort.quick else (1000, 100_000, 1_000_000):
-        disc = shapes.needles(count, radius=30.0, distance=20.0)
+        disc = shapes.make_needles(count, radius=30.0, distance=20.0)
         aspect = count / (2 * np.pi)
         # Rounding to 8 bits, and weights that are quotients by an area: as much worse in float32 as it is longer.
         bound = 0.5 + 127.5 * 2.0**-24 * max(aspect, 1000.0)
-        for backend in backends("needles"):
+        for backend in open_backends("needles"):
             if isinstance(backend, Skipped):
                 yield backend
                 continue

@@ -26,9 +26,9 @@ def run(args: argparse.Namespace) -> None:
     from ciir.benchmarks.stress import run as stress
     from ciir.benchmarks.stress.case import Effort
 
-    groups = stress.chosen_groups(args.only)
-    models, unsuited = stress.chosen_models(args.model)
-    found = stress.stress(groups, Effort(models, quick=args.quick), say=common.print_line, skipped=unsuited)
+    groups = stress.select_groups(args.only)
+    models, unsuited = stress.select_models(args.model)
+    found = stress.stress(groups, Effort(models, quick=args.quick), write=common.print_line, skipped=unsuited)
     if args.json is not None:
         with replacing(Path(args.json)) as file:
             file.write((json.dumps(found, indent=2, allow_nan=False) + "\n").encode())

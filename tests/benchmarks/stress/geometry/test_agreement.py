@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ciir.benchmarks.stress.geometry.agreement import BAND, compare, direction, origins
+from ciir.benchmarks.stress.geometry.agreement import BAND, compare, compute_direction, locate_samples
 from ciir.renderer.lens_array import LensArray
 
 ARRAY = LensArray(24, 30, 3, 5)
@@ -20,12 +20,14 @@ def disc(starts, along):
 def drawn(*, shift=0.0):
     """The disc as a renderer with its samples `shift` pixels to the right would draw it."""
     row, col = np.divmod(np.arange(ARRAY.rows * ARRAY.cols), ARRAY.cols)
-    starts = origins(ARRAY, row, col) + np.array([shift * ARRAY.pitch, 0, 0])
-    return np.rint(disc(starts, direction(ARRAY, VIEWS[0]))).astype(np.uint8).reshape(ARRAY.rows, ARRAY.cols, 4)
+    starts = locate_samples(ARRAY, row, col) + np.array([shift * ARRAY.pitch, 0, 0])
+    return np.rint(disc(starts, compute_direction(ARRAY, VIEWS[0]))).astype(np.uint8).reshape(ARRAY.rows, ARRAY.cols, 4)
 
 
 def broken(picture):
-    return [one.what.partition(": ")[2] for one in compare([picture], VIEWS, ARRAY, disc).found("it") if not one.holds]
+    return [
+        one.what.partition(": ")[2] for one in compare([picture], VIEWS, ARRAY, disc).list_bounds("it") if not one.holds
+    ]
 
 
 def test_what_is_right_holds():
@@ -57,7 +59,7 @@ def test_a_picture_out_of_place_is_noticed(shift):
 def test_an_outline_a_little_out_of_place_is_measured():
     array = LensArray(300, 300, 3, 5, pitch=0.1)
     row, col = np.divmod(np.arange(300 * 300), 300)
-    starts = origins(array, row, col)
+    starts = locate_samples(array, row, col)
 
     def look(shift):
         return np.rint(disc(starts + np.array([shift * array.pitch, 0, 0]), None)).astype(np.uint8).reshape(300, 300, 4)

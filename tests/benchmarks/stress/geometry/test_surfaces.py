@@ -31,14 +31,14 @@ def test_a_hidden_sheet_that_shows_is_noticed(monkeypatch):
 
 
 def test_seams_are_noticed(monkeypatch):
-    whole = surfaces.shapes.mosaic
+    whole = surfaces.shapes.make_mosaic
 
     def torn(*given, **named):
         (part,) = whole(*given, **named).parts
         part.faces[1640:1642] = part.faces[1642:1644]
         return surfaces.Scene((part,))
 
-    monkeypatch.setattr(surfaces.shapes, "mosaic", torn)
+    monkeypatch.setattr(surfaces.shapes, "make_mosaic", torn)
     assert any("holes" in what for what in broken(surfaces.coplanar))
 
 

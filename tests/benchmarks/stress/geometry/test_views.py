@@ -15,7 +15,7 @@ QUICK = Effort(models=(), quick=True)
 @pytest.fixture(autouse=True)
 def ball(monkeypatch):
     """A ball of 500 triangles in the scenes' place."""
-    monkeypatch.setattr(views, "load_scene", lambda name: assemble_scene([surfaces._ball(12)], name=name))
+    monkeypatch.setattr(views, "load_scene", lambda name: assemble_scene([surfaces.make_ball(12)], name=name))
     monkeypatch.setattr(views, "SLOW", 20)
 
 
@@ -30,7 +30,7 @@ def test_it_holds(case):
     assert any("raytrace" in one.what for one in found)
 
 
-def test_no_opengl_is_told(monkeypatch):
+def test_a_missing_opengl_is_reported(monkeypatch):
     def refused(name):
         if name == "raster":
             raise BackendUnavailable("raster: no display")
@@ -44,8 +44,8 @@ def test_no_opengl_is_told(monkeypatch):
 
 
 def test_a_picture_half_a_pixel_off_is_noticed(monkeypatch):
-    exact = agreement.origins
-    monkeypatch.setattr(agreement, "origins", lambda *given: exact(*given) + np.array([0.5, 0, 0]))
+    exact = agreement.locate_samples
+    monkeypatch.setattr(agreement, "locate_samples", lambda *given: exact(*given) + np.array([0.5, 0, 0]))
     assert any(not one.holds for one in ran(views.framed) if isinstance(one, Found))
 
 
@@ -53,7 +53,7 @@ def test_vertices_out_of_place_are_noticed(monkeypatch):
     from ciir.renderer.backends.embree import PreparedScene
 
     exact = PreparedScene._to_embree
-    vertices = len(assemble_scene([surfaces._ball(12)], name="ball").parts[0].vertices)
+    vertices = len(assemble_scene([surfaces.make_ball(12)], name="ball").parts[0].vertices)
 
     def rounded(self, points):
         placed = exact(self, points)
