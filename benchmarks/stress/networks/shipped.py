@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -74,7 +74,8 @@ def load_reference(name: str) -> Callable[[Values], Values]:
     evaluator = ReferenceEvaluator(onnx.load_from_string(read_weights(name)))
 
     def run(images: Values) -> Values:
-        return np.concatenate([evaluator.run(None, {"image": part})[0] for part in split_batch(images)])
+        outputs = (cast("list[Values]", evaluator.run(None, {"image": part})) for part in split_batch(images))
+        return np.concatenate([output for (output,) in outputs])
 
     return run
 
