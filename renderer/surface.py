@@ -22,7 +22,10 @@ MAX_COORDINATE = 1e9
 """Largest absolute coordinate, in the file's own units."""
 MAX_TEXTURE_COORDINATE = 1e4
 """Largest absolute texture coordinate: beyond it float32 no longer separates neighbouring pixels."""
-DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
+Color = tuple[float, float, float, float]
+"""RGBA, display-referred, [0, 1]."""
+WHITE: Color = (1.0, 1.0, 1.0, 1.0)
+DEFAULT_COLOR: Color = (0.8, 0.8, 0.8, 1.0)
 """Colour of surfaces without one, display-referred: a light grey that shows the shading."""
 _ZERO_AREA = 1e-12  # times the longest edge squared: a smaller area is a rounding error
 
@@ -37,8 +40,7 @@ class Surface:
     """`(m, 3)`."""
     normals: NDArray[np.float64] | None = None
     """`(n, 3)`, of any length; None to compute them."""
-    color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    """The material's RGBA, display-referred, [0, 1]."""
+    color: Color = WHITE
     colors: NDArray[np.float32] | None = None
     """Vertex colours `(n, 4)`, display-referred, [0, 1]; None for white."""
     uv: NDArray[np.float64] | None = None

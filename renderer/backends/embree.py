@@ -8,9 +8,8 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ciir.renderer.backends.interface import BLACK, Backend
+from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.textures import sample_texture
-from ciir.renderer.sampling import average_cells, check_samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -127,27 +126,17 @@ class RaytraceBackend(Backend):
 
     name = "raytrace"
 
-    def render_views(
-        self,
-        scene: Scene,
-        array: LensArray,
-        views: Sequence[View],
-        *,
-        samples: int = 1,
-        background: tuple[int, int, int] = BLACK,
-    ) -> Iterator[NDArray[np.uint8]]:
-        """See `renderer.backends.Backend.render_views`."""
-        check_samples(samples)
-        prepared, fine = PreparedScene(scene), array.refine(samples)
+    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+        """See `Backend.sample_views`."""
+        prepared = PreparedScene(scene)
         for view in views:
-            rgba = np.empty((fine.rows * fine.cols, 4), np.uint8)
-            for rays, colors, _ in _cast_view(prepared, fine, view):
+            rgba = np.empty((array.rows * array.cols, 4), np.uint8)
+            for rays, colors, _ in _cast_view(prepared, array, view):
                 rgba[rays] = colors * 255.0 + 0.5
-            rgba[rgba[:, 3] == 0, :3] = background
-            yield average_cells(rgba.reshape(fine.rows, fine.cols, 4), samples)
+            yield rgba.reshape(array.rows, array.cols, 4)
 
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
-        """See `renderer.backends.Backend.render_depth`."""
+        """See `Backend.render_depth`."""
         prepared = PreparedScene(scene)
         for view in views:
             depth = np.empty(array.rows * array.cols, np.float32)

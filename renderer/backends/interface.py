@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import TYPE_CHECKING, Protocol
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
 from ciir.renderer.light_field import interleave_views
+from ciir.renderer.sampling import average_cells, check_samples
 from ciir.renderer.views import parse_views
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 BLACK = (0, 0, 0)
 
 
-class Backend(Protocol):
+class Backend(ABC):
     """Renders views of a scene given in the lens array's coordinates, in two channels: colour and depth.
 
     Safe to call from several threads at once.
@@ -30,6 +31,9 @@ class Backend(Protocol):
     name: str
 
     @abstractmethod
+    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+        """Each of `views` by one point sample for each lens, `(rows, cols, 4)` RGBA with alpha 0 or 255."""
+
     def render_views(
         self,
         scene: Scene,
@@ -44,6 +48,9 @@ class Backend(Protocol):
         `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB,
         0 to 255. Raises `InvalidOption` where `samples` or the size of a view is out of range.
         """
+        check_samples(samples)
+        for picture in self.sample_views(scene, array.refine(samples), views):
+            yield average_cells(fill_background(picture, background), samples)
 
     @abstractmethod
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
@@ -58,9 +65,14 @@ class Backend(Protocol):
     def render_eia(
         self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA, of the same samples as `render_views`.
-
-        Raises what `render_views` raises.
-        """
+        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest."""
         every = parse_views("all", array.pixels_v, array.pixels_u)
         return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)
+
+
+def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """Point samples `(h, w, 4)` with `background` where alpha is 0."""
+    if background != BLACK:
+        picture = picture.copy()
+        picture[picture[..., 3] == 0, :3] = background
+    return picture

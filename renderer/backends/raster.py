@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.backends.interface import BLACK, Backend
+from ciir.renderer.backends.interface import BLACK, Backend, fill_background
 from ciir.renderer.backends.opengl import Context, Drawing
 from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
-from ciir.renderer.sampling import average_cells, average_pictures, check_samples
+from ciir.renderer.sampling import average_pictures, check_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -40,29 +40,18 @@ class RasterBackend(Backend):
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
         self._context = self._thread.submit(Context).result()
 
-    def render_views(
-        self,
-        scene: Scene,
-        array: LensArray,
-        views: Sequence[View],
-        *,
-        samples: int = 1,
-        background: tuple[int, int, int] = BLACK,
-    ) -> Iterator[NDArray[np.uint8]]:
-        """See `renderer.backends.Backend.render_views`."""
-        check_samples(samples)
-        drawings = _oblique_drawings(array, views, samples)
-        for picture in self._draw(scene, drawings, self._context.draw_color):
-            yield average_cells(fill_background(picture, background), samples)
+    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+        """See `Backend.sample_views`."""
+        return self._draw(scene, _oblique_drawings(array, views), self._context.draw_color)
 
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
-        """See `renderer.backends.Backend.render_depth`."""
+        """See `Backend.render_depth`."""
         return self._draw(scene, _oblique_drawings(array, views), self._context.draw_depth)
 
     def render_eia(
         self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """See `renderer.backends.Backend.render_eia`. Draws each view or each lens, whichever are fewer."""
+        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer."""
         by_view = array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2
         render = super().render_eia if by_view else self.render_by_lens
         return render(scene, array, samples=samples, background=background)
@@ -114,14 +103,5 @@ class RasterBackend(Backend):
             yield from self._thread.submit(draw_batch, drawings[start : start + size]).result()
 
 
-def _oblique_drawings(array: LensArray, views: Sequence[View], samples: int = 1) -> list[Drawing]:
-    fine = array.refine(samples)
-    return [Drawing(partial(make_oblique_matrix, array, view), fine.rows, fine.cols) for view in views]
-
-
-def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """`picture` `(h, w, 4)` with `background` where its alpha is 0. An alpha of point samples is 0 or 255."""
-    if background != BLACK:
-        picture = picture.copy()
-        picture[picture[..., 3] == 0, :3] = background
-    return picture
+def _oblique_drawings(array: LensArray, views: Sequence[View]) -> list[Drawing]:
+    return [Drawing(partial(make_oblique_matrix, array, view), array.rows, array.cols) for view in views]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class MeshReader(Protocol):
-    """Reads a mesh file's bytes. Raises an `InputError`, or one of `readers.meshes.PARSE_ERRORS`."""
+    """Reads a mesh file's bytes. Whatever it raises but an `InputError` becomes `Unreadable`."""
 
     def __call__(self, data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
         """The file's surfaces. `name` stands in messages; textures and other files come from `resolver`."""

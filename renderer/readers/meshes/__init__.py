@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,27 +17,14 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.registry import Format
     from ciir.renderer.scene import Scene
 
-PARSE_ERRORS = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
-"""What a parser raises where a file does not have the shape of its format (`binascii.Error`, `UnicodeDecodeError` and
-`JSONDecodeError` are ValueErrors, `RecursionError` is a RuntimeError, `KeyError` and `IndexError` are LookupErrors).
-"""
-
 
 def read(bundle: Bundle, format_: Format) -> Scene:
     """The mesh `bundle.main`, checked and with light. Its textures are looked up in the bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area.
 
-    Raises `Unreadable` (also for `PARSE_ERRORS`), `UnsupportedType`, `TooLarge` (also where memory runs out) or
-    `InvalidGeometry`.
+    Raises `Unreadable` (also for whatever a parser raises), `UnsupportedType`, `TooLarge` (also where memory runs out)
+    or `InvalidGeometry`.
     """
     if bundle.main is None:
         raise Unreadable(f"{clean_text(bundle.name)}: a set of files; say which of them is the mesh")
@@ -47,15 +33,15 @@ def read(bundle: Bundle, format_: Format) -> Scene:
         raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
+    reader = format_.load_reader()
     try:
-        reader = format_.load_reader()
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
         return assemble_scene(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
+    except (ImportError, InputError):
+        raise
     except MemoryError as error:
         raise TooLarge(f"{name}: reading it takes more memory than there is; decimate the mesh") from error
-    except PARSE_ERRORS as error:
-        if isinstance(error, InputError):
-            raise
+    except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: not a {format_.name} that can be read ({why}); export it again") from error

@@ -13,9 +13,9 @@ from urllib.parse import unquote
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, place_surface
-from ciir.renderer.readers.meshes.trimesh_formats import WHITE, check_xml, refuse_malformed
-from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, add_alpha, place_surfaces
+from ciir.renderer.readers.meshes.trimesh_formats import check_xml
+from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
+    from ciir.renderer.surface import Color
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
@@ -35,23 +36,19 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     from collada.common import DaeError
 
     check_xml(data, name)
-    surfaces: list[Surface] = []
-    triangles = 0
-    with refuse_malformed(name, "DAE"):
-        document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
-        if document.errors:
-            resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
-        if document.scene is None:
-            raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
-        upright = UPRIGHT.get(document.assetInfo.upaxis, np.eye(4))
-        for geometry, materials, matrix in _instances(document.scene.nodes, upright, name, resolver):
-            for primitive in geometry.primitives:
-                surface = _surface(primitive, materials, name, resolver)
-                if surface is not None:
-                    triangles += len(surface.faces)
-                    check_size(name, triangles, 3 * triangles, limits.triangles)
-                    surfaces.append(place_surface(surface, matrix))
-    return surfaces
+    document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
+    if document.errors:
+        resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
+    if document.scene is None:
+        raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
+    upright = UPRIGHT.get(document.assetInfo.upaxis, np.eye(4))
+    placed = (
+        (surface, matrix)
+        for geometry, materials, matrix in _instances(document.scene.nodes, upright, name, resolver)
+        for primitive in geometry.primitives
+        if (surface := _surface(primitive, materials, name, resolver)) is not None
+    )
+    return place_surfaces(placed, name=name, max_triangles=limits.triangles)
 
 
 def _instances(
@@ -114,7 +111,7 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
     )
 
 
-def _material(material: Any) -> tuple[tuple[float, float, float, float], str | None]:
+def _material(material: Any) -> tuple[Color, str | None]:
     """The colour, display-referred, and the name of the picture of a material's diffuse light."""
     from collada.material import Map
 
@@ -134,6 +131,4 @@ def _vertex_colors(primitive: Any) -> NDArray[np.float32] | None:
         return None
     offset, source = sources[0][0], sources[0][4]
     values = source.data[primitive.index[:, :, offset]].reshape(-1, source.data.shape[1])
-    colors = np.ones((len(values), 4), np.float32)
-    colors[:, :3] = np.clip(values[:, :3], 0.0, 1.0)
-    return colors
+    return add_alpha(np.clip(values[:, :3], 0.0, 1.0))

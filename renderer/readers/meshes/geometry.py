@@ -1,4 +1,4 @@
-"""Conversions that mesh formats share: polygons to triangles, text to numbers, integers to fractions, placement."""
+"""Conversions that mesh formats share: polygons to triangles, text to numbers, colours, placement."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from ciir.renderer.surface import check_size
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -50,6 +52,27 @@ def normalise(values: NDArray[Any]) -> NDArray[Any]:
         return values
     scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, np.float32(-1.0))
     return scaled
+
+
+def add_alpha(colors: NDArray[Any]) -> NDArray[np.float32]:
+    """Colours `(n, 3)` as opaque RGBA `(n, 4)`."""
+    rgba = np.ones((len(colors), 4), np.float32)
+    rgba[:, :3] = colors
+    return rgba
+
+
+def place_surfaces(
+    placed: Iterable[tuple[Surface, NDArray[np.float64]]], *, name: str, max_triangles: int
+) -> list[Surface]:
+    """Transforms each surface by its 4x4 matrix. Raises `TooLarge` once they have more than `max_triangles`."""
+    found: list[Surface] = []
+    triangles = vertices = 0
+    for surface, matrix in placed:
+        triangles += len(surface.faces)
+        vertices += len(surface.vertices)
+        check_size(name, triangles, vertices, max_triangles)
+        found.append(place_surface(surface, matrix))
+    return found
 
 
 def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:

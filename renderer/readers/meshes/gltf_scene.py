@@ -8,9 +8,9 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import gltf, gltf_arrays
-from ciir.renderer.readers.meshes.geometry import MAX_NODES, normalise, place_surface
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, add_alpha, normalise, place_surfaces
 from ciir.renderer.shading import encode_srgb
-from ciir.renderer.surface import Surface, check_size
+from ciir.renderer.surface import Surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,17 +32,17 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, material by material.
 
     Raises what `gltf.parse` does; `Unreadable` for references to nothing; `TooLarge` over `limits`, `MAX_NODES` or
-    `MAX_PRIMITIVES`; any of `meshes.PARSE_ERRORS` where the JSON does not have the shape of glTF.
+    `MAX_PRIMITIVES`; an error of Python's where the JSON does not have the shape of glTF.
     """
-    return build_surfaces(gltf.parse(data, name=name, resolver=resolver, max_triangles=limits.triangles), limits)
+    document = gltf.parse(data, name=name, resolver=resolver, max_triangles=limits.triangles)
+    return place_surfaces(find_surfaces(document), name=name, max_triangles=limits.triangles)
 
 
-def build_surfaces(document: Document, limits: Limits) -> list[Surface]:
-    """The surfaces of the document's scene; raises as `read` does."""
-    found: list[Surface] = []
+def find_surfaces(document: Document) -> Iterator[tuple[Surface, NDArray[np.float64]]]:
+    """The surfaces of the document's scene, each with its world matrix; raises as `read` does."""
     primitives: dict[tuple[int, int], Surface | None] = {}
     seen: set[int] = set()
-    triangles = vertices = placed = 0
+    placed = 0
     for node, matrix in _nodes(document):
         if "mesh" not in node:
             continue
@@ -60,14 +60,8 @@ def build_surfaces(document: Document, limits: Limits) -> list[Surface]:
             if key not in primitives:
                 primitives[key] = _primitive(document, primitive)
             surface = primitives[key]
-            if surface is None:
-                continue
-            triangles += len(surface.faces)
-            vertices += len(surface.vertices)
-            # Many nodes can share one mesh, and many meshes one buffer.
-            check_size(document.name, triangles, vertices, limits.triangles)
-            found.append(place_surface(surface, matrix))
-    return found
+            if surface is not None:
+                yield surface, matrix
 
 
 def _nodes(document: Document) -> Iterator[tuple[dict[str, Any], NDArray[np.float64]]]:
@@ -170,8 +164,7 @@ def _stored(document: Document, index: object, what: str) -> NDArray[Any]:
 def to_display_colors(color_0: NDArray[Any]) -> NDArray[np.float32]:
     """Converts linear vertex colours `(n, 3 or 4)` to display-referred RGBA `(n, 4)`; alpha is kept."""
     values = normalise(color_0)
-    rgba = np.ones((len(values), 4), np.float32)
-    rgba[:, :3] = encode_srgb(values[:, :3])
+    rgba = add_alpha(encode_srgb(values[:, :3]))
     if values.shape[1] == 4:
         rgba[:, 3] = np.clip(values[:, 3], 0.0, 1.0)
     return rgba

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.renderer.surface import DEFAULT_COLOR
+from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Color
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
@@ -17,7 +17,6 @@ CONTINUED = re.compile(rb"\\\r?\n")
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
 _CUTOFF = 0.5
-Color = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,6 @@ class Material:
     """The colour of a material."""
 
     color: Color = DEFAULT_COLOR
-    """RGBA in [0, 1], display-referred."""
     texture: Texture | None = None
     alpha_cutoff: float | None = None
 
@@ -58,10 +56,10 @@ def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
         red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
         color = (red, green, blue, 1.0)
     else:
-        color = (1.0, 1.0, 1.0, 1.0) if texture else DEFAULT_COLOR
+        color = WHITE if texture else DEFAULT_COLOR
     if texture is not None and not any(color[:3]):
         resolver.add_note("a textured material has a black Kd, as some exporters write it: taken as white")
-        color = (1.0, 1.0, 1.0, 1.0)
+        color = WHITE
     return Material(color, texture, cutoff)
 
 

@@ -17,7 +17,7 @@ from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
 from ciir.renderer.readers.meshes.geometry import parse_numbers, triangulate_fans
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import Surface, check_size
+from ciir.renderer.surface import WHITE, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
-    Raises `TooLarge` over `limits`; `Unreadable` or one of `meshes.PARSE_ERRORS` where the text is malformed.
+    Raises `TooLarge` over `limits`; `Unreadable` or an error of Python's where the text is malformed.
     """
     lines = _sort_lines(data, name, limits.triangles)
     try:
@@ -81,14 +81,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         texture_coordinates = np.pad(texture_coordinates, ((0, 0), (0, 1)))
     materials, material_of = _materials(lines, face_lines, name, resolver)
     return [
-        _surface(
-            corners[chosen],
-            positions,
-            texture_coordinates,
-            normals,
-            materials=materials,
-            material_of=material_of[chosen],
-        )
+        _surface(corners[chosen], (positions, texture_coordinates, normals), materials, material_of[chosen])
         for chosen in _group_triangles(corners, materials, material_of, resolver)
     ]
 
@@ -208,14 +201,12 @@ def _group_triangles(
 
 def _surface(
     corners: NDArray[np.int64],
-    positions: NDArray[np.float64],
-    texture_coordinates: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    *,
+    arrays: tuple[NDArray[np.float64], ...],
     materials: list[mtl.Material],
     material_of: NDArray[np.intp],
 ) -> Surface:
-    """One vertex for each distinct triple of indices and each material: its colour is the vertex's."""
+    """One vertex for each distinct triple of indices into `arrays` and each material: its colour is the vertex's."""
+    positions, texture_coordinates, normals = arrays
     triples = corners.reshape(-1, 3)
     material = materials[material_of[0]]
     with_uv = material.texture is not None and bool((triples[:, 1] >= 0).all())
@@ -234,8 +225,7 @@ def _surface(
     _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
     used, made_of = triples[first], made_of[first]
     measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of what has no material
-    white = (1.0, 1.0, 1.0, 1.0)
-    tints = [white if measured and material == mtl.Material() else material.color for material in materials]
+    tints = [WHITE if measured and material == mtl.Material() else material.color for material in materials]
     colors = np.array(tints, np.float32)[made_of]
     if measured:
         colors[:, :3] *= positions[used[:, 0], 3:6]

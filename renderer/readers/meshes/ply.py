@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import normalise, split_corners, triangulate_fans
-from ciir.renderer.readers.meshes.trimesh_formats import WHITE, refuse_malformed
+from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, split_corners, triangulate_fans
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,11 +37,10 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     from trimesh.exchange.ply import _parse_header
 
     file = io.BytesIO(_with_plain_header(data, name))
-    with refuse_malformed(name, "PLY"):
-        elements, is_ascii, picture = _parse_header(file)
-        for kind, element in elements.items():
-            _check_count(name, kind, element["length"], limits.triangles)
-        (_parse_ascii if is_ascii else _parse_binary)(elements, file, name)
+    elements, is_ascii, picture = _parse_header(file)
+    for kind, element in elements.items():
+        _check_count(name, kind, element["length"], limits.triangles)
+    (_parse_ascii if is_ascii else _parse_binary)(elements, file, name)
     vertex, face = (elements.get(kind, {"properties": {}}) for kind in ("vertex", "face"))
     key = next((key for key in ("vertex_indices", "vertex_index") if key in face["properties"]), None)
     if key is None or not face["length"] or not vertex["length"]:
@@ -186,14 +184,8 @@ def _add_colors(
     for prefix in ("", "diffuse_"):
         names = (f"{prefix}red", f"{prefix}green", f"{prefix}blue")
         if set(names) <= vertex["properties"].keys():
-            return replace(surface, colors=_rgba(vertex, names), color=WHITE)
+            return replace(surface, colors=add_alpha(normalise(_stack(vertex, *names))), color=WHITE)
         if set(names) <= face["properties"].keys():
-            return replace(split_corners(surface), colors=_rgba(face, names)[np.repeat(face_of, 3)], color=WHITE)
+            colors = add_alpha(normalise(_stack(face, *names)))[np.repeat(face_of, 3)]
+            return replace(split_corners(surface), colors=colors, color=WHITE)
     return surface
-
-
-def _rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """Colours `(rows, 4)` in [0, 1]: floats as they are, integers over the most that their type holds."""
-    rgba = np.ones((element["length"], 4), np.float32)
-    rgba[:, :3] = normalise(_stack(element, *names))
-    return rgba

@@ -15,22 +15,25 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.bundle import unpack
-from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, place_surface, split_corners
-from ciir.renderer.readers.meshes.trimesh_formats import WHITE, check_xml, refuse_malformed
+from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, place_surfaces, split_corners
+from ciir.renderer.readers.meshes.trimesh_formats import check_xml
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
+    from ciir.renderer.surface import Color
 
 _MODEL = "3d/3dmodel.model"
 _TAGS = 8
 """Most tags for each triangle of the limit: its own and those of three vertices, opened and closed."""
 _COLOR = re.compile(r"#([0-9a-fA-F]{6})(?:[0-9a-fA-F]{2})?")
-Palettes = dict[str, list[tuple[float, float, float, float]]]
+Palettes = dict[str, "list[Color]"]
 References = list[tuple[str, "NDArray[np.float64]"]]
 """Objects by index, each with its 4x4 matrix."""
 
@@ -54,19 +57,18 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     objects: dict[str, tuple[list[Surface], References]] = {}
     build: References = []
     tags = ("{*}basematerials", "{*}colorgroup", "{*}object", "{*}build")
-    with refuse_malformed(name, "3MF"):
-        for _, element in etree.iterparse(io.BytesIO(model), tag=tags, **XML_PARSER_OPTIONS):
-            kind = etree.QName(element).localname
-            references = _read_references(element, objects, name)
-            if kind == "build":
-                build += references
-            elif kind == "object":
-                meshes = [_read_mesh(mesh, element, palettes, name, resolver) for mesh in element.iter("{*}mesh")]
-                objects[element.get("id")] = meshes, references
-            else:
-                palettes[element.get("id")] = [_parse_color(entry) for entry in element.iterfind("{*}*")]
-            element.clear()
-    return _place_objects(build, objects, name, limits)
+    for _, element in etree.iterparse(io.BytesIO(model), tag=tags, **XML_PARSER_OPTIONS):
+        kind = etree.QName(element).localname
+        references = _read_references(element, objects, name)
+        if kind == "build":
+            build += references
+        elif kind == "object":
+            meshes = [_read_mesh(mesh, element, palettes, name, resolver) for mesh in element.iter("{*}mesh")]
+            objects[element.get("id")] = meshes, references
+        else:
+            palettes[element.get("id")] = [_parse_color(entry) for entry in element.iterfind("{*}*")]
+        element.clear()
+    return place_surfaces(_instances(build, objects, name), name=name, max_triangles=limits.triangles)
 
 
 def _read_references(element: Any, objects: dict[str, Any], name: str) -> References:
@@ -84,26 +86,20 @@ def _read_references(element: Any, objects: dict[str, Any], name: str) -> Refere
     return references
 
 
-def _place_objects(
-    build: References, objects: dict[str, tuple[list[Surface], References]], name: str, limits: Limits
-) -> list[Surface]:
-    """The surfaces of all instances in world coordinates."""
+def _instances(
+    build: References, objects: dict[str, tuple[list[Surface], References]], name: str
+) -> Iterator[tuple[Surface, NDArray[np.float64]]]:
+    """The surfaces of all instances, each with its world matrix."""
     waiting = [(index, UPRIGHT["Z_UP"] @ matrix) for index, matrix in reversed(build)]
-    found: list[Surface] = []
-    nodes = triangles = vertices = 0
+    nodes = 0
     while waiting:
         index, matrix = waiting.pop()
         nodes += 1
         if nodes > MAX_NODES:
             raise TooLarge(f"{name}: over {MAX_NODES:,} components, which is the most that is read; join them")
         surfaces, components = objects[index]
-        for surface in surfaces:
-            triangles += len(surface.faces)
-            vertices += len(surface.vertices)
-            check_size(name, triangles, vertices, limits.triangles)
-            found.append(place_surface(surface, matrix))
+        yield from ((surface, matrix) for surface in surfaces)
         waiting += [(component, matrix @ own) for component, own in reversed(components)]
-    return found
 
 
 def _read_mesh(mesh: Any, element: Any, palettes: Palettes, name: str, resolver: Resolver) -> Surface:
@@ -131,7 +127,7 @@ def _read_mesh(mesh: Any, element: Any, palettes: Palettes, name: str, resolver:
     return replace(split_corners(surface), colors=colors.reshape(-1, 4), color=WHITE)
 
 
-def _parse_color(entry: Any) -> tuple[float, float, float, float]:
+def _parse_color(entry: Any) -> Color:
     match = _COLOR.fullmatch(entry.get("displaycolor") or entry.get("color") or "")
     if match is None:
         return DEFAULT_COLOR

@@ -9,23 +9,19 @@ from __future__ import annotations
 import io
 import logging
 import re
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InputError, Unreadable
-from ciir.renderer.readers.names import clean_text
-from ciir.renderer.surface import DEFAULT_COLOR, Surface, check_size
+from ciir.errors import Unreadable
+from ciir.renderer.readers.meshes.geometry import add_alpha
+from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
-WHITE = (1.0, 1.0, 1.0, 1.0)
 _XML_ENCODING = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
 _XML_ENCODINGS = (b"utf-8", b"us-ascii", b"ascii", b"iso-8859-1", b"windows-1252")
 _STL_HEADER, _STL_TRIANGLE = 84, 50
@@ -33,18 +29,6 @@ _STL_NAME = re.compile(rb"(?:end)?solid\b[^\r\n]*", re.IGNORECASE)
 _OFF_HEAD = re.compile(rb"(C?OFF)\s+(-?\d{1,18})\s+(-?\d{1,18})[^\n]*")
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # its warnings would be printed on standard error
-
-
-@contextmanager
-def refuse_malformed(name: str, format_name: str) -> Iterator[None]:
-    """Raises `Unreadable` for anything that trimesh and its parsers raise, but memory that runs out."""
-    try:
-        yield
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:
-        why = clean_text(f"{type(error).__name__}: {error}")
-        raise Unreadable(f"{name}: not a {format_name} that can be read ({why}); export it again") from error
 
 
 def check_xml(data: bytes, name: str) -> None:
@@ -72,9 +56,7 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
         count = lower.count(b"endfacet")
         check_size(name, count, 3 * count, limits.triangles)
         text = b"solid\n" + _STL_NAME.sub(b"", data) + b"\nendsolid"  # one solid: trimesh is quadratic in their number
-        with refuse_malformed(name, "STL"):
-            loaded = load_stl_ascii(io.BytesIO(text if text.isascii() else b""))
-        vertices = loaded.get("vertices", np.empty((0, 3)))
+        vertices = load_stl_ascii(io.BytesIO(text if text.isascii() else b"")).get("vertices", np.empty((0, 3)))
         if len(vertices) != 3 * count or b"endsolid" not in lower:
             raise Unreadable(
                 f"{name}: an ASCII STL of {len(vertices):,} vertices in {count:,} facets: cut short; give it again"
@@ -87,8 +69,7 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
                 f"{name}: a binary STL of {count:,} triangles in {len(data):,} bytes: cut short; give it again"
             )
         check_size(name, count, 3 * count, limits.triangles)
-        with refuse_malformed(name, "STL"):
-            vertices = load_stl_binary(io.BytesIO(data[:size])).get("vertices", np.empty((0, 3)))
+        vertices = load_stl_binary(io.BytesIO(data[:size])).get("vertices", np.empty((0, 3)))
     return [Surface(vertices.astype(np.float64), np.arange(len(vertices)).reshape(-1, 3), color=DEFAULT_COLOR)]
 
 
@@ -119,12 +100,9 @@ def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
     for number, (face, length) in enumerate(zip(faces, lengths, strict=True)):
         if not 0 <= length < len(face.split()):
             raise Unreadable(f"{name}: OFF face {number} has fewer corners than its count; export it again")
-    with refuse_malformed(name, "OFF"):
-        loaded = load_off(io.BytesIO(text))
+    loaded = load_off(io.BytesIO(text))
     surface = Surface(loaded["vertices"], loaded["faces"].reshape(-1, 3), color=DEFAULT_COLOR)
     if head[1] == b"OFF" or not vertex_count:
         return [surface]
-    colors = np.ones((vertex_count, 4), np.float32)
-    colors[:, :3] = np.array([row.split(None, 6)[3:6] for row in rows[:vertex_count]], np.float64)
-    colors[:, :3] /= 255 if colors[:, :3].max() > 1 else 1
-    return [replace(surface, colors=colors, color=WHITE)]
+    colors = np.array([row.split(None, 6)[3:6] for row in rows[:vertex_count]], np.float64).astype(np.float32)
+    return [replace(surface, colors=add_alpha(colors / (255 if colors.max() > 1 else 1)), color=WHITE)]
