@@ -1,33 +1,27 @@
 import io
-import tracemalloc
 
 import numpy as np
 import pytest
 
-from ciir.errors import InputError, InvalidGeometry, TooLarge, Unreadable
-from ciir.renderer.limits import Limits
+from ciir.errors import TooLarge
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import mtl, obj
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
-from ciir.renderer.shading import shade
 from ciir.renderer.surface import DEFAULT_COLOR, Surface
 from ciir.renderer.writers.pictures import encode_png
+from tests.support.meshes import FRONT, UP, assert_refused, assert_refused_in_little_memory, read_mesh
 from tests.support.paths import SHARED
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UV = b"vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 PICTURE = encode_png(np.arange(16, dtype=np.uint8).reshape(2, 2, 4))
-FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
+TEXTURED = b"mtllib a.mtl\nusemtl a\n" + SQUARE + UV + b"f 1/1 2/2 3/3\n"
 
 
-def read(text: bytes, **files: bytes) -> Scene:
-    return read_with(text, files)
-
-
-def read_with(text: bytes, files: dict[str, bytes]) -> Scene:
-    return meshes.read(Bundle("a.obj", "m/a.obj", {"m/a.obj": text, **files}), SUFFIXES[".obj"])
+def read(text: bytes, beside: dict[str, bytes] | None = None) -> Scene:
+    return read_mesh(".obj", text, beside)
 
 
 @pytest.mark.parametrize(
@@ -61,12 +55,10 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
 def test_a_texture_whose_name_has_spaces() -> None:
     library = b"newmtl  glazed\t\nKd 1 1 1\nmap_Kd -clamp on -s 2 2 2 my texture 2.png\n"
     text = b"mtllib my materials.mtl\n" + SQUARE + UV + b"usemtl glazed\nf 1/1 2/2 3/3 4/4\n"
-    scene = read_with(text, {"m/my materials.mtl": library, "m/my texture 2.png": PICTURE})
+    scene = read(text, {"my materials.mtl": library, "my texture 2.png": PICTURE})
     (part,) = scene.parts
-    assert part.texture is not None
     assert part.texture.wrap_u == part.texture.wrap_v == "clamp"
     assert np.array_equal(part.texture.pixels[:, :, :3], np.arange(16).reshape(2, 2, 4)[:, :, :3])
-    assert part.uv is not None
     assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
     assert scene.notes == ()
 
@@ -74,23 +66,17 @@ def test_a_texture_whose_name_has_spaces() -> None:
 def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
     library = rb"newmtl a" + b"\n" + rb"map_Kd .\textures\x.png"
     text = b"mtllib a.mtl\n" + SQUARE + UV + b"usemtl a\nf 1/1 2/2 3/3 4/4\n"
-    for place in ("m/textures/x.png", "m/x.png"):
-        (part,) = read_with(text, {"m/a.mtl": library, place: PICTURE}).parts
+    for place in ("textures/x.png", "x.png"):
+        (part,) = read(text, {"a.mtl": library, place: PICTURE}).parts
         assert part.texture is not None
 
 
 def test_materials_keep_to_their_faces() -> None:
     library = b"newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
     text = b"mtllib a.mtl\n" + SQUARE + b"usemtl red\nf 1 2 3\nusemtl blue\nf 1 3 4\nusemtl red\nf 2 3 4\n"
-    (part,) = read_with(text, {"m/a.mtl": library}).parts
+    (part,) = read(text, {"a.mtl": library}).parts
     by_face = np.rint(part.colors[part.faces][:, 0, :3] / FRONT).astype(int).tolist()
     assert sorted(by_face) == [[0, 0, 1], [1, 0, 0], [1, 0, 0]]
-
-
-def test_two_libraries() -> None:
-    text = b"mtllib a.mtl\nmtllib b.mtl\n" + SQUARE + b"usemtl blue\nf 1 2 3\n"
-    (part,) = read_with(text, {"m/a.mtl": b"newmtl red\nKd 1 0 0", "m/b.mtl": b"newmtl blue\nKd 0 0 1"}).parts
-    assert part.colors[0, :3] == pytest.approx([0, 0, FRONT])
 
 
 def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,11 +84,11 @@ def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPa
     entries = mtl.parse_entries
     monkeypatch.setattr(mtl, "parse_entries", lambda data: made.append(data) or entries(data))
     names = b"".join(b"mtllib folder%d/a.mtl\n" % i for i in range(98)) + b"mtllib b.mtl\n"
-    files = {"m/a.mtl": b"newmtl m\nKd 1 0 0", "m/b.mtl": b"newmtl m\nKd 0 0 1"}
-    (part,) = read_with(names + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
+    files = {"a.mtl": b"newmtl m\nKd 1 0 0", "b.mtl": b"newmtl m\nKd 0 0 1"}
+    (part,) = read(names + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
     assert made == list(files.values())
     assert part.colors[0, :3] == pytest.approx([0, 0, FRONT])  # the last of one name counts
-    (part,) = read_with(names + b"mtllib a.mtl\n" + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
+    (part,) = read(names + b"mtllib a.mtl\n" + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
     assert part.colors[0, :3] == pytest.approx([FRONT, 0, 0])
 
 
@@ -114,29 +100,24 @@ def test_vertex_colours_beside_positions() -> None:
 
 def test_normals_of_the_file_are_used() -> None:
     (part,) = read(SQUARE + b"vn 0 1 0\nf 1//1 2//1 3//1\n").parts
-    assert part.colors[:, 0] == pytest.approx(DEFAULT_COLOR[0] * shade(np.array([[0.0, 1, 0]]))[0])
+    assert part.colors[:, 0] == pytest.approx(DEFAULT_COLOR[0] * UP)
 
 
 def test_vertices_are_split_where_texture_coordinates_differ() -> None:
     text = b"mtllib a.mtl\nusemtl a\n" + SQUARE + UV + b"f 1/1 2/2 3/3\nf 1/4 3/3 4/4\n"
-    (part,) = read_with(text, {"m/a.mtl": b"newmtl a\nmap_Kd x.png", "m/x.png": PICTURE}).parts
+    (part,) = read(text, {"a.mtl": b"newmtl a\nmap_Kd x.png", "x.png": PICTURE}).parts
     assert len(part.vertices) == 5
-    assert part.uv is not None
     assert part.uv[part.faces].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 1], [1, 1], [0, 1]]]
 
 
 def test_map_d_of_the_same_picture_cuts_out() -> None:
-    text = b"mtllib a.mtl\nusemtl a\n" + SQUARE + UV + b"f 1/1 2/2 3/3\n"
-    library = b"newmtl a\nmap_Kd x.png\nmap_d x.png"
-    (part,) = read_with(text, {"m/a.mtl": library, "m/x.png": PICTURE}).parts
+    (part,) = read(TEXTURED, {"a.mtl": b"newmtl a\nmap_Kd x.png\nmap_d x.png", "x.png": PICTURE}).parts
     assert part.alpha_cutoff == 0.5
-    assert part.texture is not None
     assert part.texture.pixels[0, 0, 3] == 3
 
 
 def test_a_black_textured_material_is_taken_as_white_with_a_note() -> None:
-    text = b"mtllib a.mtl\nusemtl a\n" + SQUARE + UV + b"f 1/1 2/2 3/3\n"
-    scene = read_with(text, {"m/a.mtl": b"newmtl a\nKd 0 0 0\nmap_Kd x.png", "m/x.png": PICTURE})
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 0 0 0\nmap_Kd x.png", "x.png": PICTURE})
     assert scene.parts[0].colors[0, 0] == pytest.approx(FRONT)
     assert "black Kd" in scene.notes[0]
 
@@ -147,18 +128,14 @@ def test_missing_files_are_named_and_the_mesh_is_read() -> None:
     assert scene.triangles == 1
     assert "gone.mtl" in scene.notes[0]
     assert "material a" in scene.notes[1]
-    textured = text.replace(b"gone", b"a").replace(b"f 1 2 3", UV + b"f 1/1 2/2 3/3")
-    scene = read_with(textured, {"m/a.mtl": b"newmtl a\nmap_Kd ../../up.png"})
-    assert scene.parts[0].texture is None
-    assert "up.png is outside" in scene.notes[0]
-    scene = read_with(textured, {"m/a.mtl": b"newmtl a\nmap_Kd cut.png", "m/cut.png": PICTURE[:-20]})
-    assert scene.parts[0].texture is None
-    assert "cut.png" in scene.notes[0]
+    for name, note in (("../../up.png", "up.png is outside"), ("cut.png", "texture cut.png is left out")):
+        scene = read(TEXTURED, {"a.mtl": f"newmtl a\nmap_Kd {name}".encode(), "cut.png": PICTURE[:-20]})
+        assert scene.parts[0].texture is None
+        assert note in scene.notes[0]
 
 
 def test_a_texture_without_coordinates_is_left_out_with_a_note() -> None:
-    text = b"mtllib a.mtl\nusemtl a\n" + SQUARE + UV + b"f 1/1 2/2 3/3\nf 1 3 4\n"
-    scene = read_with(text, {"m/a.mtl": b"newmtl a\nmap_Kd x.png", "m/x.png": PICTURE})
+    scene = read(TEXTURED + b"f 1 3 4\n", {"a.mtl": b"newmtl a\nmap_Kd x.png", "x.png": PICTURE})
     assert scene.parts[0].texture is None
     assert "without texture coordinates" in scene.notes[0]
 
@@ -166,11 +143,6 @@ def test_a_texture_without_coordinates_is_left_out_with_a_note() -> None:
 def test_lines_and_points_are_left_out_with_a_note() -> None:
     scene = read(SQUARE + b"l 1 2\np 3\nf 1 2 3\n")
     assert len(scene.notes) == 2
-
-
-def test_points_alone() -> None:
-    with pytest.raises(InvalidGeometry, match=r"a\.obj: no triangles"):
-        read(SQUARE)
 
 
 @pytest.mark.parametrize(
@@ -187,17 +159,12 @@ def test_points_alone() -> None:
         (SQUARE + b"v nan 0 0\nf 1 2 5\n", "NaN or infinite"),
         (SQUARE + b"v 1e30 0 0\nf 1 2 5\n", r"1e\+30; at most"),
         (SQUARE + b"f 1 99999999999999999999999 2\n", "can be read"),
+        (SQUARE + b"v 5 5 1e\nf 1 2 3", "can be read"),  # cut inside a number
+        (SQUARE, r"a\.obj: no triangles"),
     ],
 )
 def test_malformed_text(text: bytes, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        read(text)
-    assert "\n" not in str(caught.value)
-
-
-def test_text_that_is_cut_inside_a_number_is_not_taken_silently() -> None:
-    with pytest.raises(Unreadable):
-        read(SQUARE + b"v 5 5 1e\nf 1 2 3")
+    assert_refused(".obj", text, message)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
@@ -216,24 +183,19 @@ def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
 
 
 def test_one_long_number_does_not_widen_all_the_others() -> None:
-    tracemalloc.start()
-    with pytest.raises(InputError):
-        read(SQUARE * 250 + b"v 0 0 " + b"9" * 50_000 + b"\nf 1 2 1001\n")
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 20_000_000
+    assert_refused_in_little_memory(".obj", SQUARE * 250 + b"v 0 0 " + b"9" * 50_000 + b"\nf 1 2 1001\n")
 
 
 def test_lines_are_counted_before_they_are_parsed() -> None:
     for text in (SQUARE + b"f x\n" * 2, b"v x\n" * 4, b"vn x\n" * 4, b"usemtl x\n" * 4):
         with pytest.raises(TooLarge, match=r"over \d lines of .* the 1 triangles"):
-            meshes.read(Bundle("a.obj", "a.obj", {"a.obj": text}, Limits(triangles=1)), SUFFIXES[".obj"])
+            read_mesh(".obj", text, triangles=1)
 
 
 def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
     data = SQUARE + b"f" + b" 1 2 3 4" * 2 + b"\n"
     with pytest.raises(TooLarge, match="6 triangles and 4 vertices; at most 5 and 15"):
-        meshes.read(Bundle("a.obj", "a.obj", {"a.obj": data}, Limits(triangles=5)), SUFFIXES[".obj"])
+        read_mesh(".obj", data, triangles=5)
 
 
 def test_a_fan_of_many_corners_is_one_array() -> None:
@@ -256,7 +218,7 @@ def test_many_materials_make_one_surface_and_one_note(monkeypatch: pytest.Monkey
     assert scene.triangles == 500
     assert scene.notes == ("500 materials (m0, m1, m2, ...) are missing: drawn light grey",)
     library = b"".join(b"newmtl m%d\nKd 0 0 0.%03d\n" % (i, i) for i in range(500))
-    scene = read_with(b"mtllib a.mtl\n" + SQUARE + uses, {"m/a.mtl": library})
+    scene = read(b"mtllib a.mtl\n" + SQUARE + uses, {"a.mtl": library})
     (part,) = scene.parts
     assert np.unique(np.rint(part.colors[part.faces][:, 0, 2] / FRONT * 1000)).tolist() == list(range(500))
     assert len(made) == 2

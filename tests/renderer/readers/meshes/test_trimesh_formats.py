@@ -1,21 +1,15 @@
 import struct
 import time
-import tracemalloc
 
 import numpy as np
 import pytest
 import trimesh
 
-from ciir.errors import InputError, TooLarge
-from ciir.renderer.limits import Limits
-from ciir.renderer.readers import meshes
-from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.registry import SUFFIXES
+from ciir.errors import TooLarge
 from ciir.renderer.scene import Scene
-from ciir.renderer.shading import shade
+from tests.support.meshes import FRONT, assert_refused, assert_refused_in_little_memory, read_mesh
 
 SQUARE = b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
-FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
 FACET = """facet normal 0 0 1
   outer loop
     vertex 0 0 0
@@ -28,7 +22,7 @@ TRIANGLE = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0], "<f4").tobytes() + b"\
 
 
 def read_off(data: bytes) -> Scene:
-    return meshes.read(Bundle("a.off", "a.off", {"a.off": data}), SUFFIXES[".off"])
+    return read_mesh(".off", data)
 
 
 @pytest.mark.parametrize(
@@ -55,13 +49,6 @@ def test_off_vertex_colours(color: bytes) -> None:
     assert part.colors[0] == pytest.approx([FRONT, 0, FRONT, 1])
 
 
-def test_off_that_trimesh_writes() -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=2)
-    scene = read_off(mesh.export(file_type="off").encode())
-    assert scene.triangles == len(mesh.faces)
-    assert scene.bounds() == pytest.approx(mesh.bounds, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -81,28 +68,24 @@ def test_off_that_trimesh_writes() -> None:
     ],
 )
 def test_malformed_off(data: bytes, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        read_off(data)
-    assert "\n" not in str(caught.value)
+    assert_refused(".off", data, message)
 
 
-def test_off_memory_is_not_widened_by_one_long_number() -> None:
-    tracemalloc.start()
-    with pytest.raises(InputError):
-        read_off(b"OFF\n1001 1 0\n" + SQUARE * 250 + b"0 0 " + b"9" * 50_000 + b"\n3 0 1 1000\n")
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 20_000_000
+def test_one_long_number_does_not_widen_all_the_others() -> None:
+    text = b"OFF\n1001 1 0\n" + SQUARE * 250 + b"0 0 " + b"9" * 50_000 + b"\n3 0 1 1000\n"
+    assert_refused_in_little_memory(".off", text)
+    text = b"solid\n" + FACET.encode() * 500 + b"facet vertex 0 0 " + b"9" * 50_000 + b" endfacet\nendsolid"
+    assert_refused_in_little_memory(".stl", text)
 
 
 def test_off_counts_are_checked_before_lines_are_parsed() -> None:
     for data in (b"OFF\n4 0 0\n" + b"x\n" * 4, b"OFF\n0 2 0\n" + b"x\n" * 2, b"OFF\n1 1 0\n0 0 0\n4 0 0 0 0\n"):
         with pytest.raises(TooLarge, match="at most 1 and 3 are read"):
-            meshes.read(Bundle("a.off", "a.off", {"a.off": data}, Limits(triangles=1)), SUFFIXES[".off"])
+            read_mesh(".off", data, triangles=1)
 
 
 def read_stl(data: bytes) -> Scene:
-    return meshes.read(Bundle("a.stl", "a.stl", {"a.stl": data}), SUFFIXES[".stl"])
+    return read_mesh(".stl", data)
 
 
 def binary(triangles: bytes, count: int, text: bytes = b"") -> bytes:
@@ -155,20 +138,7 @@ def test_stl_that_trimesh_writes_is_smooth_again(kind: str) -> None:
     ],
 )
 def test_malformed_stl(data: bytes, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        read_stl(data)
-    assert "\n" not in str(caught.value)
-
-
-def test_stl_memory_is_not_widened_by_one_long_number() -> None:
-    tracemalloc.start()
-    with pytest.raises(InputError):
-        read_stl(
-            b"solid\n" + FACET.encode() * 500 + b"facet" + b" vertex 0 0 " + b"9" * 50_000 + b" endfacet\nendsolid"
-        )
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 20_000_000
+    assert_refused(".stl", data, message)
 
 
 def test_stl_of_many_solids_takes_time_in_proportion() -> None:

@@ -1,0 +1,41 @@
+"""Mesh files read from bytes, and checks that the tests of all mesh formats share."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from ciir.errors import InputError
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers import meshes
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.registry import SUFFIXES
+from ciir.renderer.shading import shade
+
+FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
+"""The light on a surface that faces along +z."""
+UP = float(shade(np.array([[0.0, 1, 0]]))[0])
+"""The light on a surface that faces along +y."""
+
+
+def read_mesh(suffix, data, beside=None, **limits):
+    """The scene of the mesh file `m/a` + `suffix`, with `beside` in its folder, name -> bytes."""
+    main = f"m/a{suffix}"
+    found = {main: data} | {f"m/{name}": content for name, content in (beside or {}).items()}
+    return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), SUFFIXES[suffix])
+
+
+def assert_refused(suffix, data, message, beside=None):
+    """The file is refused by an error of one line in which `message` is found."""
+    with pytest.raises(InputError, match=message) as caught:
+        read_mesh(suffix, data, beside)
+    assert "\n" not in str(caught.value)
+
+
+def assert_refused_in_little_memory(suffix, data):
+    """The file, which has one very long number, is refused before its other numbers are made as long."""
+    tracemalloc.start()
+    assert_refused(suffix, data, ".")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20_000_000
