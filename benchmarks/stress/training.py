@@ -52,13 +52,13 @@ def _skipped(what: str) -> Iterator[Skipped]:
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
     """The design's recipe from random weights on small crops, on the CPU, at a step size that hardly falls."""
     folder = Path(recipes.__file__).parent / "recipes"
-    given = recipes.read_recipe(folder / f"{DESIGNS[design]}.toml")
+    recipe = recipes.read_recipe(folder / f"{DESIGNS[design]}.toml")
     return replace(
-        given,
+        recipe,
         initial="",
         degradations={"bicubic": 1.0},
         scenes=0,
-        perceptual="" if given.perceptual == "vgg19" else given.perceptual,  # its weights are not ours to ship
+        perceptual="" if recipe.perceptual == "vgg19" else recipe.perceptual,  # its weights are not ours to ship
         crop=CROP,
         batch=BATCH,
         learning_rate=rate,

@@ -1,4 +1,4 @@
-"""Edits that make hostile bytes of whole ones."""
+"""Edits that make invalid bytes out of valid ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WORDS = (
     *(b"nan", b"-1", b"1e999", b"9" * 20, b"\0", b"\x1f", b"{}", b"[]", b"null", b"\n", b"\r\n", b" ", b"../", b"%s"),
     *(b"\xff" * 4, b"\x7f", b"/", b"0", b"#", b'"', b";", b"--bound", seeds.BETWEEN, "²é€".encode()),
 )
-"""What parsers stumble on."""
+"""Bytes that parsers often handle wrongly."""
 MOST_BYTES = 40
 """Of one edit."""
 
@@ -33,8 +33,8 @@ class Edit(NamedTuple):
     """What is put in place of up to seven bytes."""
 
 
-def edited(data: bytes, edits: Iterable[Edit]) -> bytes:
-    """`data` after the edits, one after the other."""
+def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
+    """`data` after the edits, in their order."""
     made = bytearray(data)
     for edit in edits:
         at = int(edit.where * len(made))
@@ -52,9 +52,9 @@ def edited(data: bytes, edits: Iterable[Edit]) -> bytes:
     return bytes(made)
 
 
-def mutated(data: bytes, rng: random.Random, most: int = 4) -> bytes:
-    """`data` after up to `most` edits by chance."""
-    return edited(
+def mutate(data: bytes, rng: random.Random, most: int = 4) -> bytes:
+    """`data` after up to `most` random edits."""
+    return apply_edits(
         data,
         (
             Edit(rng.choice(KINDS), rng.random(), rng.randint(1, MOST_BYTES), rng.choice(WORDS))

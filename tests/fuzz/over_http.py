@@ -6,7 +6,7 @@ A third each: the seeds of all targets, edited, as the file of a whole form; edi
 first byte of the head on. Starts `ciir serve` with a folder of its own.
 
 Every answer must be one that the API declares (no 500), every error a line of problem+json, each within
-`ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these doesn't hold.
+`ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these does not hold.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.fuzz import seeds
-from tests.fuzz.mutate import mutated
+from tests.fuzz.mutate import mutate
 from tests.fuzz.targets import TARGETS
-from tests.load.requests import PATH, Asked, form
+from tests.load.requests import PATH, LoadRequest, make_form
 from tests.support.servers import run_server
 
 ANSWER_SECONDS = 60
@@ -50,7 +50,7 @@ class Answer(NamedTuple):
     """An answer, as far as there was one."""
 
     status: int
-    """0: the connection was closed without a word, which only a broken head may bring about."""
+    """0: the connection was closed without an answer, which only a broken head may cause."""
     error: str = ""
     """What is wrong with the answer; empty for nothing."""
 
@@ -81,18 +81,18 @@ class Attacker:
         suffix, file = self._random.choice(self._files)
         options = {"lenses": "4x4", "pixels": "3x3", "model": "none"}
         given = dict(self._random.sample(sorted(options.items()), self._random.randint(0, 3)))
-        body = form(Asked("file", f"a{suffix}", mutated(file, self._random), given))
+        body = make_form(LoadRequest("file", f"a{suffix}", mutate(file, self._random), given))
         boundary = body[2 : body.index(b"\r\n")].decode()
-        return self._asked(body, {"Content-Type": f"multipart/form-data; boundary={boundary}"})
+        return self._post(body, {"Content-Type": f"multipart/form-data; boundary={boundary}"})
 
     def _broken_form(self) -> Answer:
-        return self._asked(mutated(self._random.choice(seeds.multipart()), self._random), _FORM)
+        return self._post(mutate(self._random.choice(seeds.multipart()), self._random), _FORM)
 
-    def _asked(self, body: bytes, headers: dict[str, str]) -> Answer:
+    def _post(self, body: bytes, headers: dict[str, str]) -> Answer:
         prefer = self._random.choice(({}, {}, {"Prefer": "respond-async"}))
         self._http.request("POST", PATH, body, headers | prefer)
         answer = self._http.getresponse()
-        return _judged(answer, answer.read())
+        return _check_answer(answer, answer.read())
 
     def _broken_request(self) -> Answer:
         body = self._random.choice(seeds.multipart())
@@ -101,16 +101,16 @@ class Attacker:
         )
         with socket.create_connection((self._host, self._port), ANSWER_SECONDS) as connection:
             try:
-                connection.sendall(mutated(head, self._random) + body)
+                connection.sendall(mutate(head, self._random) + body)
                 connection.shutdown(socket.SHUT_WR)
                 with closing(http.client.HTTPResponse(connection)) as answer:
                     answer.begin()
-                    return _judged(answer, answer.read())
+                    return _check_answer(answer, answer.read())
             except (http.client.HTTPException, ConnectionError):
                 return Answer(0)
 
 
-def _judged(answer: http.client.HTTPResponse, body: bytes) -> Answer:
+def _check_answer(answer: http.client.HTTPResponse, body: bytes) -> Answer:
     if answer.status not in DECLARED:
         return Answer(answer.status, f"{answer.status} is no declared answer: {body[:200]!r}")
     if answer.status >= 400 and answer.headers["Content-Type"] != "application/problem+json":
@@ -143,7 +143,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="tests.fuzz.over_http", description=main.__doc__)
     parser.add_argument("--inputs", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seconds", type=float, default=600, help="after which no more are sent (default 600)")
-    parser.add_argument("--connections", type=int, default=4, help="at once (default 4)")
+    parser.add_argument("--connections", type=int, default=4, help="parallel connections (default 4)")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
     given = parser.parse_args()
     host = "127.0.0.1"

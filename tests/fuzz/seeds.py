@@ -1,7 +1,7 @@
-"""Small whole inputs of every kind that is read, made by our own encoders or written out here: where fuzzing begins.
+"""Small valid inputs of every format, made by our own encoders or written here: the seeds of fuzzing.
 
-A seed of several files holds them one after the other with `BETWEEN` between them (`pack`, `parts`): so a fuzzer that
-knows nothing of zips gets at what is in them.
+A seed of several files holds them joined by `BETWEEN` (`pack`, `parts`), so that a fuzzer changes their content
+without having to write a zip.
 """
 
 from __future__ import annotations

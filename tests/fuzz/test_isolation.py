@@ -1,4 +1,4 @@
-"""Whatever an upload names, the work on it reads no file but the upload's own and asks no other machine."""
+"""Work on an upload reads only the upload's own files and contacts no other machine, whatever the upload names."""
 
 import base64
 import json
@@ -80,7 +80,7 @@ def uploads(names, secret):
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
-    """The expected and the actual status of each upload, what the guard saw, and whether anyone called."""
+    """The expected and the actual status of each upload, what the guard saw, and whether a connection came in."""
     outside, folder = tmp_path_factory.mktemp("outside"), tmp_path_factory.mktemp("work")
     secret = outside / "secret.png"
     secret.write_bytes(encode_png(seeds.noise(4, 4, 3)))
@@ -95,7 +95,7 @@ def outcome(tmp_path_factory):
         command = [sys.executable, "-c", PROGRAM, str(folder)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
         assert done.returncode == 0, done.stderr
-        with pytest.raises(BlockingIOError):  # nobody called
+        with pytest.raises(BlockingIOError):  # no connection came in
             listener.accept()
     statuses, seen = json.loads(done.stdout)
     return {name: status for name, (_, status) in made.items()}, statuses, seen

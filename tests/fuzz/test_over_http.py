@@ -22,6 +22,6 @@ def test_many_at_once_get_what_the_command_line_makes(hostile_server, tmp_path):
     answers.mkdir()
     made.mkdir()
     numbers = range(40, 60)  # a round: all kinds, one of them asked for before
-    done = run.ask_all(hostile_server, numbers, 8, 120, answers)
+    done = run.send_all(hostile_server, numbers, 8, 120, answers)
     assert sorted(done) == list(numbers)
-    assert run.differences(numbers, answers, made) == []
+    assert run.list_differences(numbers, answers, made) == []

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from starlette.exceptions import HTTPException
 
 from ciir.errors import Unreadable
-from tests.fuzz.mutate import KINDS, MOST_BYTES, WORDS, Edit, edited
+from tests.fuzz.mutate import KINDS, MOST_BYTES, WORDS, Edit, apply_edits
 from tests.fuzz.targets import TARGETS, BrokenPromise, Target
 
 REFUSED_SEEDS = {"zip": 1, "any": 1, "options-eia": 2, "options-mesh": 2}
@@ -24,7 +24,7 @@ EDITS = st.lists(
 
 
 def inputs_near(made):
-    return st.one_of(st.builds(edited, st.sampled_from(made), EDITS), st.binary())
+    return st.one_of(st.builds(apply_edits, st.sampled_from(made), EDITS), st.binary())
 
 
 @pytest.mark.parametrize("name", TARGETS)

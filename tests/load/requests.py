@@ -33,7 +33,7 @@ AGAIN = 40
 
 
 @dataclass(frozen=True)
-class Asked:
+class LoadRequest:
     """One request."""
 
     kind: str
@@ -43,31 +43,31 @@ class Asked:
     options: dict[str, str] = field(default_factory=dict)
 
 
-def origin(number: int) -> tuple[str, int]:
+def find_origin(number: int) -> tuple[str, int]:
     """The kind of request `number`, and the number of the one that it repeats: its own, but for `again`."""
     turn, place = divmod(number, len(ROUND))
     kind = str(np.random.default_rng(turn).permutation(ROUND)[place])
     if kind != "again":
         return kind, number
-    return origin(number - AGAIN) if number >= AGAIN else ("small", number)
+    return find_origin(number - AGAIN) if number >= AGAIN else ("small", number)
 
 
-def asked(number: int) -> Asked:
+def make_request(number: int) -> LoadRequest:
     """Request `number`, the same each time."""
-    kind, first = origin(number)
+    kind, first = find_origin(number)
     return KINDS[kind](first)
 
 
-def small(number: int) -> Asked:
+def small(number: int) -> LoadRequest:
     """The centre view of 50x50 lenses, of a tetrahedron of its own."""
     corner = (number % 1009) / 1009, (number // 1009) / 1009
     rows = [*seeds.CORNERS[:3], (*corner, 1)]
     text = "OFF\n4 4 0\n" + "".join("{} {} {}\n".format(*row) for row in rows)
     text += "".join("3 {} {} {}\n".format(*face) for face in seeds.FACES)
-    return Asked("small", "small.off", text.encode(), {"lenses": "50x50"})
+    return LoadRequest("small", "small.off", text.encode(), {"lenses": "50x50"})
 
 
-def mesh(number: int) -> Asked:
+def mesh(number: int) -> LoadRequest:
     """Five views of a coloured mesh of some ten thousand triangles, as OBJ or as a zip with its material."""
     profile = np.stack([0.6 + 0.3 * np.sin(np.linspace(0, 3 + number % 7, 65)), np.linspace(-1, 1, 65)], axis=1)
     vertices, faces, _ = modelling.revolve(profile, 80)
@@ -77,12 +77,12 @@ def mesh(number: int) -> Asked:
     text = "\n".join(lines).encode()
     options = {"lenses": "60x60", "pixels": "9x9", "views": "cross"}
     if number % 2:
-        return Asked("mesh", "mesh.obj", text, options)
+        return LoadRequest("mesh", "mesh.obj", text, options)
     material = b"newmtl m\nKd 0.9 0.4 0.2\n"
-    return Asked("mesh", "mesh.zip", seeds.zipped({"mesh.obj": text, "a.mtl": material}), options)
+    return LoadRequest("mesh", "mesh.zip", seeds.zipped({"mesh.obj": text, "a.mtl": material}), options)
 
 
-def array(number: int) -> Asked:
+def array(number: int) -> LoadRequest:
     """Views of an array of 50x50 elemental images of 15x15 pixels: waves over the whole, and noise."""
     rng = np.random.default_rng(number)
     y, x = np.mgrid[0:750, 0:750].astype(np.float32) / 750
@@ -90,10 +90,10 @@ def array(number: int) -> Asked:
     picture = np.stack(waves, axis=2) * 100 + 128 + rng.normal(0, 2, (750, 750, 1))
     views = "all" if number % ALL_VIEWS == 0 else "cross"
     data = encode_png(np.clip(picture, 0, 255).astype(np.uint8))
-    return Asked("array", "array.png", data, {"lenses": "50x50", "views": views})
+    return LoadRequest("array", "array.png", data, {"lenses": "50x50", "views": views})
 
 
-def bad(number: int) -> Asked:
+def bad(number: int) -> LoadRequest:
     """A file or an option that can't be taken."""
     tail = f"# {number}\n".encode()
     choices = [
@@ -108,14 +108,14 @@ def bad(number: int) -> Asked:
         ("a.zip", seeds.zipped({"a.obj": bytes(2**24) + tail}), {}),
         ("a.obj", b"v 0 0 0\nf 1 2 3\n" + tail, {}),
     ]
-    return Asked("bad", *choices[number // 3 % len(choices)])
+    return LoadRequest("bad", *choices[number // 3 % len(choices)])
 
 
 KINDS = {"small": small, "mesh": mesh, "array": array, "bad": bad}
 
 
 @dataclass(frozen=True)
-class Answered:
+class LoadAnswer:
     """What the server answered to a request in the end."""
 
     status: int
@@ -133,8 +133,8 @@ class Connection:
     def __init__(self, port: int) -> None:
         self._http = http.client.HTTPConnection("127.0.0.1", port, timeout=ANSWER_SECONDS)
 
-    def ask(self, body: bytes) -> tuple[Answered, bytes]:
-        """The answer to a `form`, and its body, after as many rounds as the server asks for.
+    def ask(self, body: bytes) -> tuple[LoadAnswer, bytes]:
+        """The answer to a form, and its body, after as many rounds as the server asks for.
 
         Raises `OSError` or `HTTPException` where there is none.
         """
@@ -156,14 +156,14 @@ class Connection:
             time.sleep(float(answer.headers.get("Retry-After", 1)))
         took = 1000 * (time.perf_counter() - begun)
         timing = re.search(r"\btotal;dur=([\d.]+)", answer.headers.get("Server-Timing", ""))
-        return Answered(answer.status, took, float(timing[1]) if timing else None, tuple(statuses)), content
+        return LoadAnswer(answer.status, took, float(timing[1]) if timing else None, tuple(statuses)), content
 
     def close(self) -> None:
-        """No more is asked."""
+        """Closes the connection."""
         self._http.close()
 
 
-def form(given: Asked) -> bytes:
+def make_form(given: LoadRequest) -> bytes:
     """The multipart body."""
     head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="'
     fields = "".join(f'{head}{name}"\r\n\r\n{value}\r\n' for name, value in given.options.items())

@@ -1,4 +1,4 @@
-"""The server under load: mixed requests over many connections at once, each answer held against the command line's.
+"""The server under load: mixed requests over many connections, each answer compared with the command line's.
 
     python -m tests.load.run [--requests 2000] [--seconds 1800] [--connections 16] [--json FILE] [--log FILE]
 
@@ -35,7 +35,7 @@ import numpy as np
 
 from ciir.benchmarks import machine
 from ciir.service.cli import main as cli
-from tests.load.requests import LATER, Answered, Connection, asked, form, origin, small
+from tests.load.requests import LATER, Connection, LoadAnswer, find_origin, make_form, make_request, small
 from tests.load.server import Seen, watch
 from tests.support.servers import Server, run_server
 
@@ -59,15 +59,15 @@ class Line(NamedTuple):
     """None where nothing is asked for."""
 
 
-def ask_all(
+def send_all(
     server: Server, numbers: range, connections: int, seconds: float, answers: Path | None
-) -> dict[int, Answered]:
-    """What was answered to each request that was begun in time; bodies go to `answers/NUMBER-STATUS`."""
+) -> dict[int, LoadAnswer]:
+    """The answer to each request that was started in time; bodies go to `answers/NUMBER-STATUS`."""
     waiting, lock = iter(numbers), threading.Lock()
-    done: dict[int, Answered] = {}
+    done: dict[int, LoadAnswer] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for number in numbers:  # before anything is measured: making them takes time, and the server's processor
-            Path(folder, str(number)).write_bytes(form(asked(number)))
+        for number in numbers:  # before anything is measured: this takes time and would slow the server
+            Path(folder, str(number)).write_bytes(make_form(make_request(number)))
         end = time.monotonic() + seconds
 
         def work(_: int) -> None:
@@ -86,28 +86,28 @@ def ask_all(
     return done
 
 
-def loaded(server: Server, requests: int, connections: int, seconds: float, folder: Path) -> Iterator[Line]:
-    """The load, and what came of it, but for the comparison; answers are left in `folder/answers`."""
+def measure_load(server: Server, requests: int, connections: int, seconds: float, folder: Path) -> Iterator[Line]:
+    """The load and its results, without the comparison; answers are written to `folder/answers`."""
     answers = folder / "answers"
     answers.mkdir()
-    ask_all(server, range(APART, APART + WARM), connections, seconds, None)
+    send_all(server, range(APART, APART + WARM), connections, seconds, None)
     spawn = multiprocessing.get_context("spawn")
     stop, seen_file = spawn.Event(), folder / "seen.json"
     watcher = spawn.Process(target=watch, args=(server.port, server.pid, stop, seen_file))
     watcher.start()
     begun = time.monotonic()
-    done = ask_all(server, range(requests), connections, seconds, answers)
+    done = send_all(server, range(requests), connections, seconds, answers)
     took = time.monotonic() - begun
     stop.set()
     watcher.join()
     if watcher.exitcode != 0:
         yield Line("the watch on /healthz failed", holds=False)
         return
-    yield from summarised(done, requests, took)
-    yield from watched(json.loads(seen_file.read_text()))
+    yield from summarise(done, requests, took)
+    yield from check_samples(json.loads(seen_file.read_text()))
 
 
-def summarised(done: dict[int, Answered], requests: int, seconds: float) -> Iterator[Line]:
+def summarise(done: dict[int, LoadAnswer], requests: int, seconds: float) -> Iterator[Line]:
     """Answers by status, and times by kind."""
     rate = len(done) / seconds
     yield Line(f"{len(done):,} of {requests:,} requests answered, {rate:.1f} a second", len(done) == requests)
@@ -116,14 +116,14 @@ def summarised(done: dict[int, Answered], requests: int, seconds: float) -> Iter
     undeclared = sum(count for status, count in counts.items() if status >= 500 and status != 503)
     undeclared += sum(answer.status == 503 for answer in done.values())
     yield Line(f"answers of 500 and above, but for 503 with a time to come again: {undeclared}", undeclared == 0)
-    for kind in sorted({origin(number)[0] for number in done}):
-        times = [answer.ms for number, answer in done.items() if origin(number)[0] == kind]
+    for kind in sorted({find_origin(number)[0] for number in done}):
+        times = [answer.ms for number, answer in done.items() if find_origin(number)[0] == kind]
         middle, high = np.percentile(times, [50, 99])
         yield Line(f"  {kind:6s} {len(times):5,}: median {middle:7.0f} ms, 99th percentile {high:7.0f} ms")
 
 
-def watched(seen: Seen) -> Iterator[Line]:
-    """What was seen from beside."""
+def check_samples(seen: Seen) -> Iterator[Line]:
+    """The samples of memory and health, with their bounds."""
     health = float(np.percentile(seen["health_ms"], 99))
     many = len(seen["health_ms"])
     yield Line(
@@ -147,10 +147,10 @@ def by_quarter(sizes: list[int]) -> list[float]:
     return [float(np.median(part)) / 2**20 for part in np.array_split(np.array(sizes), 4)]
 
 
-def alone(server: Server) -> Iterator[Line]:
+def measure_single(server: Server) -> Iterator[Line]:
     """What the service adds to the pipeline's own time, one small view at a time."""
     with contextlib.closing(Connection(server.port)) as connection:
-        answers = [connection.ask(form(small(2 * APART + number)))[0] for number in range(ALONE)]
+        answers = [connection.ask(make_form(small(2 * APART + number)))[0] for number in range(ALONE)]
     added = [answer.ms - answer.pipeline_ms for answer in answers if answer.pipeline_ms is not None]
     if len(added) < ALONE:
         yield Line(f"{ALONE - len(added)} of {ALONE} small views come without the pipeline's time", holds=False)
@@ -163,8 +163,8 @@ def alone(server: Server) -> Iterator[Line]:
     )
 
 
-def compared(folder: Path, processes: int) -> Iterator[Line]:
-    """Every answer against the command line's, `processes` of them at once."""
+def compare_answers(folder: Path, processes: int) -> Iterator[Line]:
+    """Every answer compared with the command line's, in `processes` processes."""
     answers = folder / "answers"
     numbers = sorted(int(path.name.partition("-")[0]) for path in answers.iterdir())
     shares = [numbers[start::processes] for start in range(processes)]
@@ -173,13 +173,13 @@ def compared(folder: Path, processes: int) -> Iterator[Line]:
         place.mkdir()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, context) as pool:
-        found = [line for lines in pool.map(differences, shares, [answers] * processes, places) for line in lines]
+        found = [line for lines in pool.map(list_differences, shares, [answers] * processes, places) for line in lines]
     yield Line(f"{len(numbers):,} answers compared with the command line's: {len(found)} differ", not found)
     for line in found[:20]:
         yield Line(f"  {line}")
 
 
-def differences(numbers: Sequence[int], answers: Path, folder: Path) -> list[str]:
+def list_differences(numbers: Sequence[int], answers: Path, folder: Path) -> list[str]:
     """Of each of the requests `numbers` whose answer differs from the command line's a line that says how.
 
     `answers` holds `NUMBER-STATUS` with the body; `folder` is for what is made here. Runs in a process of its own.
@@ -188,7 +188,7 @@ def differences(numbers: Sequence[int], answers: Path, folder: Path) -> list[str
 
 
 def _difference(number: int, answers: Path, folder: Path) -> str:
-    given = asked(number)
+    given = make_request(number)
     (answer,) = answers.glob(f"{number}-*")
     status = int(answer.name.partition("-")[2])
     file, out = folder / f"{number}-{given.name}", folder / str(number)
@@ -228,7 +228,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="tests.load.run", description=main.__doc__)
     parser.add_argument("--requests", type=int, default=2000, help="how many (default 2000)")
     parser.add_argument("--seconds", type=float, default=1800, help="after which no more are begun (default 1800)")
-    parser.add_argument("--connections", type=int, default=16, help="at once (default 16)")
+    parser.add_argument("--connections", type=int, default=16, help="parallel connections (default 16)")
     parser.add_argument("--json", type=Path, help="file for the lines and the machine")
     parser.add_argument("--log", type=Path, help="file for the server's log")
     given = parser.parse_args(argv)
@@ -240,9 +240,9 @@ def main(argv: list[str] | None = None) -> int:
             with run_server(
                 given.log or folder / "log", CIIR_FOLDER=str(folder / "jobs"), CIIR_CACHE=str(folder / "cache")
             ) as server:
-                yield from loaded(server, given.requests, given.connections, given.seconds, folder)
-                yield from alone(server)
-            yield from compared(folder, processes=2)
+                yield from measure_load(server, given.requests, given.connections, given.seconds, folder)
+                yield from measure_single(server)
+            yield from compare_answers(folder, processes=2)
 
         for line in run():
             verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[line.holds]

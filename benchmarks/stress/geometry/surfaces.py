@@ -30,7 +30,7 @@ STRAIGHT = LensArray(SIDE, SIDE, 3, 3, delta=1e-6)
 VIEWS = ((0, 0), (1, 1))
 ORDERED = 2.0**-22
 """The gap between two surfaces that both backends order, as a share of the scene's depth: a depth buffer of 24 bits
-over 1.02 times that depth tells 2^-24, and each of the two may be rounded towards the other, as a vertex and in clip
+over 1.02 times that depth resolves 2^-24, and each of the two may be rounded towards the other, as a vertex and in clip
 space."""
 PASSED = 8e-6
 """The gap between cut-out surfaces that rays tell, as a share of the scene's longest side: four times
@@ -63,7 +63,7 @@ def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
-    """The same for perspective renders of one lens each, whose depth buffer tells less the farther a surface is."""
+    """The same for perspective renders of one lens each, whose depth buffer resolves less at larger distances."""
     array = LensArray(2, 2, SIDE, SIDE)
     for backend in open_backends("depth order by lens"):
         if isinstance(backend, Skipped):
@@ -73,8 +73,8 @@ def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
         for near, far in [(1.0, 21.0)] if effort.quick else [(1.0, 21.0), (1.0, 100.0), (1e-2, 100.0)]:
             wrong = 0.0
             for front in (near, (near * far) ** 0.5, 0.9 * far):
-                # Depth is a + b / d in clip space. 24 bits of it tell d^2 / near plane * 2^-24 at distance d, float32
-                # tells d * depth / near plane * 2^-24; the near plane is at half of `near` or more.
+                # Depth is a + b / d in clip space. 24 bits resolve d^2 / near plane * 2^-24 at distance d, float32
+                # resolves d * depth / near plane * 2^-24; the near plane is at half of `near` or more.
                 gap = 4 * front * (front + far - near) / (near / 2) * 2.0**-24
                 side = 2.0 * far
                 pair = [shapes.make_sheet(front, side, shapes.RED), shapes.make_sheet(front + gap, side, shapes.GREEN)]

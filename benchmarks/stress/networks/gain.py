@@ -33,9 +33,9 @@ the energy. An adversary who owns the rounding to 8 bits, 0.29 levels RMS, then 
 
 def noise(effort: Effort) -> Iterator[Found]:
     """White Gaussian noise of 1/4 to 16 levels on pictures: the output's change for each unit of it."""
-    given = patterns.make_pictures(SIDE)
+    inputs = patterns.make_pictures(SIDE)
     # Away from black and white, so that the noise is not cut.
-    images = 0.25 + 0.5 * np.stack(list(given.values()))
+    images = 0.25 + 0.5 * np.stack(list(inputs.values()))
     random = np.random.default_rng(0)
     white = random.standard_normal(images.shape, dtype=np.float32)
     for name in effort.models:
@@ -44,7 +44,7 @@ def noise(effort: Effort) -> Iterator[Found]:
         for levels in (1, 4) if effort.quick else (0.25, 0.5, 1, 2, 4, 8, 16):
             error = white * np.float32(levels * LEVEL)
             gain = rms(run(images + error) - clean) / rms(error)
-            found |= {f"{levels} levels on {key}": value for key, value in zip(given, gain, strict=True)}
+            found |= {f"{levels} levels on {key}": value for key, value in zip(inputs, gain, strict=True)}
         if shipped.is_int8(name):  # below a step of its grids it sees nothing, or a whole step
             found = {key: value for key, value in found.items() if not key.startswith("0.")}
         bound, gains = NOISE_KNOWN.get(name, NOISE), np.array(list(found.values()))
@@ -54,10 +54,10 @@ def noise(effort: Effort) -> Iterator[Found]:
 def worst_direction(effort: Effort) -> Iterator[Found]:
     """The largest gain of any small error, from the singular values of the whole Jacobian by finite differences."""
     side = QUICK_SMALL if effort.quick else SMALL
-    given = patterns.make_pictures(side)
+    inputs = patterns.make_pictures(side)
     for name in shipped.list_float_networks(effort):
         run, found = shipped.load_network(name), dict[str, float]()
-        for key, image in given.items():
+        for key, image in inputs.items():
             middle = 0.25 + 0.5 * image
             directions = np.eye(middle.size, dtype=np.float32).reshape(-1, *middle.shape) * np.float32(STEP)
             jacobian = (run(middle + directions) - run(middle - directions)).reshape(middle.size, -1) / (2 * STEP)

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from ciir.benchmarks.stress.networks.shipped import Values
 
 SIDE = 64
-TURNED = 1.0
-"""How large the change of the output by turning the input and turning back may be, over the error to the truth. No
+CHANGE = 1.0
+"""How large the change of the output by flipping the input and back may be, over the error to the truth. No
 filter is tied to its mirror image; but a change above the error would mean that the network prefers an orientation."""
 INT8_STEP = 1.0
 """Levels RMS for int8, whose codes may round to a neighbour where float rounding differs by a bit."""
 
-TURNS: dict[str, Callable[[Values], Values]] = {
+SYMMETRIES: dict[str, Callable[[Values], Values]] = {
     "flipped left to right": lambda images: images[:, :, :, ::-1],
     "flipped upside down": lambda images: images[:, :, ::-1],
     "transposed": lambda images: images.transpose(0, 1, 3, 2),
@@ -35,10 +35,10 @@ TURNS: dict[str, Callable[[Values], Values]] = {
 
 def shifts(effort: Effort) -> Iterator[Found]:
     """Input moved by one pixel: the output moves by two, away from the borders."""
-    given = patterns.make_pictures(SIDE)
+    inputs = patterns.make_pictures(SIDE)
     if not effort.quick:
-        given |= patterns.make_patterns(SIDE, SIDE)
-    images = np.stack(list(given.values()))
+        inputs |= patterns.make_patterns(SIDE, SIDE)
+    images = np.stack(list(inputs.values()))
     for name in effort.models:
         network, margin = shipped.load_network(name), 2 * (shipped.read_card(name).radius + 1)
         whole = network(images)
@@ -47,21 +47,21 @@ def shifts(effort: Effort) -> Iterator[Found]:
             keep[axis], drop[axis] = slice(1, None), slice(2, None)
             moved = network(np.ascontiguousarray(images[tuple(keep)])) - whole[tuple(drop)]
             inner = moved[:, :, margin:-margin, margin:-margin]
-            yield bound_difference(f"shifted by one pixel {way}", name, inner, list(given), int8_rms=INT8_STEP)
+            yield bound_difference(f"shifted by one pixel {way}", name, inner, list(inputs), int8_rms=INT8_STEP)
 
 
-def turns(effort: Effort) -> Iterator[Found]:
+def symmetries(effort: Effort) -> Iterator[Found]:
     """Flips and transposition: the change over the network's error on the same pictures."""
-    given = patterns.make_pictures(2 * SIDE)
-    truth = np.stack(list(given.values()))
+    inputs = patterns.make_pictures(2 * SIDE)
+    truth = np.stack(list(inputs.values()))
     low = downsample(truth)
     for name in effort.models:
         model = catalogue.load_upscaler(name)
         large = model(low)
-        changes = [turn(model(np.ascontiguousarray(turn(low)))) - large for turn in TURNS.values()]
+        changes = [flip(model(np.ascontiguousarray(flip(low)))) - large for flip in SYMMETRIES.values()]
         relative = np.concatenate([rms(change) / rms(large - truth) for change in changes])
-        names = [f"{key} {turn}" for turn in TURNS for key in given]
-        yield find_worst(f"{name}: turned and back, change over error", TURNED, relative, names)
+        names = [f"{key} {way}" for way in SYMMETRIES for key in inputs]
+        yield find_worst(f"{name}: flipped or transposed and back, change over error", CHANGE, relative, names)
 
 
 def order(effort: Effort) -> Iterator[Found]:
@@ -80,13 +80,13 @@ def order(effort: Effort) -> Iterator[Found]:
 
 def threads(effort: Effort) -> Iterator[Found]:
     """1, 2, 3 and more threads: the same within half a level of 16 bits."""
-    given = patterns.make_pictures(SIDE)
-    images = np.stack(list(given.values()))
+    inputs = patterns.make_pictures(SIDE)
+    images = np.stack(list(inputs.values()))
     counts = (2,) if effort.quick else tuple(sorted({2, 3, 4, 7, count_available_cores()}))
     for name in effort.models:
         single = shipped.load_network(name, threads=1)(images)
         difference = np.concatenate([shipped.load_network(name, threads=count)(images) - single for count in counts])
-        names = [f"{count} threads, {key}" for count in counts for key in given]
+        names = [f"{count} threads, {key}" for count in counts for key in inputs]
         yield bound_difference("against one thread", name, difference, names, int8_rms=INT8_STEP)
 
 
@@ -107,4 +107,4 @@ def tile_sizes(effort: Effort) -> Iterator[Found]:
         yield bound_difference("in tiles", name, np.concatenate(tiled) - whole, names, int8_rms=INT8_STEP)
 
 
-CASES: tuple[Case, ...] = (shifts, turns, order, threads, tile_sizes)
+CASES: tuple[Case, ...] = (shifts, symmetries, order, threads, tile_sizes)

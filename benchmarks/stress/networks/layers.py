@@ -1,4 +1,4 @@
-"""How large values grow inside a network, and how much room number formats leave above them."""
+"""How large values grow inside a network, and the margin up to the limits of number formats."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ HEADROOM = 64.0
 """How many times larger than anything met float16's limit must be: sums on the way to a value may pass it by as much as
 a filter has entries of either sign, and other weights of the same design by a little."""
 GROWTH = 16.0
-"""How many times a layer may enlarge the largest value. Four such layers in a row would reach `FLOAT16` from 1."""
+"""How many times the largest value may grow in one layer. Four such layers in a row would reach `FLOAT16` from 1."""
 PICTURES = 0.01
 """Share of a tensor's values that may lie on the ends of its int8 grid for pictures: grids are chosen for least squared
 error, which cuts rare values, and one in a hundred is no longer rare."""
 PATTERNS = 0.75
-"""The same for patterns: at least a quarter of the values still tells inputs apart. What cutting does to the result is
-bounded in `signals.against_float`."""
+"""The same for patterns: at least a quarter of the values still distinguishes inputs. `signals.against_float` bounds
+the effect on the result."""
 
 
 def make_inputs() -> tuple[list[str], Values]:
     """Pictures and patterns, the names of both."""
-    given = {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE)}
-    return list(given), np.stack(list(given.values()))
+    inputs = {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE)}
+    return list(inputs), np.stack(list(inputs.values()))
 
 
 def activations(effort: Effort) -> Iterator[Found | Skipped]:

@@ -29,8 +29,8 @@ DRIFT_KNOWN = {"paper": 40.0}
 
 def rounds(effort: Effort) -> Iterator[Found]:
     """Pictures upscaled and averaged down again and again: their mean level and total variation."""
-    given = patterns.make_pictures(SIDE)
-    first = np.stack(list(given.values()))
+    inputs = patterns.make_pictures(SIDE)
+    first = np.stack(list(inputs.values()))
     count = 10 if effort.quick else ROUNDS
     for name in effort.models:
         model, images = catalogue.load_upscaler(name), first
@@ -40,9 +40,9 @@ def rounds(effort: Effort) -> Iterator[Found]:
             drift.append(np.abs(images.mean(axis=(1, 2, 3)) - first.mean(axis=(1, 2, 3))) / LEVEL)
             ringing.append(compute_variation(images) / compute_variation(first))
         bound, what = DRIFT_KNOWN.get(name, DRIFT), f"{name}: drift of the mean over {count} rounds, levels"
-        yield find_worst(what, bound, np.max(drift, axis=0), list(given))
+        yield find_worst(what, bound, np.max(drift, axis=0), list(inputs))
         what = f"{name}: growth of total variation over {count} rounds"
-        yield find_worst(what, RINGING, np.max(ringing, axis=0), list(given))
+        yield find_worst(what, RINGING, np.max(ringing, axis=0), list(inputs))
 
 
 def compute_variation(images: Values) -> Values:

@@ -49,8 +49,8 @@ def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
     if skipped := list(shipped.require_onnx("onnxruntime against the reference on patterns")):
         yield from skipped
         return
-    given = make_inputs(1 if effort.quick else REFERENCE_STEPS)
-    names, images = list(given), np.stack(list(given.values()))
+    inputs = make_inputs(1 if effort.quick else REFERENCE_STEPS)
+    names, images = list(inputs), np.stack(list(inputs.values()))
     for name in effort.models:
         difference = shipped.load_network(name)(images) - shipped.load_reference(name)(images)
         what = "onnxruntime against the reference"
@@ -62,18 +62,18 @@ def outside_the_range(effort: Effort) -> Iterator[Found | Skipped]:
     if skipped := list(shipped.require_onnx("onnxruntime against the reference outside [0, 1]")):
         yield from skipped
         return
-    given = patterns.make_outside(SIDE, SIDE)
-    images = np.stack(list(given.values()))
+    inputs = patterns.make_outside(SIDE, SIDE)
+    images = np.stack(list(inputs.values()))
     for name in shipped.list_float_networks(effort):
         difference = peak(shipped.load_network(name)(images) - shipped.load_reference(name)(images))
         what = f"{name}: onnxruntime against the reference up to +-10, worst value"
-        yield find_worst(what, SCALE_OUTSIDE * UNSEEN, difference, list(given))
+        yield find_worst(what, SCALE_OUTSIDE * UNSEEN, difference, list(inputs))
 
 
 def against_float(effort: Effort) -> Iterator[Found]:
     """int8 against float on pictures, patterns and sinusoids of all frequencies."""
-    given = make_inputs(2 if effort.quick else STEPS)
-    names, images = list(given), np.stack(list(given.values()))
+    inputs = make_inputs(2 if effort.quick else STEPS)
+    names, images = list(inputs), np.stack(list(inputs.values()))
     count = len(patterns.make_pictures(SIDE))  # they come first
     base = Bicubic(2)(images)
     for name, twin in shipped.list_int8_twins(effort):

@@ -148,9 +148,9 @@ def test_gain(put):
         assert found.measured == pytest.approx(40, rel=1e-2)
 
 
-def test_shifts_turns_and_order(put):
+def test_shifts_symmetries_and_order(put):
     put(nearest)
-    for case in (invariance.shifts, invariance.turns, invariance.order, invariance.threads, invariance.tile_sizes):
+    for case in (invariance.shifts, invariance.symmetries, invariance.order, invariance.threads, invariance.tile_sizes):
         assert all(states(case)), case.__name__
 
     def depends_on_place(images):
@@ -160,7 +160,7 @@ def test_shifts_turns_and_order(put):
     assert states(invariance.shifts) == [True, False]
     assert states(invariance.tile_sizes) == [False]
     put(lambda images: np.roll(nearest(images), 3, axis=3))
-    assert states(invariance.turns) == [False]
+    assert states(invariance.symmetries) == [False]
     random = np.random.default_rng(0)
     put(lambda images: nearest(images) + np.float32(1e-7) * random.random())
     assert states(invariance.order) == [False, False]
