@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.training.loop import plot
-from ciir.training.loop.events import Events
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from torch import Tensor
+    from torch.utils.tensorboard import SummaryWriter
 
     Row = dict[str, float]
 
@@ -59,11 +59,7 @@ class Log:
         path = out / "log.csv"
         self.rows = [row for row in read_log(path) if row["step"] <= step] if path.exists() else []
         self._draw = True
-        self._events: Events | None = None
-        try:
-            self._events = Events(out / "tensorboard", step=step)
-        except ModuleNotFoundError as error:
-            _note_missing(error, "tensorboard")
+        self._events = _open_events(out / "tensorboard", step)
 
     def add(self, row: Row) -> None:
         """Adds a row: `OTHER` and the losses."""
@@ -79,8 +75,11 @@ class Log:
                 self._draw = False
                 _note_missing(error, "curve.png")
         if self._events is not None:
-            names = {name: name if name in OTHER else f"losses/{name}" for name in row if name != "step"}
-            self._events.add(int(row["step"]), {shown: row[name] for name, shown in names.items()})
+            for name, value in row.items():
+                if name != "step":
+                    tag = name if name in OTHER else f"losses/{name}"
+                    self._events.add_scalar(tag, value, int(row["step"]))
+            self._events.flush()
 
 
 def read_log(path: Path) -> list[Row]:
@@ -104,6 +103,16 @@ def _to_csv(rows: Sequence[Row]) -> bytes:
     writer.writeheader()
     writer.writerows({name: f"{value:.7g}" for name, value in row.items()} for row in rows)
     return text.getvalue().encode()
+
+
+def _open_events(folder: Path, step: int) -> SummaryWriter | None:
+    """Opens a new event file; TensorBoard joins it to older ones in `folder`, and hides their events after `step`."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ModuleNotFoundError as error:
+        _note_missing(error, "tensorboard")
+        return None
+    return SummaryWriter(folder, purge_step=step + 1)
 
 
 def _note_missing(error: ModuleNotFoundError, file: str) -> None:

@@ -34,13 +34,6 @@ def test_large_pictures_are_made_as_small_as_is_said():
     assert max(gather.load_picture(saved(picture(1, 2500, 5000), "JPEG")).shape) == gather.LOSSY
 
 
-def test_transparent_pictures_lie_over_one_plain_colour():
-    image = picture(2).convert("RGBA")
-    image.putalpha(Image.new("L", image.size, 0))
-    made = gather.load_picture(saved(image, "PNG"))
-    assert (made == made[0, 0]).all()
-
-
 @pytest.mark.parametrize(
     "content", [b"", b"no picture", saved(picture(3), "PNG")[:200], saved(picture(3, 90, 240), "PNG")]
 )

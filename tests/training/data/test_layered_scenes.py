@@ -44,18 +44,6 @@ def sheets(monkeypatch):
     return set_to
 
 
-def test_shapes_and_range():
-    views, colours = scenes(3, side=10)
-    assert (views.shape, colours.shape) == ((3, 25, 40, 40), (3, 3, 40, 40))
-    for part in (views, colours):
-        assert -1e-6 <= part.min() < part.max() <= 1 + 1e-6  # sums of weights that make 1 but for rounding
-
-
-def test_scenes_follow_from_the_seed():
-    assert all(torch.equal(a, b) for a, b in zip(scenes(seed=4), scenes(seed=4), strict=True))
-    assert not torch.equal(scenes(seed=4)[0], scenes(seed=5)[0])
-
-
 def test_the_middle_view_is_the_luma_of_its_colours():
     views, colours = scenes(6)
     wanted = torch.einsum("nchw,c->nhw", colours, torch.tensor(layered_scenes.LUMA))
@@ -143,14 +131,3 @@ def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
     disparity, slope = layered_scenes._draw_disparities(uniform, 2000, 30)
     at_the_edge = disparity.abs() + slope.abs().amax(-1) * 15
     assert at_the_edge.max() <= MOST + 1e-5
-
-
-def test_a_texture_is_a_part_of_a_picture(monkeypatch):
-    monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
-    picture = np.random.default_rng(0).integers(0, 256, (layered_scenes.TEXTURE, layered_scenes.TEXTURE, 3), np.uint8)
-    (texture,) = (layered_scenes._draw_texture(np.random.default_rng(0), [picture]) * 255,)
-    np.testing.assert_allclose(texture.permute(1, 2, 0), picture, atol=1e-4)
-    monkeypatch.setattr(layered_scenes, "FLAT", 1.0)
-    flat = layered_scenes._draw_texture(np.random.default_rng(0), [picture])
-    assert flat.shape == (3, layered_scenes.TEXTURE, layered_scenes.TEXTURE)
-    assert flat.flatten(1).unique(dim=1).shape == (3, 1)

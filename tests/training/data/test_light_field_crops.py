@@ -14,7 +14,7 @@ from ciir.models.light_field.windows import select_axis
 from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops, Window
+from ciir.training.data.light_field_crops import STEPS_PER_BLOCK, LightFieldCrops, Window
 from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.networks.plane_sweep import MOST, SIDE, PlaneSweep
 
@@ -84,17 +84,6 @@ class Drawn:
         return self.values.pop(0)
 
 
-def test_shapes_and_range(folder):
-    crops = crops_of(folder, batch=2, degradations=dict.fromkeys(KINDS, 1))
-    for step in range(3):
-        (image, around, rows, cols), high = crops.make_batch(step)
-        assert (image.shape, around.shape, high.shape) == ((2, 3, 16, 16), (2, 25, 16, 16), (2, 3, 32, 32))
-        assert rows.shape == cols.shape == (SIDE,)
-        for part in (image, around, high):
-            assert part.is_contiguous()
-            assert 0 <= part.min() < part.max() <= 1 + 1e-6  # a luma's weights make 1 but for rounding
-
-
 def test_a_step_is_the_same_whatever_came_before(folder):
     crops = crops_of(folder)
     wanted = crops.make_batch(20)
@@ -126,17 +115,6 @@ def test_turns_are_of_all_parts_alike(flat, turns):
     assert [rows.tolist(), cols.tolist()] == (ends[::-1] if swapped else ends)
 
 
-def test_drawn_crops_show_the_sheet_where_it_is(folder, flat, clean):
-    crops = crops_of(folder, crop=48, degradations=dict.fromkeys(KINDS, 1))
-    windows = set()
-    for step in range(16):
-        (_, around, rows, cols), _ = crops.make_batch(step)
-        if rows.sum() > 3 and cols.sum() > 3:  # three views alone tell less sharply
-            assert planes(around, rows, cols) == [RIGHT] * 3
-        windows.add((*rows.tolist(), *cols.tolist()))
-    assert len(windows) > 3
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
     crops = crops_of(folder, degradations={kind: 1})
@@ -149,20 +127,6 @@ def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
             continue
         made = {"box": degrade.box, "bicubic": degrade.bicubic}[kind](high, 2)
         assert (made - inputs.image).abs().max() <= 1.01 / 255  # sums in another order may round otherwise
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_small_and_truth_of_fine_samples(kind):
-    """The truth is the mean of 2x2 of them; a pinhole sees the middle of the 4x4 of its LR pixel."""
-    fine = torch.randint(0, 256, (3, 24, 32), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
-    low, high = light_field_crops._degrade(kind, fine)
-    cells = fine.numpy().reshape(3, 6, 4, 8, 4).astype(float)
-    wanted = fine.numpy().reshape(3, 12, 2, 16, 2).mean((2, 4))
-    np.testing.assert_allclose(high, wanted, atol=0.5)
-    if kind == "point":
-        np.testing.assert_allclose(low, cells[:, :, 1:3, :, 1:3].mean((2, 4)), atol=0.5)
-    else:
-        assert torch.equal(low, degrade.make_pair(kind, high, 2)[0])
 
 
 def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
@@ -239,19 +203,6 @@ def test_threads_change_nothing_and_make_no_scene_twice(folder, monkeypatch):
     assert all(same(one, other) for one, other in zip(found, wanted, strict=True))
     assert set(made.values()) == {1}
     assert len(made) == 33 // STEPS_PER_BLOCK + 1
-
-
-def test_blocks_are_kept_whatever_the_order_of_the_steps_in_the_making(folder, monkeypatch):
-    """Backwards, of all that `prefetch_batches` lets be made at once."""
-    made = []
-    nothing = torch.zeros(1), torch.zeros(1)
-    monkeypatch.setattr(layered_scenes, "make_scenes", lambda *args, **kwargs: made.append(0) or nothing)
-    crops, ahead = crops_of(folder), 2 * STEPS_PER_BLOCK
-    for first in range(40):
-        for step in reversed(range(first, first + ahead + 1)):
-            crops._made(step // STEPS_PER_BLOCK)
-    assert len(made) == (39 + ahead) // STEPS_PER_BLOCK + 1
-    assert len(crops._blocks) == KEPT_BLOCKS
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ciir.training.data import light_fields
 from ciir.training.data.downscale import KINDS, downscale_picture
 from ciir.training.data.light_fields import LEAST, degrade_views, read_views
 
@@ -100,14 +99,3 @@ def test_views_too_small_or_of_a_kind_that_is_not_read(tmp_path):
     assert "views of 4 channels, uint8; give 8-bit grey or RGB" in refused(save(tmp_path / "clear", clear))
     deep = views(2, 2)[..., 0].astype(np.uint16)
     assert "views of 1 channels, uint16" in refused(save(tmp_path / "deep", deep))
-
-
-def test_fewer_views_than_are_asked_for(tmp_path):
-    folder = save(tmp_path / "a", views(3, 4))
-    assert "3x4 views; --grid 4x4 needs more: give a smaller grid" in refused(folder, grid=(4, 4))
-
-
-def test_the_least_size_serves_every_way_of_making_small():
-    for kind in KINDS:
-        low, _ = degrade_views(views(1, 2, light_fields.LEAST, light_fields.LEAST), kind, 4)
-        assert low.shape[0:2] == (1, 2)

@@ -9,10 +9,8 @@ from PIL import Image
 
 from ciir.models.light_field.windows import select_axis
 from ciir.renderer.scenes import load_scene
-from ciir.training.data import mesh_views
-from ciir.training.data.crops import Crops
 from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.mesh_views import LENSES, draw_rotation, read_mesh, render_pairs, render_window
+from ciir.training.data.mesh_views import LENSES, read_mesh, render_pairs, render_window
 from ciir.training.networks.plane_sweep import PlaneSweep
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -74,23 +72,6 @@ def test_a_picture_depends_on_its_number_alone(mesh):
     one, again, other = (render_pairs(read_mesh(mesh), seed=1, index=index, scale=2) for index in (3, 3, 4))
     np.testing.assert_array_equal(one[0][1], again[0][1])
     assert not np.array_equal(one[0][1], other[0][1])
-
-
-def test_turns_are_rotations():
-    matrix = draw_rotation(np.random.default_rng(0))[:3, :3]
-    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(matrix) == pytest.approx(1.0)
-    assert matrix[1, 1] >= np.cos(mesh_views.TILT)
-
-
-def test_views_of_meshes_join_those_of_scenes(tmp_path, mesh, monkeypatch):
-    monkeypatch.setattr(mesh_views, "PICTURES", 3)
-    Image.fromarray(np.zeros((40, 40, 3), np.uint8)).save(tmp_path / "a.png")
-    given = {"crop": 32, "scale": 2, "batch": 2, "seed": 0, "degradations": {"bicubic": 1, "pinhole": 1, "lenslet": 1}}
-    crops = Crops(tmp_path, scenes=1, meshes=[mesh], **given)
-    assert [len(group) for group in crops.groups] == [1, 4, 4]
-    low, high = crops.make_batch(0)
-    assert (low.shape, high.shape) == ((2, 3, 16, 16), (2, 3, 32, 32))
 
 
 def test_files_that_are_no_mesh(tmp_path, capsys):

@@ -47,22 +47,6 @@ def test_crops_mix_photographs_and_views(tmp_path):
     assert all((a == b).all() for a, b in zip(crops.make_batch(7), (low, high), strict=True))
 
 
-def test_the_truth_of_scale_4():
-    """Its 4x4 cells' mean is the lenslets' picture, as at scale 2; both scales see the same scene."""
-    (pinhole, truth), (lenslet, _) = rendered.render_pairs(PICTURES, seed=2, index=0, scale=4)
-    assert truth.shape == (384, 384, 3)
-    assert np.abs(lenslet - truth.reshape(96, 4, 96, 4, 3).mean((1, 3))).mean() < 1.0
-    np.testing.assert_array_equal(pinhole, rendered.render_pairs(PICTURES, seed=2, index=0)[0][0])
-
-
-def test_crops_larger_than_what_is_rendered(tmp_path):
-    from PIL import Image
-
-    Image.fromarray(np.zeros((300, 300, 3), np.uint8)).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="rendered for crops up to 192 pixels, not 194"):
-        Crops(tmp_path, crop=194, scale=2, batch=1, seed=0, scenes=1, degradations=SHARES)
-
-
 def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
     """The whole of it, so that nothing but rounding stands between LR and the bicubic LR of HR."""
     from PIL import Image

@@ -106,18 +106,6 @@ def refused(folder: Path, **options) -> str:
     return str(caught.value)
 
 
-def test_a_missing_view(tmp_path):
-    views = field(3, 3)
-    del views[1, 2]
-    assert "no view (1, 2); add it" in refused(save(tmp_path / "v", views))
-
-
-def test_views_of_unequal_sizes(tmp_path):
-    views = field(3, 3)
-    views[2, 0] = views[2, 0][:-2]
-    assert "make all views alike" in refused(save(tmp_path / "v", views))
-
-
 def test_a_wrong_count(tmp_path):
     (tmp_path / "v").mkdir()
     for number, pixels in enumerate(field(2, 4).values()):

@@ -6,8 +6,6 @@ from PIL import Image
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 from ciir import models
-from ciir.errors import UnknownModel
-from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
 from ciir.training.evaluation.pictures import evaluate, score
 from tests.support.paths import SHARED
@@ -48,13 +46,6 @@ def test_a_known_error(tmp_path):
     assert (scored.data, scored.pictures) == (tmp_path.name, 1)
     assert scored.psnr == pytest.approx(48.1308, abs=1e-4)
     assert 0.99 < scored.ssim < 1
-
-
-def test_a_model_by_name_and_by_its_card(recipe):
-    folder = Path(recipe.validate)
-    assert evaluate(str(SHIPPED / "paper.json"), folder) == evaluate("paper", folder)
-    with pytest.raises(UnknownModel):
-        evaluate("fancy", folder)
 
 
 def test_no_pairs(tmp_path):

@@ -31,12 +31,12 @@ def test_weights_are_the_mean_and_the_recipe_says_so(tmp_path):
     assert state["recipe"]["averaged"] == [path.as_posix() for path in paths]
 
 
-def test_faults_are_one_line(tmp_path):
+def test_errors_are_one_line(tmp_path):
     one = checkpoint(tmp_path / "a.pt", 1.0)
     other = checkpoint(tmp_path / "b.pt", 1.0, network="lite")
     with pytest.raises(ValueError, match="give two or more"):
         average.average_checkpoints([one], tmp_path / "m.pt")
-    with pytest.raises(ValueError, match="give legs of one network"):
+    with pytest.raises(ValueError, match="give runs of one network"):
         average.average_checkpoints([one, other], tmp_path / "m.pt")
     with pytest.raises(SystemExit, match=r"average: .*gone"):
         average.main([str(one), str(tmp_path / "gone.pt"), "-o", str(tmp_path / "m.pt")])

@@ -71,15 +71,6 @@ def test_the_card(exported, views):
     assert len(commands) == len(card.accuracy)
 
 
-def test_the_file_has_the_inputs_that_the_card_tells(exported):
-    model, card = onnx.load(exported.with_suffix(".onnx")), cards.read_card(exported)
-    assert model.opset_import[0].version == card.opset
-    tensors = (card.input, *card.extra_inputs, card.output, *card.extra_outputs)
-    for value, tensor in zip((*model.graph.input, *model.graph.output), tensors, strict=True):
-        dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
-        assert (value.name, tuple(dims)) == (tensor.name, tensor.shape)
-
-
 @pytest.mark.parametrize("place", examples.WINDOWS)
 def test_what_ships_equals_torch(exported, checkpoint, place):
     network = simplify_network(load_network(checkpoints.read_checkpoint(checkpoint)))

@@ -62,13 +62,6 @@ def test_it_upscales_as_it_did(compact):
     np.testing.assert_allclose(SingleImageNetwork(path)(images), want, atol=1e-5)
 
 
-def test_size_rules_go_on_the_card():
-    """What `models.sessions` does with them is tested there; less than 8 pixels suits none of ours (see `Sizes`)."""
-    rules = spandrel.SizeRequirements
-    assert external_weights._convert_sizes(rules(minimum=2, multiple_of=4, square=True)) == Sizes(8, 4, square=True)
-    assert external_weights._convert_sizes(rules(minimum=16)) == Sizes(16)
-
-
 def described(network, path):
     return external_weights._load_descriptor(saved(network, path))
 

@@ -177,12 +177,6 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
         quantise.quantise_network(weights, pairs)
 
 
-def test_no_int8_is_made_where_it_cannot_be_measured(weights, pairs, monkeypatch):
-    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
-    with pytest.raises(ValueError, match="no VNNI; export on another machine"):
-        quantise.quantise_network(weights, pairs)
-
-
 @suited
 def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     recipe = dataclasses.replace(recipe, network="compact", options={"widths": [8]}, steps=1, validate_every=1)
@@ -201,3 +195,9 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
             torch.from_numpy(images)
         ).clamp(0, 1)
     assert 0 < np.abs(SingleImageNetwork(path)(images) - wanted.numpy()).max() < 0.01
+
+
+def test_no_int8_is_made_where_it_cannot_be_measured(weights, pairs, monkeypatch):
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
+    with pytest.raises(ValueError, match="no VNNI; export on another machine"):
+        quantise.quantise_network(weights, pairs)

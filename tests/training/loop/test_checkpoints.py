@@ -6,7 +6,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs torch, of the training extra")
 
 from ciir.training.loop import checkpoints
-from ciir.training.networks import make_network
 
 STATE = dict.fromkeys(checkpoints.KEYS, 1) | {"network": {"w": torch.ones(2)}}
 
@@ -51,15 +50,3 @@ def test_what_is_no_checkpoint(tmp_path, data):
     with pytest.raises(ValueError, match="not a checkpoint") as caught:
         checkpoints.read_checkpoint(path)
     assert str(path) in str(caught.value)
-
-
-def test_a_checkpoint_that_is_not_there(tmp_path):
-    with pytest.raises(ValueError, match=r"c\.pt: No such file.*give the checkpoint\.pt"):
-        checkpoints.read_checkpoint(tmp_path / "c.pt")
-
-
-def test_networks_that_are_not_known():
-    with pytest.raises(ValueError, match=r"'gpt' is not known; give one of .*compact, .*lite"):
-        make_network("gpt", {})
-    with pytest.raises(ValueError, match="lite doesn't take"):
-        make_network("lite", {"bloks": 3})

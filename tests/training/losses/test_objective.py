@@ -38,14 +38,6 @@ def test_pixels_alone(recipe):
     minimised.load_state_dict({})
 
 
-@pytest.mark.parametrize("name", ["gradient", "frequency"])
-def test_a_term_without_weights(recipe, name):
-    output, high = pictures(0)
-    terms = Objective(replace(recipe, perceptual=name, perceptual_weight=0.5), CPU).generator(output, high)
-    assert set(terms) == {"l1", name}
-    assert terms[name] == 0.5 * perceptual.PIXELS[name](output, high)
-
-
 def test_the_papers_sum(recipe, tmp_path, monkeypatch):
     """MSE + VGG-19 content + 1e-3 adversarial, each by itself, on a stand-in for VGG-19."""
     monkeypatch.setattr(perceptual.VggContent.__init__, "__kwdefaults__", {"bfloat16": False, "layout": (4,)})
@@ -81,7 +73,7 @@ def test_discriminator_features(gan):
     ("changes", "message"),
     [
         ({"loss": "l3"}, "loss: 'l3' is not known; give one of l1, mse"),
-        ({"perceptual": "vgg"}, "perceptual: 'vgg' is not known; give one of vgg19, gradient"),
+        ({"perceptual": "vgg"}, "perceptual: 'vgg' is not known; give one of vgg19, discriminator"),
         ({"adversarial": "gan"}, "adversarial: 'gan' is not known; give one of bce, hinge"),
         ({"adversarial": "bce", "discriminator": {"depth": 3}}, "discriminator: it doesn't take {'depth': 3}"),
         ({"perceptual": "discriminator"}, 'set adversarial to "bce" or "hinge"'),

@@ -58,21 +58,3 @@ def test_the_base_is_bicubic_interpolation(scale):
     image = torch.rand(1, 3, 6, 9, generator=torch.Generator().manual_seed(3))
     got = network(image).detach().clamp(0, 1).numpy()
     assert abs(got - Bicubic(scale)(image.numpy())).max() <= 1e-5
-
-
-@pytest.mark.parametrize(
-    ("widths", "weights"),
-    [((32, *[48] * 6), 32 * 27 + 48 * 288 + 5 * 48 * 432 + 12 * 432), ([64] * 8, 27 * 64 + 7 * 64 * 576 + 12 * 576)],
-)
-def test_size(widths, weights):
-    plain = collapse(CompactGenerator(widths))
-    convolutions = [m for m in plain.modules() if isinstance(m, nn.Conv2d) and m.bias is not None]
-    assert sum(m.weight.numel() for m in convolutions) == weights
-    assert len(convolutions) == len(widths) + 1
-
-
-@pytest.mark.parametrize(("slope", "kind"), [(0.0, nn.ReLU), (0.125, nn.LeakyReLU)])
-def test_the_activation(slope, kind):
-    """Without a slope it must be a ReLU by name: onnxruntime fuses no LeakyReLU into its int8 convolutions."""
-    network = CompactGenerator((4, 4), slope=slope)
-    assert [type(layer) for layer in network.body[1::2]] == [kind, kind]

@@ -8,7 +8,6 @@ import torch
 
 from ciir.models.light_field.windows import select_axis
 from ciir.training.networks.collapsible import collapse
-from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.light_field import LightFieldGenerator, merge_layers
 from ciir.training.networks.plane_sweep import LEAST, MOST, NEAR, PHASE, REACH, SIDE, SINGLE, SURE, PlaneSweep
 
@@ -100,11 +99,6 @@ def test_views_that_are_not_there_play_no_part():
     assert torch.equal(network(image, around, rows, cols), network(image, other.reshape(1, 25, 9, 7), rows, cols))
     other[:, 1, 3] = 0.1
     assert not torch.equal(network(image, around, rows, cols), network(image, other.reshape(1, 25, 9, 7), rows, cols))
-
-
-def test_the_single_picture_generator_of_a_checkpoint_fits():
-    network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
-    network.single.load_state_dict(CompactGenerator((8, 8), slope=0.0).state_dict())
 
 
 def test_a_merged_network_computes_the_same():
