@@ -14,15 +14,14 @@ import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import httpx2
 
 from ciir.errors import Error
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-    from types import TracebackType
+    from collections.abc import Iterator, Mapping
 
 ROOT = "/v1/reconstructions"
 FINAL = frozenset({"done", "failed", "cancelled"})
@@ -110,8 +109,11 @@ class Event:
     data: dict[str, Any]
 
 
-class Client:
-    """A connection to the server at `url`; a context manager. Not to be shared between threads."""
+class Client(httpx2.Client):
+    """A connection to the server at `url`. Not to be shared between threads.
+
+    All methods raise `ServiceError`, or `httpx2.TransportError` if the server can't be reached.
+    """
 
     def __init__(
         self,
@@ -123,68 +125,43 @@ class Client:
     ) -> None:
         """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`."""
         headers = {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
-        self._http = httpx2.Client(base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, transport=transport)
+        super().__init__(base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Closes the connections."""
-        self._http.close()
-
-    def reconstruct(self, path: str | Path, **options: object) -> Result:
-        """Sends the file at `path` and waits for its views. `options`: the form fields of `POST /v1/reconstructions`.
-
-        Raises `ServiceError`, or `httpx2.TransportError` if the server can't be reached.
-        """
-        response = self._post(path, options, {})
-        if response.status_code == 200:
-            return _parse_result(response)
-        return Job(self, response.json()["id"]).result()
-
-    def submit(self, path: str | Path, **options: object) -> Job:
-        """Sends the file at `path` and returns its job at once. Options and errors as in `reconstruct`."""
-        response = self._post(path, options, {"Prefer": "respond-async"})
-        return Job(self, response.json()["id"])
-
-    def models(self) -> list[dict[str, Any]]:
-        """Lists the models of the server."""
-        models: list[dict[str, Any]] = self.request("GET", "/v1/models").json()
-        return models
-
-    def request(self, method: str, path: str, headers: Mapping[str, str] | None = None) -> httpx2.Response:
-        """Sends a request without a body. Errors as in `reconstruct`."""
-        return self._send(lambda: self._http.request(method, path, headers=headers))
-
-    def stream(self, path: str, headers: Mapping[str, str]) -> Any:
-        """Sends a GET; the returned context manager gives the response, whose body is read as it arrives."""
-        return self._http.stream("GET", path, headers=headers)
-
-    def _post(self, path: str | Path, options: Mapping[str, object], headers: Mapping[str, str]) -> httpx2.Response:
-        path = Path(path)
-        fields = {name: str(value) for name, value in options.items() if value is not None}
-
-        def post() -> httpx2.Response:
-            with path.open("rb") as file:
-                return self._http.post(ROOT, files={"file": (path.name, file)}, data=fields, headers=headers)
-
-        return self._send(post)
-
-    def _send(self, send: Callable[[], httpx2.Response]) -> httpx2.Response:
+    def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
+        """Sends any request of this client, and repeats it up to `retries` times."""
         failures = 0
-        while not (response := send()).is_success:
+        while not (response := super().send(request, **options)).is_success:
+            response.read()
             error = make_error(response)
             failures += 1
             if failures > self.retries or not isinstance(error, QueueFull | Unavailable):
                 raise error
             time.sleep(error.retry_after or 1.0)
         return response
+
+    def reconstruct(self, path: str | Path, **options: object) -> Result:
+        """Sends the file at `path` and waits for its views. `options`: the form fields of `POST`."""
+        response = self._post(path, options, {})
+        if response.status_code == 200:
+            return _parse_result(response)
+        return Job(self, response.json()["id"]).result()
+
+    def submit(self, path: str | Path, **options: object) -> Job:
+        """Sends the file at `path` and returns its job without waiting. Options as in `reconstruct`."""
+        response = self._post(path, options, {"Prefer": "respond-async"})
+        return Job(self, response.json()["id"])
+
+    def models(self) -> list[dict[str, Any]]:
+        """Lists the models of the server."""
+        models: list[dict[str, Any]] = self.get("/v1/models").json()
+        return models
+
+    def _post(self, path: str | Path, options: Mapping[str, object], headers: Mapping[str, str]) -> httpx2.Response:
+        path = Path(path)
+        fields = {name: str(value) for name, value in options.items() if value is not None}
+        with path.open("rb") as file:
+            return self.post(ROOT, files={"file": (path.name, file)}, data=fields, headers=headers)
 
 
 class Job:
@@ -197,27 +174,26 @@ class Job:
 
     def status(self) -> dict[str, Any]:
         """The job's status, as `GET /v1/reconstructions/{id}` answers it."""
-        status: dict[str, Any] = self._client.request("GET", self.path).json()
+        status: dict[str, Any] = self._client.get(self.path).json()
         return status
 
     def events(self) -> Iterator[Event]:
         """Yields all events from the first to the last. Reconnects up to `retries` times in a row."""
-        last, failures = -1, 0
+        last, failures = "", 0
         while True:
-            headers = {"Last-Event-ID": str(last)} if last >= 0 else {}
+            headers = {"Last-Event-ID": last} if last else {}
             try:
-                with self._client.stream(f"{self.path}/events", headers) as response:
-                    if response.status_code == 204:
+                with self._client.sse(f"{self.path}/events", headers=headers) as events:
+                    if events.response.status_code == 204:
                         return
-                    if not response.is_success:
-                        response.read()
-                        raise make_error(response)
-                    for event in _parse_events(response.iter_lines()):
-                        last, failures = event.number, 0
-                        yield event
-                        if event.kind in FINAL:
+                    for event in events:
+                        if not event.data:  # it only sets `retry`
+                            continue
+                        last, failures = event.id, 0
+                        yield Event(int(event.id), event.event, json.loads(event.data))
+                        if event.event in FINAL:
                             return
-            except (httpx2.TransportError, Unavailable):
+            except httpx2.TransportError:
                 failures += 1
                 if failures > self._client.retries:
                     raise
@@ -227,11 +203,11 @@ class Job:
         """Waits for the result. Raises `ServiceError` if the job fails or is cancelled."""
         for _ in self.events():
             pass
-        return _parse_result(self._client.request("GET", f"{self.path}/result"))
+        return _parse_result(self._client.get(f"{self.path}/result"))
 
     def cancel(self) -> dict[str, Any]:
         """Cancels the job, unless it has ended, and returns its status."""
-        status: dict[str, Any] = self._client.request("DELETE", self.path).json()
+        status: dict[str, Any] = self._client.delete(self.path).json()
         return status
 
 
@@ -252,16 +228,3 @@ def _parse_result(response: httpx2.Response) -> Result:
     form = response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
     timings = {stage: float(ms) for stage, ms in parts}
     return Result(response.headers["x-reconstruction-id"], response.content, form, timings)
-
-
-def _parse_events(lines: Iterator[str]) -> Iterator[Event]:
-    """Parses a `text/event-stream`: an event is the fields up to an empty line; comments begin with a colon."""
-    fields: dict[str, str] = {}
-    for line in lines:
-        if line:
-            name, _, value = line.partition(":")
-            fields[name] = value.removeprefix(" ")
-        else:
-            if "event" in fields:
-                yield Event(int(fields["id"]), fields["event"], json.loads(fields["data"]))
-            fields = {}

@@ -4,24 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ciir.errors import (
-    BackendUnavailable,
-    BadCard,
-    BrokenNetwork,
-    Error,
-    InputError,
-    InvalidGeometry,
-    InvalidOption,
-    JobError,
-    ModelError,
-    NotReady,
-    QueueFull,
-    QueueUnavailable,
-    ResultExpired,
-    TooLarge,
-    Unreadable,
-    UnsupportedType,
-)
+from ciir import errors
 
 
 @dataclass(frozen=True)
@@ -36,27 +19,27 @@ class ErrorResponse:
     """A phrase that is the same for all errors of the class (RFC 9457)."""
 
 
-_TABLE: tuple[tuple[type[Error], ErrorResponse], ...] = (  # the first row whose class fits counts
-    (TooLarge, ErrorResponse(413, 2, "Over a limit")),
-    (UnsupportedType, ErrorResponse(415, 2, "Type not supported")),
-    (Unreadable, ErrorResponse(422, 2, "Not readable")),
-    (InvalidGeometry, ErrorResponse(422, 2, "Invalid geometry")),
-    (InvalidOption, ErrorResponse(422, 2, "Invalid option")),
-    (InputError, ErrorResponse(422, 2, "Invalid input")),
-    (BackendUnavailable, ErrorResponse(422, 2, "Backend not available")),
-    (BadCard, ErrorResponse(500, 1, "Model broken")),
-    (ModelError, ErrorResponse(422, 2, "Invalid model or scale")),
-    (BrokenNetwork, ErrorResponse(500, 1, "Model broken")),
-    (QueueFull, ErrorResponse(429, 1, "Queue full")),
-    (QueueUnavailable, ErrorResponse(503, 1, "Not available")),
-    (ResultExpired, ErrorResponse(410, 1, "Expired")),
-    (JobError, ErrorResponse(503, 1, "Job not finished")),
-    (NotReady, ErrorResponse(503, 1, "Not ready")),
-    (Error, ErrorResponse(500, 1, "Error")),
+_TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first row whose class fits counts
+    (errors.TooLarge, ErrorResponse(413, 2, "Over a limit")),
+    (errors.UnsupportedType, ErrorResponse(415, 2, "Type not supported")),
+    (errors.Unreadable, ErrorResponse(422, 2, "Not readable")),
+    (errors.InvalidGeometry, ErrorResponse(422, 2, "Invalid geometry")),
+    (errors.InvalidOption, ErrorResponse(422, 2, "Invalid option")),
+    (errors.InputError, ErrorResponse(422, 2, "Invalid input")),
+    (errors.BackendUnavailable, ErrorResponse(422, 2, "Backend not available")),
+    (errors.BadCard, ErrorResponse(500, 1, "Model broken")),
+    (errors.ModelError, ErrorResponse(422, 2, "Invalid model or scale")),
+    (errors.BrokenNetwork, ErrorResponse(500, 1, "Model broken")),
+    (errors.QueueFull, ErrorResponse(429, 1, "Queue full")),
+    (errors.QueueUnavailable, ErrorResponse(503, 1, "Not available")),
+    (errors.ResultExpired, ErrorResponse(410, 1, "Expired")),
+    (errors.JobError, ErrorResponse(503, 1, "Job not finished")),
+    (errors.NotReady, ErrorResponse(503, 1, "Not ready")),
+    (errors.Error, ErrorResponse(500, 1, "Error")),
 )
 
 
-def find_response(error: Error) -> ErrorResponse:
+def find_response(error: errors.Error) -> ErrorResponse:
     """The first row of the table that fits `error`."""
     return next(row for kind, row in _TABLE if isinstance(error, kind))
 

@@ -15,14 +15,10 @@ FIELDS = "fields"
 _TEXT = "%(asctime)s %(levelname)s %(name)s [%(request_id)s] %(message)s"
 
 
-class _Text(logging.Formatter):
-    def __init__(self) -> None:
-        super().__init__(_TEXT)
-
-    def format(self, record: logging.LogRecord) -> str:
-        """The line; a traceback follows on further lines."""
-        record.request_id = REQUEST_ID.get()
-        return super().format(record)
+def _add_request_id(record: logging.LogRecord) -> bool:
+    """A filter that lets every line through and gives it the id."""
+    record.request_id = REQUEST_ID.get()
+    return True
 
 
 class _Json(logging.Formatter):
@@ -44,7 +40,8 @@ class _Json(logging.Formatter):
 def configure(form: Literal["text", "json"]) -> None:
     """Sends log lines to stderr: from INFO up those of `ciir` and uvicorn, from WARNING up those of libraries."""
     handler = logging.StreamHandler()
-    handler.setFormatter(_Json() if form == "json" else _Text())
+    handler.addFilter(_add_request_id)
+    handler.setFormatter(_Json() if form == "json" else logging.Formatter(_TEXT))
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(logging.WARNING)

@@ -42,7 +42,7 @@ def _reach(client: Client) -> None:
     until = time.monotonic() + PATIENCE_SECONDS
     while True:
         try:
-            client.request("GET", "/readyz")
+            client.get("/readyz")
         except httpx2.TransportError:
             if time.monotonic() > until:
                 raise

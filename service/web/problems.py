@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.requests import Request
 
-    from ciir.service.jobs.job import Problem
-
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 MEDIA_TYPE = "application/problem+json"
 SCHEMA: dict[str, Any] = {
@@ -36,10 +34,10 @@ SCHEMA: dict[str, Any] = {
     },
 }
 """JSON schema of a problem, for OpenAPI."""
+SERVER_ERROR = "an error of the server; its log has the details"
 _DETAILS = {
     404: "nothing is here; GET /docs lists the routes",
     405: "this path does not support the method; the Allow header lists those that it does",
-    500: "an error of the server; its log has the details",
 }
 RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
@@ -57,11 +55,6 @@ def describe_problem(path: str, status: int, detail: str, title: str | None = No
     }
 
 
-def describe_job_problem(problem: Problem, path: str) -> dict[str, Any]:
-    """The problem of a failed job."""
-    return describe_problem(path, problem.status, problem.detail, problem.title)
-
-
 def respond_problem(
     path: str, status: int, detail: str, *, title: str | None = None, headers: Mapping[str, str] | None = None
 ) -> JSONResponse:
@@ -76,23 +69,13 @@ def respond_error(error: Error, path: str) -> JSONResponse:
     detail = str(error)
     if row.status == 500:
         _log.error("%s: %s", type(error).__name__, detail)
-        detail = _DETAILS[500]
+        detail = SERVER_ERROR
     headers = {"Retry-After": str(error.retry_after)} if isinstance(error, QueueFull) else None
     return respond_problem(path, row.status, detail, title=row.title, headers=headers)
 
 
-def respond_job_problem(problem: Problem, path: str) -> JSONResponse:
-    """The response that reports why a job failed."""
-    return respond_problem(path, problem.status, problem.detail, title=problem.title)
-
-
-def respond_server_error(path: str) -> JSONResponse:
-    """The response to an exception that nothing handled; only the log has the details."""
-    return respond_problem(path, 500, _DETAILS[500])
-
-
 def add_handlers(app: FastAPI) -> None:
-    """Makes `app` report errors as problems; `middleware.tracking` reports exceptions that no handler is for."""
+    """Makes `app` report errors as problems; `middleware.tracking` reports all other exceptions."""
     app.add_exception_handler(Error, _handle_error)
     app.add_exception_handler(HTTPException, _handle_http)
     app.add_exception_handler(ClientDisconnect, _handle_disconnect)
@@ -123,5 +106,5 @@ def _list_methods(request: Request) -> dict[str, str]:
 
 
 async def _handle_disconnect(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
-    """Nobody reads this response; it prevents a traceback in the log."""
+    """A response that no client receives; without it the log would have a traceback."""
     return respond_problem(request.url.path, 400, "the client disconnected before its request was complete")

@@ -70,7 +70,8 @@ class RequestTracking:
             await self._app(scope, receive_counted, send_counted)
         except Exception:
             if not status:
-                await problems.respond_server_error(scope["path"])(scope, receive, send_counted)
+                response = problems.respond_problem(scope["path"], 500, problems.SERVER_ERROR)
+                await response(scope, receive, send_counted)
             raise
         finally:
             self._record(scope, status, time.perf_counter() - start, received, sent)

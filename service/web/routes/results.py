@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import IO, TYPE_CHECKING, Any
 
@@ -84,7 +85,7 @@ def describe_job(job: Job) -> dict[str, Any]:
         status["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
         status["report"] = job.result.report
     if job.problem is not None:
-        status["problem"] = problems.describe_job_problem(job.problem, make_url(job))
+        status["problem"] = problems.describe_problem(make_url(job), **asdict(job.problem))
     return status
 
 
@@ -111,7 +112,7 @@ def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | 
 def respond_unfinished(job: Job, path: str) -> JSONResponse:
     """The problem that answers a request for the result of a job that is not done."""
     if job.problem is not None:
-        return problems.respond_job_problem(job.problem, path)
+        return problems.respond_problem(path, **asdict(job.problem))
     if job.state == "cancelled":
         return problems.respond_problem(
             path, 409, "the job was cancelled; post the input again to run it", title="Cancelled"
