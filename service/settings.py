@@ -10,7 +10,7 @@ import logging
 import os
 import re
 from pathlib import Path  # noqa: TC003 - pydantic evaluates the annotations
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -178,10 +178,7 @@ def read_settings() -> Settings:
 
 
 def unset_secrets() -> None:
-    """Removes the API keys and the queue's address, which can hold a password, from the environment.
-
-    Processes that are started later and decode untrusted input then do not have them.
-    """
+    """Removes the API keys and the queue's address, which can hold a password, from the environment of workers."""
     for name in ("API_KEYS", "QUEUE"):
         os.environ.pop(f"{PREFIX}{name}", None)
 
@@ -193,15 +190,12 @@ def hide_secrets(address: str) -> str:
 
 def describe_values(name: str) -> str:
     """The values that the setting `name` can have, such as `a whole number from 0 to 64`."""
-    field = Settings.model_fields[name]
-    if get_origin(field.annotation) is Literal:
-        return " or ".join(get_args(field.annotation))
-    if field.annotation in (int, float):
-        least, most = (
-            next(getattr(rule, key) for rule in field.metadata if hasattr(rule, key)) for key in ("ge", "le")
-        )
-        form = "" if field.annotation is int else "g"
-        return f"a {'whole ' if field.annotation is int else ''}number from {least:{form}} to {most:{form}}"
+    schema = Settings.model_json_schema()["properties"][name]
+    if "enum" in schema:
+        return " or ".join(schema["enum"])
+    if "maximum" in schema:
+        kind, form = ("whole number", "") if schema["type"] == "integer" else ("number", "g")
+        return f"a {kind} from {schema['minimum']:{form}} to {schema['maximum']:{form}}"
     return _VALUES[name]
 
 

@@ -35,7 +35,7 @@ def select_model(job: Job) -> Selection:
     light-field network that is named, a mesh's neighbouring views are rendered. Where views can't help each other, the
     default of single pictures replaces a light-field network.
     """
-    if job.model == NO_MODEL:
+    if job.options.model == NO_MODEL:
         return Selection(NO_MODEL)
     networks = {entry.name: entry for entry in catalogue.list_entries() if entry.is_light_field}
     default, light_field, neighbours = (
@@ -43,7 +43,7 @@ def select_model(job: Job) -> Selection:
         catalogue.light_field_default_name(),
         _count_neighbours(job),
     )
-    if job.model == AUTO:
+    if job.options.model == AUTO:
         reason = _reason_against(light_field, networks.get(light_field), job, neighbours)
         if reason:
             return Selection(
@@ -51,12 +51,12 @@ def select_model(job: Job) -> Selection:
             )
         chosen = f"model auto: {light_field}, as {_views(job)} help each other{_precision(light_field)}"
         return Selection(light_field, True, (chosen,))
-    if job.model not in networks:
-        return Selection(job.model)
+    if job.options.model not in networks:
+        return Selection(job.options.model)
     if reason := _no_light_field(job):
-        return Selection(default, reasons=(f"{default}, view by view, in place of {job.model}, as {reason}",))
-    rendered = f"{job.model}: views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.model, True, (rendered,) if neighbours else ())
+        return Selection(default, reasons=(f"{default}, view by view, in place of {job.options.model}, as {reason}",))
+    rendered = f"{job.options.model}: views around those asked for are rendered too, {neighbours} of them"
+    return Selection(job.options.model, True, (rendered,) if neighbours else ())
 
 
 def _precision(name: str) -> str:
@@ -92,7 +92,7 @@ def _reason_against(name: str, network: Entry | None, job: Job, neighbours: int)
         return f"{name} is not installed"
     if reason := _no_light_field(job):
         return reason
-    if job.scale not in network.scales:
+    if job.options.scale not in network.scales:
         return f"{name} upscales by {', '.join(map(str, network.scales))} only"
     if neighbours:
         return f"{name} would need {neighbours} more views rendered around those asked for; name it for more accuracy"

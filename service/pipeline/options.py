@@ -39,37 +39,25 @@ _LENGTHS = (1e-9, 1e9)
 
 @dataclass(frozen=True)
 class Options:
-    """A reconstruction's options. Raises `InvalidOption` where one is out of range by itself.
+    """A reconstruction's options, which `HELP` describes. Raises `InvalidOption` where one is out of range by itself.
 
     `service.pipeline.job` checks whether they fit the input.
     """
 
     lenses: tuple[int, int] | None = None
-    """Rows and columns of the lens array. A mesh: 100x100 by default. An EIA: needed, unless `pixels` is given."""
     pixels: tuple[int, int] | None = None
-    """Pixels under each lens, rows (v) and columns (u). A mesh: 15x15 by default."""
     views: str = "center"
-    """`center`, `cross`, `all`, or pairs `v,u;v,u`."""
     model: str = AUTO
-    """A name of the catalogue, `auto` or `none`."""
     scale: int = 2
-    """Output pixels for each view pixel, along each side."""
     strategy: Strategy = "upscale"
-    """`upscale` views by the model; `direct`: render a mesh at the larger size; `auto`: the faster of the two."""
     backend: Backend = "auto"
-    """What renders a mesh."""
     sampling: Sampling = "pinhole"
-    """`pinhole`: a lens takes one point sample of a mesh; `lenslet`: it averages over the pitch."""
     pickup: Pickup = "virtual"
-    """`optical`: each elemental image of the EIA is turned by 180 degrees, as real lenses do."""
     skip: Skip = "exact"
-    """`exact`: triangles and pixels that can't change the result are skipped; `none`: nothing is."""
     background: tuple[int, int, int] = (0, 0, 0)
-    """RGB, 0 to 255, where a mesh leaves a view empty."""
+    """RGB, 0 to 255."""
     pitch: float | None = None
-    """Distance between lenses in scene units; a mesh: 1 by default, a picture: only written to the report."""
     delta: float | None = None
-    """Tangent from one pixel to the next (pixel size / gap); a mesh: 0.4 / the larger count of `pixels`."""
 
     def __post_init__(self) -> None:
         for name, allowed in _CHOICES.items():
@@ -89,7 +77,7 @@ class Options:
         if unknown:
             listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
             raise InvalidOption(f"{listed}: no such option; known are {', '.join(NAMES)}")
-        return cls(**{name: _PARSERS[name](name, text) for name, text in texts.items()})
+        return cls(**{name: _PARSERS.get(name, _strip)(name, text) for name, text in texts.items()})
 
     def as_dict(self) -> dict[str, Any]:
         """Every option by name, ready for JSON."""
@@ -128,7 +116,7 @@ HELP: dict[str, tuple[str, str]] = {
 """Option -> (placeholder, a line of help), for the command line and OpenAPI alike."""
 
 
-def _text(name: str, text: str) -> str:  # noqa: ARG001 - parsers share one signature
+def _strip(name: str, text: str) -> str:  # noqa: ARG001 - parsers share one signature
     return text.strip()
 
 
@@ -167,15 +155,9 @@ def _colour(name: str, text: str) -> tuple[int, int, int]:
 _PARSERS: dict[str, Callable[[str, str], Any]] = {
     "lenses": parse_pair,
     "pixels": parse_pair,
-    "views": _text,
-    "model": _text,
     "scale": _integer,
-    "strategy": _text,
-    "backend": _text,
-    "sampling": _text,
-    "pickup": _text,
-    "skip": _text,
     "background": _colour,
     "pitch": _number,
     "delta": _number,
 }
+"""Those of options that are more than text."""

@@ -44,15 +44,15 @@ class Clock:
 
 
 class CountedFiles(Mapping[str, bytes]):
-    """A bundle's files, with a count of the bytes that were read of them."""
+    """A bundle's files, with the sizes of those that were read."""
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = files
-        self._sizes: dict[str, int] = {}
+        self.sizes: dict[str, int] = {}
 
     def __getitem__(self, key: str) -> bytes:
         data = self._files[key]
-        self._sizes[key] = len(data)
+        self.sizes[key] = len(data)
         return data
 
     def __contains__(self, key: object) -> bool:
@@ -63,16 +63,6 @@ class CountedFiles(Mapping[str, bytes]):
 
     def __len__(self) -> int:
         return len(self._files)
-
-    @property
-    def bytes_read(self) -> int:
-        """Bytes of the files that were asked for, each once."""
-        return sum(self._sizes.values())
-
-    @property
-    def files_read(self) -> int:
-        """How many files were asked for and found."""
-        return len(self._sizes)
 
 
 def skip_reasons(skipped: Mapping[str, Any] | None) -> list[str]:

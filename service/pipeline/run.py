@@ -5,6 +5,7 @@ The command line, the service, the Python interface, the demo and the benchmarks
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -68,7 +69,10 @@ def reconstruct(
         views = open_source(job, plan, clock)
         batches = _schedule(job, plan, views)
     statistics = SkipStatistics()
-    upscale = _load(job, plan, statistics, clock)
+    upscale: UpscaleViews | None = None
+    if plan.model != NO_MODEL:
+        with clock.stage("upscale"):  # the first call in a process reads the network
+            upscale = load_upscaler(plan, job.grid, skip=job.skip, statistics=statistics)
     writer.begin(len(job.wanted), views.sample)
     if progress is not None:
         progress(0, len(job.wanted))
@@ -77,7 +81,7 @@ def reconstruct(
     written: list[dict[str, Any]] = []
     fallback = 0.0
     made = prefetch(_make(views, batches), name="views")
-    with closing(prefetch(_upscale(made, upscale, clock), name="upscale")) as finished:
+    with closing(prefetch(_upscale(made, upscale, clock, statistics), name="upscale")) as finished:
         for wanted, pictures, share in finished:
             fallback += share * len(wanted) / len(job.wanted)
             with clock.stage("encode"):
@@ -98,7 +102,7 @@ def reconstruct(
         "plan": {
             "strategy": plan.strategy,
             "backend": described["backend"],
-            "sampling": job.sampling if job.mesh is not None and plan.strategy == "upscale" else None,
+            "sampling": job.options.sampling if job.mesh is not None and plan.strategy == "upscale" else None,
             "samples": plan.samples,
             "model": plan.model,
             "scale": plan.scale,
@@ -144,7 +148,7 @@ def render_eia(source: Source, options: Options, keep: Callable[[Pixels], object
         "scene_transform": described["transform"],
         "plan": {
             "backend": described["backend"],
-            "sampling": job.sampling,
+            "sampling": job.options.sampling,
             "samples": job.samples,
             "pickup": options.pickup,
             "reasons": described["reasons"],
@@ -166,13 +170,6 @@ def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
     return batches
 
 
-def _load(job: Job, plan: Plan, statistics: SkipStatistics, clock: Clock) -> UpscaleViews | None:
-    if plan.model == NO_MODEL:
-        return None
-    with clock.stage("upscale"):  # the first call in a process reads the network
-        return load_upscaler(plan, job.grid, skip=job.skip, statistics=statistics)
-
-
 def _make(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch, list[Pixels]]]:
     """Each batch with its new views."""
     pictures = views.make_views([view for batch in batches for view in batch.new])
@@ -181,7 +178,10 @@ def _make(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch,
 
 
 def _upscale(
-    made: Generator[tuple[Batch, list[Pixels]]], upscale: UpscaleViews | None, clock: Clock
+    made: Generator[tuple[Batch, list[Pixels]]],
+    upscale: UpscaleViews | None,
+    clock: Clock,
+    statistics: SkipStatistics,
 ) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
     """Each batch's wanted views, the pictures that are written of them, and their fallback share."""
     kept: dict[View, Pixels] = {}
@@ -192,7 +192,9 @@ def _upscale(
             share = 0.0
             if upscale is not None:
                 with clock.stage("upscale"):
+                    begun = time.perf_counter()
                     pictures, share = upscale(kept, batch.wanted)
+                    statistics.seconds += time.perf_counter() - begun
             for view in batch.done:
                 del kept[view]
             yield batch.wanted, pictures, share

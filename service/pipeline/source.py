@@ -93,7 +93,7 @@ class Input:
         """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
         described: Report = {"name": self.name, "kind": self._kind()}
         if isinstance(self._source, Bundle):
-            described |= {"bytes": self._files.bytes_read, "files": self._files.files_read}
+            described |= {"bytes": sum(self._files.sizes.values()), "files": len(self._files.sizes)}
         if isinstance(content, Scene):
             return described | {"triangles": content.triangles, "parts": len(content.parts)}
         pixels_v, pixels_u, rows, cols, channels = content.views.shape

@@ -54,7 +54,9 @@ async def read_form(request: Request) -> FormData:
         async with aclosing(chunks):
             return await parser.parse()
     except MultiPartException as error:
-        raise HTTPException(400, add_remedy(error.message)) from error
+        remedy = next((remedy for start, remedy in _REMEDIES.items() if error.message.startswith(start)), None)
+        detail = error.message if remedy is None else f"{error.message.rstrip('.')}; {remedy}"
+        raise HTTPException(400, detail) from error
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
@@ -63,12 +65,6 @@ async def read_form(request: Request) -> FormData:
         ) from error
     except UnicodeError as error:  # of a charset whose decoder accepts nothing
         raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
-
-
-def add_remedy(message: str) -> str:
-    """A message of Starlette with the remedy."""
-    remedy = next((remedy for start, remedy in _REMEDIES.items() if message.startswith(start)), None)
-    return message if remedy is None else f"{message.rstrip('.')}; {remedy}"
 
 
 class _Parser(MultiPartParser):

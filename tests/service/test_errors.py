@@ -15,24 +15,5 @@ def test_every_error_has_a_response(kind):
     assert (row.status in (413, 415, 422), row.exit) == (is_callers_error, 2 if is_callers_error else 1)
 
 
-@pytest.mark.parametrize(
-    ("error", "status"),
-    [
-        (errors.TooLarge("x"), 413),
-        (errors.UnsupportedType("x"), 415),
-        (errors.InvalidOption("x"), 422),
-        (errors.BackendUnavailable("x"), 422),
-        (errors.UnknownModel("x"), 422),
-        (errors.BadCard("x"), 500),
-        (errors.QueueFull(7), 429),
-        (errors.QueueUnavailable("x"), 503),
-        (errors.ResultExpired("x"), 410),
-        (errors.NotReady("x"), 503),
-    ],
-)
-def test_status_codes(error, status):
-    assert find_response(error).status == status
-
-
 def test_messages_stay_one_line():
     assert join_lines("a\nb\r\n\tc  d") == "a b c d"

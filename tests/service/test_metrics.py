@@ -18,10 +18,3 @@ def test_results_are_counted():
         "ciir_model_pixels_total",
         'ciir_model_pixels_skipped_total{reason="repeated"}',
     ) == [3, 124, 200, 100]
-
-
-def test_instances_do_not_share_counts():
-    one, other = Metrics(), Metrics()
-    one.sent.inc(5)
-    assert read_metrics(one, "ciir_http_sent_bytes_total") == [5]
-    assert read_metrics(other, "ciir_http_sent_bytes_total") == [0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
@@ -44,28 +43,14 @@ def load_upscaler(
             made, share = upscale_views(network, fallback, colours, wanted, grid, skip=skip, statistics=statistics)
             return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, share
 
-        return _timed(upscale_light_field, statistics)
+        return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
     def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
         return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), 0.0
 
-    return _timed(upscale_singly, statistics)
-
-
-def _timed(upscale: UpscaleViews, statistics: SkipStatistics | None) -> UpscaleViews:
-    """`upscale`, whose time is added to `statistics`."""
-    if statistics is None:
-        return upscale
-
-    def upscale_timed(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
-        begun = time.perf_counter()
-        made = upscale(views, wanted)
-        statistics.seconds += time.perf_counter() - begun
-        return made
-
-    return upscale_timed
+    return upscale_singly
 
 
 def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:

@@ -73,8 +73,10 @@ async def create_reconstruction(request: Request, state: State) -> Response:
     try:
         given = upload.parse_form(form.multi_items())
         tags = request.headers.getlist("if-none-match")
-        if tags and (tag := await to_thread.run_sync(_find_tag, state, given, tags)) is not None:
-            return results.respond_unchanged(tag)
+        if tags:
+            id_ = await to_thread.run_sync(state.engine.jobs.compute_id, given.request, given.file)
+            if (tag := results.find_matching_tag(tags, id_)) is not None:
+                return results.respond_unchanged(tag)  # no job is needed
         job = await _submit(state, given)
     finally:
         await form.close()
@@ -97,11 +99,6 @@ async def create_reconstruction(request: Request, state: State) -> Response:
     if applied := preference.format_applied(state.settings.sync_seconds):
         response.headers["Preference-Applied"] = applied
     return response
-
-
-def _find_tag(state: State, given: Upload, tags: list[str]) -> str | None:
-    """The one of `tags` that names the result of this form, or None. No job is needed if there is one."""
-    return results.find_matching_tag(tags, state.engine.jobs.compute_id(given.request, given.file))
 
 
 async def _submit(state: State, given: Upload) -> Job:

@@ -175,11 +175,7 @@ async def respond_with_result(
 
 def _open_result(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:
     file = jobs.open_result(id_)
-    try:
-        return file, file.read(CHUNK)
-    except BaseException:
-        file.close()
-        raise
+    return file, file.read(CHUNK)
 
 
 def _read_chunks(file: IO[bytes], start: bytes) -> Iterator[bytes]:

@@ -36,15 +36,8 @@ class ServiceState:
             await asyncio.wait((change, stop), return_when=asyncio.FIRST_COMPLETED)
             return change.result() if change.done() else None
         finally:
-            change.add_done_callback(_forget)
             change.cancel()
             stop.cancel()
-
-
-def _forget(change: asyncio.Task[Job]) -> None:
-    """Retrieves the exception of a task that nothing awaits any more; asyncio would log that it was never retrieved."""
-    if not change.cancelled():
-        change.exception()
 
 
 def find_state(request: Request) -> ServiceState:

@@ -4,6 +4,7 @@ import sys
 
 import pytest
 
+from ciir import service
 from ciir.errors import InvalidOption
 from ciir.service.cli.extras import EXTRAS, require_extra
 from ciir.service.cli.main import main
@@ -24,6 +25,7 @@ def test_any_other_missing_module_is_an_error_of_ours(command, name):
 
 def test_serve_in_the_core_alone(monkeypatch, capsys):
     monkeypatch.delitem(sys.modules, "ciir.service.settings", raising=False)
+    monkeypatch.delattr(service, "settings", raising=False)
     monkeypatch.setitem(sys.modules, "pydantic_settings", None)
     assert main(["serve"]) == 2
     assert capsys.readouterr().err == (

@@ -11,7 +11,6 @@ from ciir.service.jobs.job import Problem
 from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
 from tests.support.jobs import submit_data, wait_for_end
-from tests.support.waiting import wait_until
 
 
 class Pool:
@@ -76,25 +75,6 @@ def test_when_it_accepts_jobs_and_is_ready(engine, pool):
     for check in (engine.check_accepting, engine.check_ready):
         with pytest.raises(NotReady, match="stopping"):
             check()
-
-
-def test_drain_waits_for_running_jobs_and_starts_no_more(engine, pool):
-    engine.start()
-    job = submit_data(engine.jobs)
-    wait_until(lambda: "run" in pool.calls)
-    draining = threading.Thread(target=engine.drain)
-    draining.start()
-    wait_until(engine._consumer._stopping.is_set)
-    other = submit_data(engine.jobs, b"other")
-    assert draining.is_alive()
-    pool.go.set()
-    draining.join(30)
-    assert not draining.is_alive()
-    assert engine.jobs.get(job.id).state == "failed"
-    assert (engine.jobs.get(other.id).state, pool.calls.count("run")) == ("queued", 1)
-    engine.drain()  # may be repeated
-    engine.close()
-    assert pool.calls[-1] == "close"
 
 
 def test_gauges_of_the_queue(engine, monkeypatch):

@@ -1,7 +1,5 @@
-import errno
 import io
 import logging
-import os
 import shutil
 
 import pytest
@@ -78,15 +76,6 @@ def test_a_run_without_its_input(files):
     assert files.list_runs() == []
 
 
-def test_the_files_of_a_dead_run_are_removed(files):
-    files.put(INPUTS, "a", io.BytesIO(DATA))
-    run = files.open_run("a", "b")
-    run.__enter__().target.write_bytes(b"half")
-    files.remove_run("b")
-    assert files.list_runs() == []
-    assert files.exists(INPUTS, "a")
-
-
 def test_a_file_appears_once_it_is_complete(local_files, monkeypatch):
     seen = []
     copy = shutil.copyfileobj
@@ -100,26 +89,6 @@ def test_a_file_appears_once_it_is_complete(local_files, monkeypatch):
     local_files.put(INPUTS, "a", io.BytesIO(DATA))
     assert seen == [False]
     assert read(local_files, INPUTS, "a") == DATA
-
-
-def test_a_full_disk_is_reported_and_leaves_nothing(local_files, tmp_path, monkeypatch):
-    def fill_disk(file, out, length):
-        out.write(file.read(100))
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(shutil, "copyfileobj", fill_disk)
-    with pytest.raises(QueueUnavailable, match=r"No space left on device.*free disk space"):
-        local_files.put(INPUTS, "a", io.BytesIO(DATA))
-    assert [path for path in (tmp_path / "files").rglob("*") if path.is_file()] == []
-
-
-def test_a_file_that_cannot_be_removed_is_reported(local_files, monkeypatch):
-    def fail(self, missing_ok):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr("pathlib.Path.unlink", fail)
-    with pytest.raises(QueueUnavailable, match="Read-only file system"):
-        local_files.remove(INPUTS, "a")
 
 
 def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, caplog):

@@ -48,10 +48,3 @@ def test_all_of_a_long_file_is_hashed_and_it_is_rewound():
     file.seek(5)
     assert identity.compute_id(Request("upload.png", {}, None), file, LIMITS) != before
     assert file.tell() == 0
-
-
-def test_the_hash_of_the_installation_is_stable():
-    first = identity.hash_installation()
-    identity.hash_installation.cache_clear()
-    assert identity.hash_installation() == first
-    assert len(first) == 64

@@ -84,15 +84,6 @@ def test_a_job_may_be_requeued_any_number_of_times(jobs):
     assert jobs.get(job.id).state == "queued"
 
 
-def test_the_files_of_a_dead_run_are_removed(jobs):
-    job = submit_data(jobs)
-    run = jobs.lifecycle.start(job.id, "a-1")
-    files = jobs.files.open_run(run.input, run.output)
-    files.__enter__().target.write_bytes(b"half")
-    jobs.lifecycle.retry_after_consumer_death(run)
-    assert list_files(jobs) == [f"inputs/{job.input}"]
-
-
 def test_events_are_in_order_and_none_is_lost(jobs):
     job = submit_data(jobs)
     run = jobs.lifecycle.start(job.id, "a-1")

@@ -19,12 +19,6 @@ def test_ids_leave_in_order_from_the_first_lane_that_has_one(queue):
     assert queue.pop(("small", "large"), 0.01) is None
 
 
-def test_other_lanes_keep_their_ids(queue):
-    queue.push("large", "a")
-    assert queue.pop(("small",), 0.01) is None
-    assert queue.pop(("large", "small"), 0.01) == "a"
-
-
 def pop_during(queue, act):
     """The id that `pop`, waiting in a thread, returns after `act(thread)`."""
     found = []
@@ -115,25 +109,6 @@ def test_ids_and_values_survive_a_restart(queue, queue_url, tmp_path):
     assert again.pop(("large",), 0.01) == "a"
     assert again.jobs.get("a") == b"1"
     again.close()
-
-
-def test_redis_stops_and_restarts(redis_server, tmp_path):
-    queue = Queue(tmp_path, redis_server.url)
-    queue.push("small", "a")
-    queue.jobs.put("a", b"1")
-    redis_server.kill()
-    for call in (
-        lambda: queue.count_waiting("small"),
-        lambda: queue.pop(("small",), 0.01),
-        lambda: queue.jobs.get("a"),
-    ):
-        with pytest.raises(QueueUnavailable, match=r"queue.*server.*try again") as raised:
-            call()
-        assert "\n" not in str(raised.value)
-    redis_server.start()
-    assert queue.pop(("small",), 0.01) == "a"
-    assert queue.jobs.swap("a", b"1", b"2")
-    queue.close()
 
 
 @pytest.mark.parametrize("url", ["redis://user:secret@host:port/0", "http://user:secret@host/0"])

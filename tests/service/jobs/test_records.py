@@ -3,7 +3,6 @@ import logging
 
 from ciir.service.jobs.job import Event, Job, Request
 from ciir.service.jobs.records import Records
-from tests.support.jobs import run_in_threads
 
 NEW = Job("a", Request("upload.png", {}, None), events=(Event("queued"),))
 
@@ -27,18 +26,6 @@ def test_records_are_created_updated_and_removed(queue):
     assert records.remove("a", lambda job: job.state == "running") == updated
     assert records.get("a") is None
     assert records.remove("a", lambda job: True) is None
-
-
-def test_no_update_is_lost_among_simultaneous_ones(queue):
-    records = Records(queue.jobs)
-    records.update("a", create)
-
-    def update():
-        for _ in range(15):
-            records.update("a", add_event)
-
-    run_in_threads(update, 4)
-    assert len(records.get("a").events) == 61
 
 
 def test_subscribers_are_notified_of_updates_in_other_threads(queue):

@@ -90,28 +90,6 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path, measured):
         assert "\n" not in costs.not_kept
 
 
-@pytest.mark.parametrize("backend", ["raytrace", "raster"])
-def test_rendering_grows_with_all_that_is_rendered(backend):
-    few = Rendering(backend, triangles=1000, rays=100, views=2)
-    once, views, cores = few.typical()
-    assert min(once, views) > 0
-    assert cores == 1
-    assert few._replace(triangles=2000).typical().once > once
-    assert few._replace(rays=200).typical().views > views
-    assert few._replace(views=4).typical() == (once, pytest.approx(2 * views), 1)
-    assert few._replace(textured=0.5).typical().views > views
-    assert (few._replace(texels=10**6).typical().once > once) == (backend == "raster")
-
-
-def test_culling_leaves_few_triangles():
-    large = Rendering("raytrace", triangles=100_000, rays=100, views=3, culls=True)
-    looking = large.triangles * (cost.PLACE_MS + 3 * cost.LOOK_MS)
-    left = large._replace(triangles=round(cost.HIT * 300), culls=False).typical().once
-    assert large.typical().once == pytest.approx(looking + left)
-    many = large._replace(rays=100_000)
-    assert many.typical() == many._replace(culls=False).typical()
-
-
 def test_rendering_is_scaled_to_this_machine(path):
     costs = write(path, {"raytrace; here": 2.5})
     some = Rendering("raytrace", triangles=1000, rays=100, views=2)
@@ -152,11 +130,6 @@ def instant(monkeypatch):
     monkeypatch.setattr(cost, "JOB_MS", 0.0)
     monkeypatch.setattr(cost, "WRITE_MS", 0.0)
     monkeypatch.setattr(cost, "count_available_cores", lambda: 2)
-
-
-@pytest.mark.usefixtures("instant")
-def test_the_stages_of_one_batch_run_in_turn():
-    assert cost.total([Stage(5.0, 10.0), Stage(2.0, 20.0, 2)], 100, 1) == 5 + 2 + 10 + 20
 
 
 @pytest.mark.usefixtures("instant")
@@ -330,15 +303,6 @@ def test_textures_are_counted(prices, monkeypatch):
     textured = sum(len(part.faces) for part in load_scene("globe").parts if part.texture is not None)
     assert {views.textured for views in rendered} == {textured / load_scene("globe").triangles}
     assert {(views.texels, views.culls) for views in rendered} == {(720 * 1440, False)}
-
-
-def test_stages_overlap_where_views_are_many(prices):
-    """100 views of 40,000 pixels, 12 a batch. Rays of pinholes, 1 ms a view, hide behind a network of 10 ms a view that
-    leaves them no core: 1,000 ms, half of 100 for sharing, half of 100 more of the first of 9 batches."""
-    views = [divmod(number, 15) for number in range(100)]
-    prices(raster=1e-9)
-    reason = select(wanted=views, model="fast-int8")[1]
-    assert f"upscale by fast-int8 {1000 + 50 + 50 / 9:.1f} ms" in reason
 
 
 @pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])

@@ -12,11 +12,6 @@ def test_an_unknown_model_is_an_error_with_every_strategy(strategy):
         make_mesh_job(model="gpt", strategy=strategy)
 
 
-@pytest.mark.parametrize("model", ["auto", "none", "field", "fast", "bicubic"])
-def test_known_models(model):
-    assert make_mesh_job(model=model).model == model
-
-
 @pytest.mark.parametrize(
     "options",
     [{"strategy": "direct"}, {"backend": "raster"}, {"sampling": "lenslet"}, {"background": (1, 2, 3)}],

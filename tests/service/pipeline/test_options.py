@@ -8,12 +8,6 @@ from ciir.errors import InvalidOption
 from ciir.service.pipeline.options import HELP, NAMES, Options
 
 
-def test_defaults_are_those_of_the_design():
-    options = Options()
-    assert (options.views, options.model, options.scale, options.strategy) == ("center", "auto", 2, "upscale")
-    assert (options.backend, options.sampling, options.pickup) == ("auto", "pinhole", "virtual")
-
-
 def test_every_option_has_its_line_of_help():
     assert tuple(HELP) == NAMES
 
@@ -76,10 +70,3 @@ def test_any_text_gives_options_or_a_fault(texts):
     except InvalidOption:
         return
     json.dumps(options.as_dict(), allow_nan=False)
-
-
-def test_skip_takes_two_values():
-    assert Options().skip == "exact"
-    assert Options.parse({"skip": "none"}).skip == "none"
-    with pytest.raises(InvalidOption, match="skip: 'all' is not known; give exact or none"):
-        Options.parse({"skip": "all"})

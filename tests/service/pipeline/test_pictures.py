@@ -40,11 +40,6 @@ def test_depth_and_channels_are_kept(suffix, channels, dtype):
     assert set(report["timings_ms"]) == {"decode", "upscale", "encode", "total"}
 
 
-def test_a_jpeg_becomes_a_png():
-    written, _ = run({"a.jpg": encode(make_picture(8, 8), ".jpg")})
-    assert written["a.png"].startswith(b"\x89PNG")
-
-
 @pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
 def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, channels, dtype):
     monkeypatch.setattr("ciir.service.pipeline.pictures.upscale_pictures", pytest.fail)

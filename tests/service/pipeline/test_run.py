@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ciir import models
-from ciir.errors import Error, InvalidOption, TooLarge
+from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
@@ -20,7 +20,7 @@ from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct, render_eia
 from ciir.service.pipeline.stages import schedule, view_sources
-from tests.support.inputs import BAD_INPUTS, CUBE, EIA, EIA_PNG, make_off, make_picture
+from tests.support.inputs import CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
 
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
@@ -263,12 +263,6 @@ def test_what_is_for_an_eia_is_refused_for_a_set(options):
         run(Bundle("set", None, {"view_00_00.png": EIA_PNG}), **options)
 
 
-def test_notes_of_the_reader_are_passed_on():
-    obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
-    _, report = run(Bundle.from_upload("a.obj", obj), model="none", **SMALL)
-    assert any("gone.mtl" in note for note in report["notes"])
-
-
 @pytest.mark.parametrize("options", [{"delta": 1e9}, {"views": "0,0;2,4", "delta": 1e9, "sampling": "lenslet"}])
 def test_a_mesh_that_no_view_shows_is_told(cube, options):
     views, report = run(cube, model="none", **(SMALL | options))
@@ -304,15 +298,6 @@ def test_limit_on_all_pixels_together():
         reconstruct(eia_bundle(EIA), options, writer, max_pixels=16 * 12 * 18 - 1)
     assert writer.begun is None
     reconstruct(eia_bundle(EIA), options, writer, max_pixels=16 * 12 * 18)
-
-
-@pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
-def test_faults_come_before_anything_is_written(bad_input):
-    name, data, texts, _, _ = bad_input
-    writer = Recorder()
-    with pytest.raises(Error):
-        reconstruct(Bundle.from_upload(name, data), Options.parse(texts), writer)
-    assert writer.begun is None
 
 
 @needs_shared
@@ -353,19 +338,6 @@ def test_the_duck_with_five_views():
 
 def pipeline_threads():
     return [thread.name for thread in threading.enumerate() if thread.name.startswith(("views", "upscale"))]
-
-
-@pytest.mark.parametrize("model", ["none", "bicubic", "fast"])
-@pytest.mark.parametrize("pixels", [1, 700, 4_000_000])
-def test_stages_overlap_and_the_result_is_the_same(cube, monkeypatch, model, pixels):
-    want, told = run(cube, views="all", model=model, **SMALL)
-    monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
-    views, report = run(cube, views="all", model=model, **SMALL)
-    assert list(views) == list(want) == [(v, u) for v in range(3) for u in range(5)]
-    for view, picture in views.items():
-        np.testing.assert_array_equal(picture, want[view])
-    assert report["plan"]["skipped"].get("pixels") == told["plan"]["skipped"].get("pixels")
-    assert pipeline_threads() == []
 
 
 @pytest.mark.parametrize("stage", ["render", "upscale", "encode", "progress"])

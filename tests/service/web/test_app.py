@@ -12,18 +12,17 @@ from ciir.service.pipeline.options import NAMES
 from tests.support.web import check_problem, run_app
 
 POST = "/v1/reconstructions"
-ROUTES = {
-    ("POST", "/v1/reconstructions"): {200, 202, 304, 400, 401, 408, 409, 413, 415, 422, 429, 503},
-    ("GET", "/v1/reconstructions/{id}"): {200, 401, 404, 503},
-    ("DELETE", "/v1/reconstructions/{id}"): {200, 401, 404, 503},
-    ("GET", "/v1/reconstructions/{id}/result"): {200, 304, 401, 404, 409, 410, 413, 415, 422, 503},
-    ("GET", "/v1/reconstructions/{id}/events"): {200, 204, 400, 401, 404, 503},
-    ("GET", "/v1/models"): {200, 401},
-    ("GET", "/metrics"): {200, 401},
-    ("GET", "/healthz"): {200},
-    ("GET", "/readyz"): {200, 503},
-}
-"""Route -> all its documented statuses but `default`."""
+ROUTES = (
+    ("POST", "/v1/reconstructions"),
+    ("GET", "/v1/reconstructions/{id}"),
+    ("DELETE", "/v1/reconstructions/{id}"),
+    ("GET", "/v1/reconstructions/{id}/result"),
+    ("GET", "/v1/reconstructions/{id}/events"),
+    ("GET", "/v1/models"),
+    ("GET", "/metrics"),
+    ("GET", "/healthz"),
+    ("GET", "/readyz"),
+)
 
 
 @pytest.mark.parametrize(("method", "path"), [*ROUTES, ("GET", "/docs"), ("GET", "/openapi.json")])
@@ -48,20 +47,13 @@ def test_an_unknown_path_is_a_problem(client, path):
     check_problem(client.get(path), 404, "/docs")
 
 
-def test_openapi_has_every_route_and_status(client):
+def test_openapi_describes_every_error_as_a_problem(client):
     api = client.get("/openapi.json").json()
     assert api["openapi"].startswith("3.0")
-    documented = {
-        (method.upper(), path): {int(status) for status in operation["responses"] if status != "default"}
-        for path, item in api["paths"].items()
-        for method, operation in item.items()
-    }
-    assert documented == ROUTES
-    for (method, path), statuses in ROUTES.items():
+    for method, path in ROUTES:
         responses = api["paths"][path][method.lower()]["responses"]
-        assert set(responses["default"]["content"]) == {"application/problem+json"}
-        for status in statuses & {400, 401, 404, 408, 409, 410, 413, 415, 422, 429, 503}:
-            assert set(responses[str(status)]["content"]) == {"application/problem+json"}, (path, status)
+        for status in {"default", *(status for status in responses if status >= "400")}:
+            assert set(responses[status]["content"]) == {"application/problem+json"}, (path, status)
     assert '"null"' not in client.get("/openapi.json").text  # not in OpenAPI 3.0
 
 

@@ -69,7 +69,3 @@ def test_a_full_disk(monkeypatch):
     monkeypatch.setattr(UploadFile, "write", write)
     with pytest.raises(QueueUnavailable, match=r"no space.*make space"):
         read(FILE + END)
-
-
-def test_other_messages_are_kept():
-    assert multipart.add_remedy("Something new.") == "Something new."

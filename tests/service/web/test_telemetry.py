@@ -8,7 +8,6 @@ import pytest
 
 from tests.support.inputs import EIA_PNG
 from tests.support.servers import run_server
-from tests.support.web import run_app
 
 
 @pytest.fixture
@@ -46,11 +45,3 @@ def test_traces_go_to_the_collector(collector, tmp_path):
     assert b"POST /v1/reconstructions" in traces
     assert response.headers["x-reconstruction-id"].encode() in traces
     assert any(path == "/v1/metrics" for path, _ in received)
-
-
-def test_a_failed_configuration_is_logged(monkeypatch, tmp_path, caplog):
-    monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", "http://127.0.0.1:9")
-    monkeypatch.setenv("OTEL_EXPORTER_OTLP_PROTOCOL", "grpc")
-    with run_app(tmp_path) as client:
-        assert client.get("/healthz").status_code == 200
-    assert "automatic telemetry configuration failed" in caplog.text

@@ -68,17 +68,6 @@ def test_jobs_are_run(service, jobs, pool):
     assert len(list_files(jobs)) == 20
 
 
-def test_equal_requests_are_run_once(service, jobs, pool, gate):
-    service.start_consumer(jobs, pool, 2)
-    first = submit_data(jobs)
-    gate.wait_for_task()
-    assert submit_data(jobs).id == first.id
-    gate.open()
-    assert wait_for_end(jobs, first.id).state == "done"
-    assert submit_data(jobs).state == "done"
-    assert pool.started == [first.id]
-
-
 def test_small_jobs_do_not_wait_for_large_ones(service, jobs, pool):
     opened = threading.Event()
 
@@ -311,16 +300,3 @@ def test_redis_stops_and_restarts(service, pool, gate, redis_server, caplog):
         wait_until(lambda: "the queue can be used again" in caplog.text)
     assert [wait_for_end(jobs, id_).state for id_ in ids] == ["done"] * 3
     assert sorted(pool.started) == sorted(ids)  # the job that ended meanwhile was not run again
-
-
-def test_the_system_clock_is_set_back_while_jobs_run(service, jobs, pool, gate, monkeypatch):
-    service.start_consumer(jobs, pool)
-    ids = [submit_data(jobs, bytes([number])).id for number in range(3)]
-    gate.wait_for_task()
-    monkeypatch.setattr("time.time", lambda: 5.0)
-    jobs.sweep()
-    gate.open()
-    assert [wait_for_end(jobs, id_).state for id_ in ids] == ["done"] * 3
-    jobs.sweep()
-    assert [read_result(jobs, id_) for id_ in ids] == [bytes([number]) * 2 for number in range(3)]
-    assert [jobs.get(id_).attempts for id_ in ids] == [1, 1, 1]

@@ -5,7 +5,7 @@ import errno
 import pytest
 
 from ciir.models import catalogue
-from ciir.service.jobs.job import Problem, Request, Result
+from ciir.service.jobs.job import Problem, Request
 from ciir.service.jobs.workers import sandbox, task
 from ciir.service.jobs.workers.task import Task, TaskLimits, _is_out_of_memory, run_task, warm_up
 from ciir.service.pipeline import run
@@ -36,19 +36,6 @@ def raise_error(error):
         raise error
 
     return fail
-
-
-def test_a_result_and_its_report(given):
-    outcome = run_here(given).outcome
-    assert isinstance(outcome, Result)
-    assert (outcome.format, outcome.size) == ("png", given.target.stat().st_size)
-    assert outcome.report["plan"]["model"] == "none"
-    assert "views" not in outcome.report  # each read of the record would parse up to 65,536
-    assert {path.name for path in given.target.parent.iterdir()} == {
-        "input",
-        "result",
-        "result.progress",
-    }
 
 
 def test_temporary_files_are_beside_the_result(given):

@@ -46,23 +46,3 @@ def test_an_error_comes_in_its_place():
     with pytest.raises(ValueError, match="2"):
         next(coming)
     assert threads() == []
-
-
-@pytest.mark.parametrize("fault", [0, 3])
-def test_the_first_error_ends_all_stages(fault):
-    closed = []
-
-    def second(items):
-        try:
-            for item in items:
-                if item == fault:
-                    raise KeyError(item)
-                yield item
-        finally:
-            items.close()
-
-    coming = prefetch(second(prefetch(counted(9, [], closed, fault=fault + 1), name="stage_a")), name="stage_b")
-    with pytest.raises(KeyError):
-        list(coming)
-    assert closed == ["stage_a_0"]
-    assert threads() == []

@@ -68,14 +68,6 @@ def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channe
     assert report["plan"]["model"] == "fast"
 
 
-def test_a_folder_of_views_too(stand_in):
-    field = make_picture(9 * 4, 5).reshape(3, 3, 4, 5, 3)
-    files = {f"view_{v:02d}_{u:02d}.png": encode_png(field[v, u]) for v in range(3) for u in range(3)}
-    views, report = run(Bundle("set", None, files))
-    assert report["plan"]["model"] == "field"
-    assert np.abs(views[1, 1] - upscale_as_stand_in(field, (1, 1))).max() < ROUNDED
-
-
 @pytest.fixture
 def cube():
     return Bundle.from_upload("cube.off", CUBE)
@@ -143,23 +135,12 @@ def test_views_that_only_help_count_for_the_limit(cube, stand_in):
         reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120 - 1)
 
 
-def test_a_mesh_that_is_rendered_larger_needs_no_model(cube, stand_in):
-    _, report = run(cube, views="all", strategy="direct", **MESH)
-    assert (report["plan"]["strategy"], report["plan"]["model"], report["model"]) == ("direct", "none", None)
-
-
 def test_the_limits_of_the_network_are_told(stand_in):
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     with pytest.raises(UnsupportedScale, match="field upscales by 2, not 3"):
         run(eia, lenses=(6, 9), model="field", scale=3)
     with pytest.raises(UnsuitedModel, match="field"):
         upscale_files({"a.png": EIA_PNG}, {"a.png": "a.png"}, print, model="field", scale=2)
-
-
-def test_single_pictures_keep_their_default(stand_in):
-    data, written = EIA_PNG, {}
-    report = upscale_files({"a.png": data}, {"a.png": "a.png"}, written.__setitem__, model="auto", scale=2)
-    assert report["model"]["name"] == catalogue.DEFAULT
 
 
 def test_what_was_made_from_views_alone_is_told(stand_in):

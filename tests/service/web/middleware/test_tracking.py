@@ -40,20 +40,11 @@ def test_every_request_is_one_line(client, lines):
     assert second.startswith("GET /v1/%0aforged%20line 404 ")
 
 
-def test_lines_as_json(client, lines, eia):
-    form = logs._Json()
-    entries = []
-    handler = logging.Handler()
-    handler.emit = lambda record: entries.append(json.loads(form.format(record)))
-    logger = logging.getLogger("ciir")
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        response = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
+def test_lines_as_json(client, caplog, eia):
+    caplog.set_level(logging.INFO, logger="ciir")
+    caplog.handler.setFormatter(logs._Json())
+    response = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
+    entries = [json.loads(line) for line in caplog.text.splitlines() if '"logger": "ciir.' in line]
     assert {line["request_id"] for line in entries} == {"r-1"}
     access = next(line for line in entries if line["logger"] == "ciir.access")
     assert {name: access[name] for name in ("method", "path", "status", "bytes_out", "level")} == {

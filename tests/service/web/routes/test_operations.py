@@ -29,23 +29,6 @@ def test_not_ready_while_models_are_loaded(eia, tmp_path):
         assert post_file(client, data=eia, lenses="6x9", model="none").status_code == 200
 
 
-def test_a_draining_server(eia, tmp_path):
-    with run_app(tmp_path) as client:
-        assert client.get("/readyz").status_code == 200
-        client.engine.drain()
-        check_problem(client.get("/readyz"), 503, "stopping")
-        check_problem(post_file(client, data=eia, lenses="6x9", model="none"), 503, "stopping", "again")
-        assert client.get("/healthz").status_code == 200
-
-
-def test_a_server_without_workers_accepts_jobs(eia, tmp_path):
-    with run_app(tmp_path, workers=0, sync_seconds=0) as client:
-        assert client.get("/readyz").status_code == 200
-        response = post_file(client, data=eia, lenses="6x9", model="none")
-        assert (response.status_code, response.json()["state"]) == (202, "queued")
-        assert "ciir_queue_waiting 1.0" in client.get("/metrics").text
-
-
 def test_models(client, monkeypatch):
     listed = client.get("/v1/models").json()
     assert [model["name"] for model in listed] == catalogue.list_names()

@@ -11,10 +11,8 @@ import pytest
 from ciir.errors import QueueFull, QueueUnavailable
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.web import multipart
 from ciir.service.web.routes import results
-from tests.support.inputs import BAD_INPUTS, CUBE, EIA, contains_all
-from tests.support.networks import upscale_as_stand_in
+from tests.support.inputs import BAD_INPUTS, EIA, contains_all
 from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file, run_app
 
@@ -78,12 +76,6 @@ def test_npz(client, eia):
         assert arrays["views"].shape == (16, 6, 9, 3)
         assert arrays["positions"][7].tolist() == [1, 3]
         assert json.loads(str(arrays["report"]))["plan"]["model"] == "none"
-
-
-def test_a_mesh(client):
-    fields = {"lenses": "12x10", "pixels": "3x5", "backend": "raytrace", "model": "bicubic"}
-    response = post_file(client, "cube.off", CUBE, **fields)
-    assert decode(response.content, name="x").shape == (24, 20, 3)
 
 
 def test_a_large_result_goes_out_in_pieces(client, eia, monkeypatch):
@@ -300,15 +292,9 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
-    problem(client.post(POST, files=[("file", ("a.png", eia)), ("file", ("b.png", eia))]), 400, "1", "; send one")
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
     problem(client.post(POST, content=eia), 415, "nothing")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
-    problem(client.post(POST, content=b"x", headers={"content-type": "multipart/form-data"}), 400, "boundary")
-    broken = {"content-type": "multipart/form-data; boundary=b"}
-    problem(client.post(POST, content=b"--b\r\nnonsense", headers=broken), 400, "closing boundary; send")
-    long_field = {"file": ("a.png", eia), "views": (None, "0,0;" * multipart.MAX_FIELD_BYTES)}
-    problem(client.post(POST, files=long_field), 400, "Part")
 
 
 def test_an_unusable_charset(client):
@@ -355,19 +341,3 @@ def test_without_a_queue(own, eia, monkeypatch):
 def test_limit_on_output_pixels(eia, tmp_path):
     with run_app(tmp_path, max_output_pixels=1000) as client:
         check_problem(post_file(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
-
-
-def test_a_view_set_is_upscaled_by_the_light_field_network(client, eia, stand_in):
-    response = post_file(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip")
-    with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
-        report = json.loads(archive.read("report.json"))
-        picture = decode(archive.read("view_03_03.png"), name="x")
-    assert (report["plan"]["model"], report["options"]["model"]) == ("field", "auto")
-    assert "upscale;dur=" in response.headers["server-timing"]
-    field = EIA.reshape(6, 4, 9, 4, 3).transpose(1, 3, 0, 2, 4)
-    assert np.abs(picture - upscale_as_stand_in(field, (3, 3))).max() < 0.55  # rounded
-    other = post_file(client, data=eia, lenses="6x9", views="0,0;3,3", format="zip", model="fast")
-    assert other.headers["x-reconstruction-id"] != response.headers["x-reconstruction-id"]
-    check_problem(
-        post_file(client, data=eia, lenses="6x9", model="field", scale="3"), 422, "field upscales by 2, not 3"
-    )

@@ -52,18 +52,6 @@ def test_progress_is_that_of_the_current_run():
     assert results.describe_job(again.add_event(Event("running"), state="running"))["progress"] is None
 
 
-def test_the_status_of_a_job_that_has_ended():
-    assert results.describe_job(DONE)["result"] == {"url": f"{results.ROOT}/{ID}/result", "format": "zip", "size": 9}
-    assert results.describe_job(DONE)["format"] == "zip"
-    assert results.describe_job(FAILED)["problem"] == {
-        "type": "urn:ciir:type-not-supported",
-        "title": "Type not supported",
-        "status": 415,
-        "detail": "no mesh",
-        "instance": f"{results.ROOT}/{ID}",
-    }
-
-
 @pytest.mark.parametrize(
     ("job", "status", "again"), [(QUEUED, 409, "1"), (RUNNING, 409, "1"), (CANCELLED, 409, None), (FAILED, 415, None)]
 )
@@ -71,11 +59,6 @@ def test_a_missing_result(job, status, again):
     response = results.respond_unfinished(job, "/here")
     assert (response.status_code, response.headers.get("retry-after")) == (status, again)
     assert json.loads(response.body)["instance"] == "/here"
-
-
-def test_retry_after_while_a_job_is_not_done():
-    assert results.respond_with_status(RUNNING).headers["retry-after"] == "1"
-    assert "retry-after" not in results.respond_with_status(DONE).headers
 
 
 def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
