@@ -1,8 +1,4 @@
-"""Settings of the service, read from environment variables `CIIR_...`.
-
-The docstring of a setting is its documentation: `ciir serve --show-settings` prints it, and `service.settings_table`
-makes docs/settings.md from it.
-"""
+"""Settings of the service, read from environment variables `CIIR_...`. Their docstrings make docs/settings.md."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def progress_bar(unit: str) -> Iterator[Progress]:
 
 
 def print_line(text: str) -> None:
-    """Prints a line at once, also into a pipe."""
+    """Prints a line and flushes it."""
     print(text, flush=True)
 
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 TERMINATED = 143
 PIPE_CLOSED = 141
-NO_ROOM, NO_PLACE = 1, 2
+NO_SPACE, NO_PLACE = 1, 2
 PLACE = dict.fromkeys(
-    (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO), (NO_ROOM, "make room there, or name another place")
+    (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO), (NO_SPACE, "make room there, or name another place")
 ) | dict.fromkeys(
     (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG),
     (NO_PLACE, "name a place that can be read or written"),
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if error.errno not in PLACE:
             raise
         status, remedy = PLACE[error.errno]
-        if status == NO_ROOM:
+        if status == NO_SPACE:
             _discard_output()
         return _print_error(f"{error.filename or 'the output'}: {error.strerror}; {remedy}", status)
     except KeyboardInterrupt:

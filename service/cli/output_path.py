@@ -21,8 +21,7 @@ _FILES = re.compile(
 def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     """Whether `text` names a file with one of `suffixes` (lower case), not a folder; `what` is to be written there.
 
-    A folder is an existing one, a name that ends with a slash, and a name without a file's suffix. Raises
-    `InvalidOption` where `text` is empty or its suffix is another file's.
+    Raises `InvalidOption` where `text` is empty or its suffix is another file's.
     """
     if not text:
         raise InvalidOption(f"-o: '' is no name; give one for {what}")

@@ -49,8 +49,7 @@ class Step:
 def run_demo(write: Callable[[str, bytes], None], backend: Backend, report_step: Callable[[Step], None]) -> None:
     """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`.
 
-    `report_step` is called after each step. Lenses average over their pitch, as real ones do. Scenes, backend and
-    network are loaded before the first step is timed.
+    `report_step` is called after each step. Scenes, backend and network are loaded before the first step is timed.
     """
     upscaler = catalogue.load_upscaler(catalogue.DEFAULT)
     upscaler(np.zeros((1, 3, *LENSES), np.float32))

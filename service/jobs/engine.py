@@ -24,7 +24,11 @@ class Engine:
         self.jobs = Jobs(settings)
         self.metrics = metrics
         self._settings = settings
-        self._pool = pool or _create_pool(settings)
+        if pool is None and settings.workers:
+            from ciir.service.jobs.workers.pool import Pool
+
+            pool = Pool(settings)
+        self._pool = pool
         self._consumer = (
             Consumer(self.jobs, CountingPool(self._pool, metrics), settings.workers) if self._pool is not None else None
         )
@@ -87,11 +91,3 @@ class Engine:
         if self._pool is not None:
             self._pool.close()
         self.jobs.close()
-
-
-def _create_pool(settings: Settings) -> Pool | None:
-    if not settings.workers:
-        return None
-    from ciir.service.jobs.workers.pool import Pool
-
-    return Pool(settings)

@@ -1,7 +1,6 @@
 """Inputs and results: files in a folder, or in an object store through fsspec. Writes are atomic.
 
-In a folder a file is written under another name and moved, and worker processes read and write it in place. In an
-object store a put is atomic, and worker processes work on local copies.
+Worker processes read and write the files of a folder in place, and local copies of those of an object store.
 """
 
 from __future__ import annotations

@@ -37,11 +37,8 @@ _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
 def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of the file's bytes and suffix, the options, the format, the limits and the
-    installation.
-
-    Options are parsed first: `50X50` and `50x50` give the same id, as do an option's default and leaving it out. Reads
-    `file` from its beginning and rewinds it.
+    """`DIGITS` hexadecimal digits: the hash of all bytes of `file`, the suffix, the options, the format, the limits and
+    the installation. Options are parsed first: an option's default and leaving it out give the same id.
     """
     inputs = [
         hash_installation(),
@@ -60,10 +57,7 @@ def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> s
 
 @cache
 def hash_installation() -> str:
-    """Hash of the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies.
-
-    Takes about 10 ms, once.
-    """
+    """Hash of the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies."""
     digest = hashlib.sha256(json.dumps([(name, version(name)) for name in _PACKAGES]).encode())
     root = Path(__file__).parents[2]
     for folder in _CODE:

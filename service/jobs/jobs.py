@@ -149,8 +149,7 @@ class Jobs:
     def sweep(self) -> bool:
         """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
 
-        False if it stopped after `SWEEP_LIMIT_SECONDS` with work left. Uses the system clock: if it was set back, jobs
-        used in its future count as used now.
+        False if it stopped after `SWEEP_LIMIT_SECONDS` with work left.
         """
         now = time.time()
         finished = sorted((*json.loads(value), name) for name, value in self.queue.finished.items().items())
@@ -161,7 +160,7 @@ class Jobs:
                 return False
             age = now - used
             is_over = total > self._keep_bytes or count > FINISHED_LIMIT
-            if age < 0:
+            if age < 0:  # the system clock was set back
                 self.lifecycle.store_use(name, size)
             elif age > self._keep_seconds or (is_over and age > MIN_KEEP_SECONDS):
                 self._expire(name)
@@ -169,11 +168,7 @@ class Jobs:
         return True
 
     def remove_orphaned_files(self) -> None:
-        """Removes files without a job, for example after the queue was emptied.
-
-        Only files older than `keep_seconds` and `ORPHAN_SECONDS`: they may belong to another queue that was given the
-        same folder by mistake.
-        """
+        """Removes files without a job that are older than `keep_seconds` and `ORPHAN_SECONDS`."""
         results = self.files.list_names(RESULTS)  # a file's job is stored before it and removed after it
         jobs = self.records.get_many([parse_id(name) for name in results])
         outputs = {job.output for job in jobs.values()}

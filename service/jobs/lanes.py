@@ -18,11 +18,7 @@ LARGE_FIRST_EVERY = 4
 
 
 def choose_lane(request: Request, size: int) -> Lane:
-    """`small` for a file of up to `SMALL_BYTES` whose output is up to `SMALL_PIXELS`, as estimated from the options.
-
-    The estimate is lenses times `scale` squared for each view. Nothing is decoded: options that are not given count as
-    a mesh's defaults. It only orders jobs; limits are checked elsewhere.
-    """
+    """`small` for a file of up to `SMALL_BYTES` whose output is up to `SMALL_PIXELS`, as estimated from the options."""
     options = Options.parse(request.options)
     rows, cols = options.lenses or LENSES
     pixels = options.pixels or PIXELS
@@ -32,10 +28,7 @@ def choose_lane(request: Request, size: int) -> Lane:
 
 
 def order_lanes(thread: int, threads: int, count: int) -> tuple[Lane, ...]:
-    """The queues to try, in order, for job number `count` of consumer thread `thread` of `threads`.
-
-    With several threads, thread 0 only takes small jobs.
-    """
+    """The queues to try, in order, for job number `count` of consumer thread `thread` of `threads`."""
     if thread == 0 and threads > 1:
         return ("small",)
     return ("large", "small") if count % LARGE_FIRST_EVERY == LARGE_FIRST_EVERY - 1 else ("small", "large")

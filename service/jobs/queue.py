@@ -1,11 +1,8 @@
 """The queue and the tables of jobs, in a SQLite file or on a Redis server, through huey's storages.
 
 Of huey only the storages are used: its consumer loses the task of a process that is killed. The storages have no
-compare and swap, can't wait for two queues at once, and need a SQLite connection for each queue; these are added here.
-
-Keys are text and values JSON; nothing that is read is executed. A SQLite file keeps everything written when a process
-is killed; after a power cut it is intact but may lack the last writes (`synchronous=NORMAL`). With Redis that depends
-on its `appendonly` and `appendfsync`.
+compare and swap, can't wait for two queues, and need a SQLite connection for each queue; these are added here. After a
+power cut a SQLite file may lack the last writes (`synchronous=NORMAL`); with Redis that depends on its `appendfsync`.
 """
 
 from __future__ import annotations
@@ -51,7 +48,6 @@ class _Sqlite(SqliteStorage):  # type: ignore[misc]
         return connection
 
     def with_name(self, name: str) -> _Sqlite:
-        """The same connection and lock for the rows of another name."""
         self.conn  # noqa: B018 - connects, before the copy
         other = copy.copy(self)
         other.name = name

@@ -1,4 +1,4 @@
-"""Where what can be made again is kept between runs."""
+"""The folder of files that `ciir` can make again."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ NAME = "CIIR_CACHE"
 
 
 def folder() -> Path | None:
-    """`CIIR_CACHE`, else `ciir` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`).
-
-    It may not be there yet. None where none of them is known: a process without a home.
-    """
+    """`CIIR_CACHE`, else `ciir` in `XDG_CACHE_HOME`, else in `~/.cache`; None for a process without a home."""
     if given := os.environ.get(NAME):
         return Path(given)
     if given := os.environ.get("XDG_CACHE_HOME"):

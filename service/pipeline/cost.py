@@ -1,7 +1,7 @@
 """Predicts how long this machine takes to render, upscale and write views, for `--strategy auto`.
 
-Times are linear in triangles, rays, pixels and views, with typical coefficients. One short run of each backend and of
-each network, when a prediction first needs it, scales them to this machine. The results are kept in the cache folder.
+Times are linear in triangles, rays, pixels and views. One short run of each backend and of each network, when a
+prediction first needs it, scales typical coefficients to this machine; the results are kept in the cache folder.
 """
 
 from __future__ import annotations

@@ -57,10 +57,8 @@ def upscale_files(
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
-    `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether to leave out
-    what needn't be computed.
-
-    Raises the input faults of `ciir.errors`, with the picture's name, and those of `ciir.errors`.
+    `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known
+    result are skipped. Raises `InputError`, with the picture's name, and `ModelError`.
     """
     clock = Clock()
     if model == NO_MODEL:

@@ -18,10 +18,7 @@ Report = dict[str, Any]
 
 
 class Clock:
-    """Counts wall-clock milliseconds for each stage. `total` runs from the clock's making.
-
-    Stages overlap, so they may add up to more than `total`; each stage is in one thread at a time.
-    """
+    """Counts wall-clock milliseconds for each stage, which may overlap; each is in one thread at a time."""
 
     def __init__(self) -> None:
         self._begun = time.perf_counter()

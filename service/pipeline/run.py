@@ -1,7 +1,4 @@
-"""Runs the main job: a mesh, an elemental image array or a set of views in, upscaled views out.
-
-The command line, the service, the Python interface, the demo and the benchmarks call `reconstruct` or `render_eia`.
-"""
+"""Runs the main job: a mesh, an elemental image array or a set of views in, upscaled views out."""
 
 from __future__ import annotations
 
@@ -121,8 +118,6 @@ def reconstruct(
 
 def render_eia(source: Source, options: Options, keep: Callable[[Pixels], object]) -> Report:
     """Gives a mesh's elemental image array, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`; returns its report.
-
-    The time of `keep` is counted as `encode`. Options of models and of single views don't apply.
 
     Raises as `reconstruct`, and `InvalidOption` where the input is no mesh.
     """

@@ -91,7 +91,6 @@ class _Cors(CORSMiddleware):
     """Starlette's CORS middleware, with problems in place of plain text."""
 
     def preflight_response(self, request_headers: Headers) -> Response:
-        """Answers the preflight request of a browser."""
         response = super().preflight_response(request_headers)
         if response.status_code == 200:
             return response

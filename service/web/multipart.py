@@ -1,7 +1,6 @@
 """Parsing of multipart/form-data bodies (RFC 7578), with a remedy in each error message.
 
-Starlette's limits are set (`max_files`, `max_fields`, `max_part_size`). It has no setting that refuses a body without
-its closing boundary, and would lose the last part without an error.
+Starlette has no setting that refuses a body without its closing boundary, and would lose the last part silently.
 """
 
 from __future__ import annotations
@@ -73,5 +72,4 @@ class _Parser(MultiPartParser):
     is_complete = False
 
     def on_end(self) -> None:
-        """Called at the closing boundary."""
         self.is_complete = True

@@ -1,8 +1,4 @@
-"""uvicorn's server with a drain before the shutdown.
-
-uvicorn's `timeout_graceful_shutdown` limits how long open responses may take after it stopped accepting connections.
-uvicorn has no setting to answer requests while running jobs finish, which `DrainingServer` does.
-"""
+"""uvicorn's server with a drain before the shutdown: it answers requests while running jobs finish."""
 
 from __future__ import annotations
 

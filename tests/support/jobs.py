@@ -38,7 +38,7 @@ def publish_result(jobs, run, data=b"result"):
 
 
 def run_in_threads(function, count):
-    """Calls `function` in `count` threads at once."""
+    """Calls `function` in `count` threads."""
     threads = [threading.Thread(target=function) for _ in range(count)]
     for thread in threads:
         thread.start()

@@ -17,10 +17,7 @@ HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y",
 
 
 def run(args: argparse.Namespace) -> None:
-    """Lists the models, a line each, or all that is known of them as JSON.
-
-    Beside what the service lists: `unsupported_reason`, why this processor can't run the model, empty where it can.
-    """
+    """Lists the models, a line each, or as JSON with `unsupported_reason`: why this processor can't run the model."""
     reasons = {entry.name: entry.unsupported_reason for entry in catalogue.list_entries()}
     models = [model | {"unsupported_reason": reasons[model["name"]]} for model in listing.list_models()]
     if args.json:

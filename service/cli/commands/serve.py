@@ -37,9 +37,9 @@ def run(args: argparse.Namespace) -> None:
         host, port = listener.getsockname()[:2]
         logs.configure(found.log_format)
         if is_open(host, len(found.api_keys)):
-            _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: whoever reaches it may ask", host)
+            _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: everybody can use the API", host)
         app = create_app(found)
-        common.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs tells what can be asked for")
+        common.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs describes the API")
         DrainingServer(app).run([listener])
 
 

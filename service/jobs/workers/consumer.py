@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
@@ -16,11 +16,9 @@ from ciir.service.jobs.workers.recovery import HEARTBEAT_SECONDS, Recovery, crea
 from ciir.service.jobs.workers.task import Task
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ciir.service.jobs.job import Job
     from ciir.service.jobs.jobs import Jobs
-    from ciir.service.jobs.workers.task import Outcome
+    from ciir.service.jobs.workers.counting_pool import CountingPool
 
 POP_SECONDS = 0.5
 """How long a thread waits for a job before it checks whether to stop."""
@@ -34,18 +32,10 @@ the record of a job that takes hours stays small."""
 _log = logging.getLogger("ciir.jobs")
 
 
-class Runner(Protocol):
-    """Runs tasks: `service.jobs.workers.pool.Pool`."""
-
-    def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
-        """As `Pool.run`; called by several threads at once."""
-        ...
-
-
 class Consumer:
     """Runs jobs in `threads` threads."""
 
-    def __init__(self, jobs: Jobs, pool: Runner, threads: int) -> None:
+    def __init__(self, jobs: Jobs, pool: CountingPool, threads: int) -> None:
         self._jobs, self._pool = jobs, pool
         self._lock_file = ConsumerLock(jobs.folder)
         self._recovery = Recovery(jobs, self._lock_file)
@@ -224,7 +214,7 @@ class _Run:
         self._started = self._stored_at = time.monotonic()
 
     def update_progress(self, jobs: Jobs, data: dict[str, Any]) -> None:
-        """Stores the first progress at once; keeps later ones for `store_progress`. The pool calls it."""
+        """Stores the first progress; keeps later ones for `store_progress`. The pool calls it."""
         self._newest = data
         if self._stored is None:
             self.store_progress(jobs)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import threading
     from collections.abc import Callable
 
-    from ciir.service.jobs.workers.consumer import Runner
+    from ciir.service.jobs.workers.pool import Pool
     from ciir.service.jobs.workers.task import Outcome, Task
     from ciir.service.metrics import Metrics
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class CountingPool:
     """A pool that counts its tasks in `metrics`."""
 
-    def __init__(self, pool: Runner, metrics: Metrics) -> None:
+    def __init__(self, pool: Pool, metrics: Metrics) -> None:
         self._pool, self._metrics = pool, metrics
 
     def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:

@@ -4,7 +4,7 @@ pebble starts and kills the processes and detects their deaths. Each process has
 of one pool share a pipe and its lock, which a dead one may hold. pebble has no setting for these, done here:
 
 - a time limit on a monotonic clock (the `timeout` of `schedule` follows the system clock) and progress meanwhile;
-- no task for a process that has not loaded its models yet (`max_tasks` gives a new process tasks at once);
+- no task for a process that has not loaded its models yet;
 - a new process in place of one that died idle (which breaks a pebble pool), and pauses while starting one fails.
 """
 
@@ -41,7 +41,7 @@ TICK_SECONDS = 0.05
 """How often tasks and workers are polled."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
-CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): send SIGKILL at once
+CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): send SIGKILL
 _log = logging.getLogger("ciir.pool")
 
 

@@ -1,8 +1,7 @@
 """Finds jobs whose consumer died, or that a dying process left between two steps, and repairs them.
 
-On the same machine a consumer's lock shows at once that it died (`consumer_lock`). Otherwise a consumer is dead when
-its heartbeat, a count, has not changed for `DEAD_SECONDS` of this process's monotonic clock; system clocks are not
-used.
+A consumer on the same machine is dead when its lock is free (`consumer_lock`), another one when its heartbeat, a count,
+has not changed for `DEAD_SECONDS` of this process's monotonic clock.
 """
 
 from __future__ import annotations

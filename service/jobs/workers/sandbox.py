@@ -1,7 +1,6 @@
 """Restrictions on a worker process: no sockets, and limits on memory, files and processor time.
 
-Imported before anything else in a worker process, so it imports nothing heavy. Linux (seccomp(2), prctl(2),
-setrlimit(2)); `enter` reports what a system does not have.
+It is imported before anything else in a worker process. See seccomp(2), prctl(2) and setrlimit(2) of Linux.
 """
 
 from __future__ import annotations

@@ -19,8 +19,7 @@ READY = 1
 def prefetch(items: Generator[Item], *, name: str) -> Generator[Item]:
     """Yields `items` in order; a thread called `name` makes up to `READY + 1` of them before they are asked for.
 
-    An error is raised in the place of its item. However this generator ends, the item that is being made is waited for,
-    `items` is closed and the thread ends.
+    An error is raised in the place of its item. However this generator ends, `items` is closed and the thread ends.
     """
     with ThreadPoolExecutor(1, thread_name_prefix=name) as thread:
         coming: deque[Future[tuple[Item] | None]] = deque()

@@ -35,10 +35,7 @@ def batch_size(pixels: int) -> int:
 
 
 def schedule_batches(wanted: Sequence[View], grid: tuple[int, int], *, size: int, is_light_field: bool) -> list[Batch]:
-    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows in `grid`.
-
-    Where all views are wanted row by row, the views of 5 rows of `grid` and of one batch are kept at a time.
-    """
+    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows in `grid`."""
     parts = [wanted[first : first + size] for first in range(0, len(wanted), size)]
     windows = [list_required_views(part, grid) for part in parts] if is_light_field else parts
     first_use = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}

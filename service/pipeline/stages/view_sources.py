@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,32 +24,6 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Clock, Report
 
 
-class ViewSource(Protocol):
-    """Makes views, one after the other."""
-
-    samples: int
-    """Points of a mesh that are sampled for a view; 0 where nothing is rendered."""
-    sample: Pixels
-    """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
-
-    def open(self) -> None:
-        """Prepares for `make_views`. Raises `BackendUnavailable`."""
-
-    def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
-        """Makes each of `views`, `(H, W, C)`, when it is asked for."""
-        ...
-
-    def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
-        """The next `count` views of `make_views`, contiguous; their time is counted."""
-        ...
-
-    def describe(self) -> Report:
-        """What the report says of the views, once all were made: keys `backend`, `transform`, `reasons`, `skipped`,
-        `notes` and `packages`.
-        """
-        ...
-
-
 def open_source(job: Job, plan: Plan, clock: Clock) -> ViewSource:
     """The view source for the content of `job`. Nothing is rendered yet.
 
@@ -61,15 +35,16 @@ def open_source(job: Job, plan: Plan, clock: Clock) -> ViewSource:
 
 
 class MeshViews:
-    """Renders a mesh, framed in front of the job's lens array, to RGB."""
+    """Renders a mesh, framed in front of the job's lens array, to RGB. Raises `TooLarge` or `InvalidOption`."""
 
     def __init__(self, mesh: Scene, job: Job, plan: Plan, clock: Clock) -> None:
-        """Raises `TooLarge` or `InvalidOption`."""
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
         check_view_samples(self._array, plan.samples, plan.strategy)
         self.samples = self._array.rows * self._array.cols * plan.samples**2
+        """Points of the mesh that are sampled for a view."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
+        """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
         self._shows_object = False
         self._triangles_left = mesh.triangles
 
@@ -98,7 +73,7 @@ class MeshViews:
         return map(self._drop_alpha, pictures)
 
     def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
-        """The next `count` views of `make_views`."""
+        """The next `count` views of `make_views`, contiguous; their time is counted."""
         with self._clock.stage("render"):
             return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
 
@@ -159,3 +134,6 @@ class LightFieldViews:
             "notes": [*self._light_field.notes],
             "packages": [],
         }
+
+
+ViewSource = MeshViews | LightFieldViews

@@ -1,7 +1,7 @@
 """Limits on request bodies in bytes and in seconds, with and without a declared length.
 
-Starlette's `RequestBodyLimitMiddleware` (FastAPI's `max_body_size`) is not used: it answers in plain text and leaves
-the connection open, so that the rest of a refused body is read. No setting of it or of uvicorn limits a body's time.
+Starlette's `RequestBodyLimitMiddleware` (FastAPI's `max_body_size`) answers in plain text, reads the rest of a refused
+body and has no limit on time.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class BodyLimit:
         self._app, self._limits, self._seconds = app, limits, seconds
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Passes the request on with a `receive` that counts."""
+        """Passes the request on."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -1,8 +1,7 @@
 """uvicorn's HTTP/1.1 protocol with timeouts for slow clients.
 
-uvicorn's settings limit the time between two requests (`timeout_keep_alive`) and the size of a head
-(`h11_max_incomplete_event_size`). It has none for how long a client may take to send a head or to read a response, and
-none for the response to what is not HTTP. How long a body may take: `service.web.middleware.body_limit`.
+uvicorn has no setting for how long a client may take to send a head or to read a response, and none for the response
+to what is not HTTP. How long a body may take: `service.web.middleware.body_limit`.
 """
 
 from __future__ import annotations

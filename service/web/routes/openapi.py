@@ -94,7 +94,7 @@ def _parameter(name: str, description: str, example: str) -> dict[str, Any]:
     }
 
 
-PREFER = _parameter("Prefer", "`respond-async`: 202 at once; `wait=N`: after at most N seconds", "respond-async")
+PREFER = _parameter("Prefer", "`respond-async`: 202 immediately; `wait=N`: after at most N seconds", "respond-async")
 IF_NONE_MATCH = _parameter(
     "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
 )

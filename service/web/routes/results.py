@@ -24,7 +24,7 @@ ROOT = "/v1/reconstructions"
 CACHE = "private, no-cache"
 """Of results: a client may keep them and ask with the ETag whether they have changed."""
 CHUNK = 2**18
-"""Bytes that are read from a result at once; a result that is not larger is sent in one piece."""
+"""Bytes of a piece of a result; one that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
 """`Retry-After` while a job is not done."""
 STATUS_SCHEMA: dict[str, Any] = {

@@ -305,13 +305,13 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"ciir {version('ciir')}\n"
 
 
-def test_notes_are_told(tmp_path, capsys):
+def test_notes_are_printed(tmp_path, capsys):
     (tmp_path / "a.obj").write_bytes(b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n")
     for command in ("reconstruct", "elemental"):
         small = SMALL + ["--model", "none"] * (command == "reconstruct")
         assert main([command, str(tmp_path / "a.obj"), "-o", str(tmp_path / "a.png"), *small]) == 0
-        told = capsys.readouterr().err.splitlines()
-        assert [line for line in told if line.startswith("ciir: note: ") and "gone.mtl" in line]
+        lines = capsys.readouterr().err.splitlines()
+        assert [line for line in lines if line.startswith("ciir: note: ") and "gone.mtl" in line]
 
 
 def test_upscale_says_what_it_takes(tmp_path, capsys):
@@ -377,7 +377,7 @@ def test_help_names_settings_that_exist(capsys):
     assert {"FOLDER", "KEEP_SECONDS"} <= named <= {name.upper() for name in Settings.model_fields}
 
 
-def test_what_may_be_skipped_can_be_told(tmp_path, capsys):
+def test_skipping_is_an_option(tmp_path, capsys):
     picture = np.zeros((40, 60, 3), np.uint8)
     picture[10:14, 10:14] = 200
     (tmp_path / "a.png").write_bytes(encode(picture, ".png"))

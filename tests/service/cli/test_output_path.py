@@ -125,7 +125,7 @@ def views(folder):
 def test_views_of_an_earlier_run_go(folder, capsys):
     run = [*COMMANDS["reconstruct"], "-o", "out", "--views"]
     assert main([*run, "all"]) == 0
-    for name in ("view_77_77.png", "other.png"):  # nobody's report lists these
+    for name in ("view_77_77.png", "other.png"):  # no report lists these
         (folder / "out" / name).write_bytes(b"mine")
     assert capsys.readouterr().err == ""
     assert main([*run, "1,2;0,0"]) == 0

@@ -114,7 +114,7 @@ def test_a_full_queue(service):
         submit_data(jobs, b"2")
     assert 1 <= raised.value.retry_after <= 2
     assert submit_data(jobs, bytes([1])) == queued[1]
-    assert submit_data(jobs, b"2", views="all").lane == "large"  # the other lane has room
+    assert submit_data(jobs, b"2", views="all").lane == "large"  # the other lane is not full
     assert len(list_files(jobs)) == 3
     jobs.queue.pop(("small",), 0.01)
     assert submit_data(jobs, b"2").state == "queued"
@@ -152,7 +152,7 @@ def test_waiting_for_changes(jobs):
         await asyncio.to_thread(jobs.lifecycle.add_progress, run, {"stage": "map"})
         assert (await waiting).events[-1] == Event("progress", {"stage": "map"})
         ended = await asyncio.to_thread(jobs.cancel, job.id)
-        assert await jobs.wait_for_change(job.id, 4) == ended  # it returns at once
+        assert await jobs.wait_for_change(job.id, 4) == ended  # without waiting
         with pytest.raises(LookupError):
             await jobs.wait_for_change("0" * 32, 0)
 

@@ -29,7 +29,7 @@ def test_counts_what_was_read_once():
     assert list(files) == ["a", "b"]
 
 
-def test_what_was_skipped_is_told_in_a_line():
+def test_the_line_on_skipping():
     nothing = {"pixels": 10, "uniform": 0.0, "repeated": 0.0, "saved_ms": 0.0}
     assert (
         report.skip_reasons(None)

@@ -93,7 +93,7 @@ def test_what_was_skipped_is_a_reason():
     assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
 
 
-def test_pitch_and_delta_that_are_known_are_told():
+def test_pitch_and_delta_are_reported():
     _, report = run(eia_bundle(EIA), pixels=(4, 4), model="none", pitch=0.5, delta=0.01)
     assert (report["lens_array"]["pitch"], report["lens_array"]["delta"]) == (0.5, 0.01)
     assert (report["lens_array"]["rows"], report["lens_array"]["cols"]) == (6, 9)
@@ -115,7 +115,7 @@ def test_upscaled_views_are_what_the_model_makes_of_them():
     assert report["views"][0] == {"v": 0, "u": 2, "file": "view_00_02.png", "height": 18, "width": 27}
 
 
-def test_the_network_is_told_by_its_hash():
+def test_the_report_has_the_hash_of_the_network():
     _, report = run(eia_bundle(EIA), lenses=(6, 9), model=models.DEFAULT)
     card = next(entry.card for entry in models.list_entries() if entry.name == models.DEFAULT)
     assert report["model"] == {"name": models.DEFAULT, "scale": 2, "sha256": card.sha256}
@@ -264,7 +264,7 @@ def test_what_is_for_an_eia_is_refused_for_a_set(options):
 
 
 @pytest.mark.parametrize("options", [{"delta": 1e9}, {"views": "0,0;2,4", "delta": 1e9, "sampling": "lenslet"}])
-def test_a_mesh_that_no_view_shows_is_told(cube, options):
+def test_a_mesh_that_no_view_shows_is_noted(cube, options):
     views, report = run(cube, model="none", **(SMALL | options))
     assert not any(pixels.any() for pixels in views.values())
     assert [note for note in report["notes"] if "shows the object" in note]
@@ -278,7 +278,7 @@ def test_a_black_mesh_is_seen():
         assert report["notes"] == []
 
 
-def test_an_elemental_image_array_without_the_object_is_told(cube):
+def test_an_elemental_image_array_without_the_object_is_noted(cube):
     assert render_eia(cube, Options(**SMALL), lambda _: None)["notes"] == []
     # Rays run along the diagonals almost within the array's plane; no lens of 12x9 stands on a diagonal.
     wide = Options(**(SMALL | {"lenses": (12, 9), "pixels": (2, 2)}), delta=1e9)

@@ -16,5 +16,5 @@ from ciir.service.cli.commands.serve import is_open
         ("192.168.1.2", 0, True),
     ],
 )
-def test_who_may_ask_is_told_where_it_is_anyone(host, keys, expected):
+def test_is_open(host, keys, expected):
     assert is_open(host, keys) is expected

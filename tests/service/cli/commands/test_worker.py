@@ -34,9 +34,9 @@ def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
         assert re.search(r'^ciir_jobs_ended_total\{status="200"\} 1\.0$', counted, re.MULTILINE)
         assert re.search(r"^ciir_workers 1\.0$", counted, re.MULTILINE)
         assert "ciir_jobs_ended_total{" not in httpx2.get(f"{server.url}/metrics").text
-    told = (tmp_path / "worker.log").read_text()
-    assert '"message": "1 worker processes take jobs' in told
-    assert '"message": "stopping' in told
+    text = (tmp_path / "worker.log").read_text()
+    assert '"message": "1 worker processes take jobs' in text
+    assert '"message": "stopping' in text
 
 
 def test_the_queues_password_is_in_no_log(tmp_path):
@@ -70,8 +70,8 @@ def test_settings_that_make_no_sense(monkeypatch, capsys, settings, words):
     for name, value in settings.items():
         monkeypatch.setenv(name, value)
     assert main(["worker"]) == 2
-    told = capsys.readouterr().err
-    assert (told.count("\n"), words in told) == (1, True), told
+    text = capsys.readouterr().err
+    assert (text.count("\n"), words in text) == (1, True), text
 
 
 def test_a_port_for_metrics_that_is_taken(monkeypatch, tmp_path):

@@ -5,10 +5,10 @@ import pytest
 from ciir.service.pipeline.stages.prefetch import READY, prefetch
 
 
-def counted(count, made, closed=None, fault=None):
+def counted(count, made, closed=None, error_at=None):
     try:
         for number in range(count):
-            if number == fault:
+            if number == error_at:
                 raise ValueError(str(number))
             made.append((number, threading.current_thread().name))
             yield number
@@ -41,7 +41,7 @@ def test_a_few_are_prefetched_and_closing_ends_it():
 
 
 def test_an_error_comes_in_its_place():
-    coming = prefetch(counted(9, [], fault=2), name="stage")
+    coming = prefetch(counted(9, [], error_at=2), name="stage")
     assert [next(coming), next(coming)] == [0, 1]
     with pytest.raises(ValueError, match="2"):
         next(coming)

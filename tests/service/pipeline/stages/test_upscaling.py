@@ -91,7 +91,7 @@ def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, monkeypatc
         assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
 
 
-def test_views_are_let_go_of(cube, stand_in, monkeypatch):
+def test_views_are_dropped(cube, stand_in, monkeypatch):
     """The last view's window is what is left of 30 views by then."""
     monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
     kept = []
@@ -135,7 +135,7 @@ def test_views_that_only_help_count_for_the_limit(cube, stand_in):
         reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120 - 1)
 
 
-def test_the_limits_of_the_network_are_told(stand_in):
+def test_other_scales_and_single_pictures_are_refused(stand_in):
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     with pytest.raises(UnsupportedScale, match="field upscales by 2, not 3"):
         run(eia, lenses=(6, 9), model="field", scale=3)
@@ -143,7 +143,7 @@ def test_the_limits_of_the_network_are_told(stand_in):
         upscale_files({"a.png": EIA_PNG}, {"a.png": "a.png"}, print, model="field", scale=2)
 
 
-def test_what_was_made_from_views_alone_is_told(stand_in):
+def test_the_fallback_share_is_noted(stand_in):
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     _, report = run(eia, lenses=(6, 9))
     assert report["notes"] == []

@@ -1,4 +1,4 @@
-"""What is culled of a mesh is told, can be turned off, and changes nothing."""
+"""Culling is reported, can be disabled, and changes nothing."""
 
 import numpy as np
 import pytest
@@ -19,15 +19,15 @@ def run(**options):
 
 
 @pytest.mark.parametrize("strategy", [{}, {"strategy": "direct", "scale": 1, "lenses": (10, 10)}])
-def test_the_share_of_triangles_that_no_view_needs_is_told(strategy):
+def test_the_share_of_triangles_that_no_view_needs_is_reported(strategy):
     given = FINE | {"views": "cross"} | strategy
     if "strategy" in given:
         del given["model"]
     views, report = run(**given)
-    whole, told = run(**given, skip="none")
+    whole, uncut = run(**given, skip="none")
     assert 0.5 < report["plan"]["skipped"]["culled"] < 1
-    assert told["plan"]["skipped"]["culled"] == 0
-    assert report["input"]["triangles"] == told["input"]["triangles"]
+    assert uncut["plan"]["skipped"]["culled"] == 0
+    assert report["input"]["triangles"] == uncut["input"]["triangles"]
     np.testing.assert_array_equal(views, whole)
 
 
