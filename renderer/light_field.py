@@ -83,7 +83,7 @@ class LightField:
 
         Raises `InvalidOption` where `path` can't be written or the format can't hold the pixels.
         """
-        from ciir.renderer.writers.light_field import save_light_field
+        from ciir.renderer.writers.views import save_light_field
 
         save_light_field(self.views, Path(path))
 

@@ -1,13 +1,16 @@
-"""Writes views that are in memory, in the format that the name asks for."""
+"""Writes views that are in memory, or a whole light field, in the format that the name asks for."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import BY_SUFFIX
+from ciir.renderer.writers.pictures import SUFFIXES, encode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,6 +19,21 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
+
+
+def save_light_field(views: Pixels, path: Path) -> None:
+    """Writes `views`, `(V, U, H, W, C)`: as an elemental image array into a picture, else view by view.
+
+    Raises as `save_views` does.
+    """
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES:
+        v, u, rows, cols, channels = views.shape
+        eia = views.transpose(2, 0, 3, 1, 4).reshape(rows * v, cols * u, channels)
+        with replacing(path) as file:
+            file.write(encode(eia, suffix))
+    else:
+        save_views({index: views[index] for index in np.ndindex(views.shape[0], views.shape[1])}, {}, path)
 
 
 def save_views(views: Mapping[View, Pixels], report: Mapping[str, Any], path: Path) -> None:

@@ -17,20 +17,7 @@ def test_names_within_are_normalised(name: str, folder: str, key: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "",
-        "..",
-        "../a",
-        "a/../../b",
-        "/etc/passwd",
-        "C:/a",
-        "c:a",
-        "a\\b",
-        "a\0b",
-        "http://x/y.png",
-        "file:///etc/passwd",
-    ],
+    "name", ["", "..", "../a", "a/../../b", "/etc/passwd", "C:/a", "c:a", "a\\b", "a\0b", "http://x/y", "file:///etc/x"]
 )
 def test_names_that_lead_out_are_refused(name: str) -> None:
     assert resolve_key(name) is None
