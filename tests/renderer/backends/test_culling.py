@@ -96,12 +96,6 @@ def test_opengl_draws_doubled_faces_the_same():
     np.testing.assert_array_equal(render("raster", culled, ARRAY, [(2, 2)]), render("raster", whole, ARRAY, [(2, 2)]))
 
 
-def test_another_view_needs_other_triangles():
-    whole = make_soup(0)
-    culled = culling.cull_if_worthwhile(whole, ARRAY, [(0, 0)], "raytrace")
-    assert (render("raytrace", culled, ARRAY, [(4, 4)]) != render("raytrace", whole, ARRAY, [(4, 4)])).any()
-
-
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.integers(0, 999), st.integers(0, 4), st.integers(0, 4), st.sampled_from([0.0, 0.03, 0.4]))
 def test_a_triangle_is_met_where_its_rectangle_holds_a_ray(seed, v, u, margin):
@@ -135,13 +129,6 @@ def test_triangles_outside_every_view_are_removed():
     assert len(culled.parts[0].vertices) == len(np.unique(culled.parts[0].faces)) < len(first.vertices)
 
 
-def test_bounds_are_those_of_the_whole():
-    whole = make_soup(5, spread=8.0)
-    culled = culling.cull_if_worthwhile(whole, ARRAY, [(2, 2)], "raytrace")
-    np.testing.assert_array_equal(culled.bounds(), whole.bounds())
-    assert (replace(culled, extent=None).bounds() != whole.bounds()).any()
-
-
 def test_a_scene_that_no_ray_meets_stays():
     away = make_soup(2, spread=0.5, size=0.05).transform(
         np.array([[1, 0, 0, 90], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -154,14 +141,6 @@ def test_culling_is_worthwhile_for_many_triangles_and_few_views():
         assert culling.is_worthwhile(name, triangles=few * 100 * 3, rays=100, views=3)
         assert not culling.is_worthwhile(name, triangles=few * 100 * 3 - 1, rays=100, views=3)
         assert not culling.is_worthwhile(name, triangles=10**9, rays=1, views=culling.FEW_VIEWS + 1)
-
-
-def test_texture_coordinates_go_with_their_vertices():
-    array = LensArray(9, 9, 1, 1)
-    culled = culling.cull_if_worthwhile(place_scene("globe", array), array, [(0, 0)], "raytrace")
-    for part in culled.parts:
-        if part.uv is not None:
-            assert len(part.uv) == len(part.vertices) == len(part.colors)
 
 
 def test_edges_that_opengl_snaps_onto_a_ray_are_kept(monkeypatch):

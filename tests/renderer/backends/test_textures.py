@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ciir.renderer.backends.textures import sample_texture, wrap_indices
+from ciir.renderer.backends.textures import sample_texture
 from ciir.renderer.scene import Texture
 
 
@@ -44,14 +44,3 @@ def test_sample_is_opengl_linear(wrap_u, wrap_v):
     expected = [reference(texture, float(u), float(v)) for u, v in uv]
     # float32 weights on 8-bit values: a few times 2^-24
     np.testing.assert_allclose(sample_texture(texture, uv), expected, atol=2e-6)
-
-
-def test_texel_centres_return_the_texels():
-    pixels = np.random.default_rng(2).integers(0, 256, (4, 8, 4), dtype=np.uint8)
-    row, column = np.mgrid[:4, :8]
-    uv = np.stack([(column + 0.5) / 8, 1 - (row + 0.5) / 4], axis=-1).reshape(-1, 2).astype(np.float32)
-    np.testing.assert_array_equal(sample_texture(Texture(pixels), uv) * 255, pixels.reshape(-1, 4))
-
-
-def test_mirror_turns_every_second_copy():
-    np.testing.assert_array_equal(wrap_indices(np.arange(-3, 7), 3, "mirror"), [2, 1, 0, 0, 1, 2, 2, 1, 0, 0])

@@ -3,7 +3,6 @@ import pytest
 
 from ciir.renderer.scenes.modelling import (
     blend,
-    make_grid_faces,
     make_torus,
     revolve,
     rotate_vertices,
@@ -48,12 +47,6 @@ def test_a_curve_goes_through_its_points() -> None:
     points = [(0, 0), (1, 2), (3, 1), (4, 4)]
     through = sample_curve(points, 4)
     assert through == pytest.approx(np.array(points), abs=1e-6)
-
-
-def test_grid_faces_wind_counter_clockwise() -> None:
-    grid = np.array([[x, y, 0] for y in range(3) for x in range(4)])
-    corners = grid[make_grid_faces(3, 4)]
-    assert (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] == 1).all()
 
 
 def test_noise_is_smooth_repeatable_and_within_range() -> None:

@@ -90,16 +90,6 @@ def test_a_folder_appears_whole(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_own_names_are_replaced_and_others_stay(tmp_path):
-    (tmp_path / "a").write_bytes(b"old")
-    (tmp_path / "mine").write_bytes(b"mine")
-    staged = Staged(tmp_path)
-    staged.write("a", b"new")
-    staged.commit()
-    staged.discard()
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"new", "mine": b"mine"}
-
-
 def test_nothing_is_replaced_where_one_can_not_be(tmp_path):
     out = tmp_path / "out"
     (out / "b").mkdir(parents=True)

@@ -13,12 +13,6 @@ def test_fans_keep_order_and_source() -> None:
     assert source.tolist() == [0, 0, 2, 3, 3, 3]
 
 
-def test_fans_of_nothing() -> None:
-    faces, source = triangulate_fans(np.empty(0, np.int64))
-    assert faces.shape == (0, 3)
-    assert source.shape == (0,)
-
-
 def test_numbers_cost_no_more_for_one_long_one() -> None:
     tracemalloc.start()
     found = parse_numbers([b"1.5", b"9" * 10_000, *[b"-2"] * 1000])

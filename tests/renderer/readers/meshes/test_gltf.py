@@ -1,5 +1,4 @@
 import base64
-import io
 import json
 import struct
 import sys
@@ -10,17 +9,14 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers import meshes, pictures
-from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers import pictures
 from ciir.renderer.readers.meshes import gltf, gltf_arrays, gltf_scene
 from ciir.renderer.readers.meshes.gltf_scene import local_matrix
 from ciir.renderer.readers.meshes.texture_files import Resolver
-from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import encode_srgb, shade
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.meshes import FRONT, assert_refused, read_mesh
-from tests.support.paths import SHARED
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 INDICES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
@@ -171,16 +167,17 @@ def test_factors_and_vertex_colours_are_linear_and_go_through_the_curve(color: n
     assert part.colors[0] == pytest.approx([curve[0] * curve[1] * FRONT, curve[0] * FRONT, 0, 1])
 
 
-def test_specular_glossiness_gives_its_diffuse_colour() -> None:
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("KHR_materials_pbrSpecularGlossiness", {"diffuseFactor": [1, 0, 0, 1]}, [FRONT, 0, 0, 1]),
+        ("KHR_materials_unlit", {}, [1, 1, 1, 1]),
+    ],
+)
+def test_materials_of_extensions(name: str, values: dict[str, object], expected: list[float]) -> None:
     model = Model()
-    model.material["extensions"] = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}}
-    assert model.read().parts[0].colors[0] == pytest.approx([FRONT, 0, 0, 1])
-
-
-def test_unlit() -> None:
-    model = Model()
-    model.material["extensions"] = {"KHR_materials_unlit": {}}
-    assert model.read().parts[0].colors == pytest.approx(1.0)
+    model.material["extensions"] = {name: values}
+    assert model.read().parts[0].colors[0] == pytest.approx(expected)
 
 
 def test_mask_keeps_alpha_and_its_cutoff() -> None:
@@ -453,21 +450,6 @@ def test_vertices_that_are_repeated_without_end() -> None:
 )
 def test_broken_containers(data: bytes, message: str) -> None:
     assert_refused(".glb" if data.startswith(b"glTF") else ".gltf", data, message)
-
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-@pytest.mark.parametrize("name", ["duck.glb", "milk-truck.glb", "earth.gltf"])
-def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
-    import trimesh
-
-    path = SHARED / "data" / "meshes" / name
-    theirs = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type=path.suffix[1:])
-    bundle = Bundle.from_path(path)
-    ours = meshes.read(bundle, SUFFIXES[path.suffix])
-    assert ours.bounds() == pytest.approx(theirs.bounds, abs=1e-5)
-    counts = {key: len(mesh.faces) for key, mesh in theirs.geometry.items()}
-    placed = sum(counts[theirs.graph[node][1]] for node in theirs.graph.nodes_geometry)
-    assert abs(ours.triangles - placed) <= 0.001 * placed
 
 
 def empty(count: int) -> dict[str, object]:

@@ -1,18 +1,12 @@
-import io
-
 import numpy as np
 import pytest
 
 from ciir.errors import TooLarge
-from ciir.renderer.readers import meshes
-from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import mtl, obj
-from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.scene import Scene
 from ciir.renderer.surface import DEFAULT_COLOR, Surface
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.meshes import FRONT, UP, assert_refused, assert_refused_in_little_memory, read_mesh
-from tests.support.paths import SHARED
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UV = b"vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -69,14 +63,6 @@ def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
     for place in ("textures/x.png", "x.png"):
         (part,) = read(text, {"a.mtl": library, place: PICTURE}).parts
         assert part.texture is not None
-
-
-def test_materials_keep_to_their_faces() -> None:
-    library = b"newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
-    text = b"mtllib a.mtl\n" + SQUARE + b"usemtl red\nf 1 2 3\nusemtl blue\nf 1 3 4\nusemtl red\nf 2 3 4\n"
-    (part,) = read(text, {"a.mtl": library}).parts
-    by_face = np.rint(part.colors[part.faces][:, 0, :3] / FRONT).astype(int).tolist()
-    assert sorted(by_face) == [[0, 0, 1], [1, 0, 0], [1, 0, 0]]
 
 
 def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,21 +153,6 @@ def test_malformed_text(text: bytes, message: str) -> None:
     assert_refused(".obj", text, message)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-@pytest.mark.parametrize("name", ["spot/spot.obj", "fuze/fuze.obj", "skull.obj", "boot.obj"])
-def test_real_files_are_where_trimesh_puts_them(name: str) -> None:
-    import trimesh
-
-    path = SHARED / "data" / "meshes" / name
-    theirs = trimesh.load_mesh(io.BytesIO(path.read_bytes()), file_type="obj", process=False)
-    ours = meshes.read(Bundle.from_path(path), SUFFIXES[".obj"])
-    assert ours.bounds() == pytest.approx(theirs.bounds, abs=1e-6)
-    assert abs(ours.triangles - len(theirs.faces)) <= 0.001 * len(theirs.faces)
-    (part,) = ours.parts
-    if theirs.visual.kind == "texture" and part.uv is not None:
-        assert part.uv[part.faces].reshape(-1, 2) == pytest.approx(theirs.visual.uv[theirs.faces].reshape(-1, 2))
-
-
 def test_one_long_number_does_not_widen_all_the_others() -> None:
     assert_refused_in_little_memory(".obj", SQUARE * 250 + b"v 0 0 " + b"9" * 50_000 + b"\nf 1 2 1001\n")
 
@@ -196,18 +167,6 @@ def test_a_long_face_is_counted_before_its_fan_is_made() -> None:
     data = SQUARE + b"f" + b" 1 2 3 4" * 2 + b"\n"
     with pytest.raises(TooLarge, match="6 triangles and 4 vertices; at most 5 and 15"):
         read_mesh(".obj", data, triangles=5)
-
-
-def test_a_fan_of_many_corners_is_one_array() -> None:
-    angles = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)
-    text = b"".join(
-        b"v %r %r 0\n" % pair for pair in zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)
-    )
-    (part,) = read(text + b"f " + b" ".join(b"%d" % i for i in range(1, 20_001)) + b"\n").parts
-    corners = part.vertices[part.faces]
-    assert len(corners) == 19_998
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
-    assert area == pytest.approx(np.pi, rel=1e-6)
 
 
 def test_many_materials_make_one_surface_and_one_note(monkeypatch: pytest.MonkeyPatch) -> None:
