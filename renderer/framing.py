@@ -22,9 +22,8 @@ def frame_scene(scene: Scene, array: LensArray) -> NDArray[np.float64]:
     """The 4x4 matrix that puts `scene` in front of `array`, as large as fits into every view.
 
     The object keeps its orientation (y up, its +z side towards the array), and its bounding box is centred on the
-    array's axis. Along tangent t a point at distance d from the array appears displaced by -t*d, so the condition is
-    `|x| + t * d <= FILL * width / 2` for every vertex, with t the tangent of the outermost view; likewise for y. It is
-    linear in the scale.
+    array's axis. A point at distance d appears displaced by -t*d along tangent t: `|x| + t * d <= FILL * width / 2` for
+    every vertex and the outermost view's t, likewise for y.
     """
     low, high = scene.bounds()
     middle = (low + high) / 2

@@ -37,10 +37,7 @@ def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> ND
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """All views of a lens array, `L[v, u, y, x, c]`.
-
-    Raises `InvalidOption` where `views` is no such array.
-    """
+    """All views of a lens array, `L[v, u, y, x, c]`. Raises `InvalidOption` where `views` is no such array."""
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
     """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
@@ -100,12 +97,7 @@ class LightField:
 
     @classmethod
     def from_eia(
-        cls,
-        eia: NDArray[np.uint8] | NDArray[np.uint16],
-        *,
-        rows: int,
-        cols: int,
-        pickup: Pickup = "virtual",
+        cls, eia: NDArray[np.uint8] | NDArray[np.uint16], *, rows: int, cols: int, pickup: Pickup = "virtual"
     ) -> LightField:
         """Pixel mapping (Wu et al. 2024, equation 4): view (v, u) is `eia[v::pixels_v, u::pixels_u]`.
 

@@ -1,8 +1,8 @@
 """Point samples and their means over a lens, the same for both backends, by view and by lens.
 
-A pinhole array samples points: each pixel of view (v, u) is the colour that one ray meets, from the lens's centre in
-the direction of pixel (v, u)'s centre. A lenslet array averages over the lens: the mean, in 8-bit display values, of
-`samples x samples` such rays, which start on a regular grid over the lens cell.
+A pinhole's pixel of view (v, u) is the colour that one ray meets, from the lens's centre in the direction of pixel
+(v, u)'s centre. A lenslet's is the mean, in 8-bit display values, of `samples x samples` such rays, which start on a
+regular grid over the lens cell.
 """
 
 from __future__ import annotations

@@ -25,10 +25,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles of one material. A point's colour is the interpolated vertex colour times the texture's.
-
-    It is the same from all directions and on both sides of a triangle.
-    """
+    """Triangles of one material. On both sides a point's colour is the interpolated vertex colour times the texture."""
 
     vertices: NDArray[np.float64]
     """`(n, 3)`."""
@@ -73,10 +70,7 @@ class Scene:
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def transform(self, matrix: NDArray[np.float64]) -> Scene:
-        """The scene with every vertex transformed by the 4x4 affine `matrix`. Baked light is kept as it is.
-
-        The bounds of a culled scene become those of its remaining triangles.
-        """
+        """The scene with every vertex transformed by the 4x4 affine `matrix`, without `extent`; baked light stays."""
         linear, offset = matrix[:3, :3], matrix[:3, 3]
         parts = tuple(
             Part(p.vertices @ linear.T + offset, p.faces, p.colors, p.uv, p.texture, p.alpha_cutoff) for p in self.parts

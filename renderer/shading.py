@@ -1,8 +1,7 @@
 """The light, fixed in the world and baked into vertex colours, and the normals that it needs.
 
-Colours are display-referred and multiply. A linear factor is encoded once (`encode_srgb`) and multiplied with stored
-sRGB values as they are. The sRGB curve is close to a power law, and the power of a product is the product of the
-powers: products of encoded values equal encoded products of linear values, except for the curve's linear toe.
+Colours are display-referred and multiply: the sRGB curve is close to a power law, so products of encoded values
+equal encoded products of linear values, except for the curve's linear toe.
 """
 
 from __future__ import annotations

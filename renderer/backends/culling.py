@@ -2,8 +2,7 @@
 
 A view's rays are parallel and stand on a grid in the array's plane, so a triangle is sheared along them onto that plane
 (see `renderer.backends.projections`); where the rectangle around its shadow holds no point of the grid, none of the
-view's rays meets it. `renderer.framing` puts the whole object into every view, so most triangles removed are much finer
-than the grid. GPU pipelines call this small primitive culling (Wihlidal, GDC 2016).
+view's rays meets it: small primitive culling (Wihlidal, GDC 2016).
 """
 
 from __future__ import annotations
@@ -52,9 +51,8 @@ def cull_if_worthwhile(
 def cull_scene(scene: Scene, array: LensArray, views: Sequence[View], *, samples: int = 1) -> Scene:
     """The scene with only the triangles that some ray of `views` may meet, or `scene` itself where none meets any.
 
-    `samples`: point samples along each side of a lens cell. Views stay the same to the bit, since backends place the
-    scene by its bounds, and those stay the whole scene's. An exception is a ray exactly through an edge, or one that
-    meets two surfaces at exactly the same distance: Embree's result then depends on the order of all triangles.
+    `samples`: point samples along each side of a lens cell. Views and bounds stay the same to the bit, but for Embree's
+    result on a ray exactly through an edge, or one that meets two surfaces at exactly the same distance.
     """
     fine, bounds = array.refine(samples), scene.bounds()
     longest = float((bounds[1] - bounds[0]).max()) / fine.pitch

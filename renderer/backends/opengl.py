@@ -107,10 +107,7 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
 
 
 class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
-    """A camera in the plane z = 0 that looks along -z, with a given projection matrix.
-
-    pyrender's own camera classes would overwrite the matrix from the viewport.
-    """
+    """A camera in the plane z = 0 that looks along -z; pyrender's own overwrite the matrix from the viewport."""
 
     def __init__(self, matrix: NDArray[np.float64]) -> None:
         super().__init__(znear=1.0, zfar=2.0)
@@ -203,8 +200,7 @@ class Context:
 
     def draw_color(self, drawing: Drawing) -> NDArray[np.uint8]:
         """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
-        pixels: NDArray[np.uint8] = self._draw(drawing, "color")
-        return pixels
+        return self._draw(drawing, "color")
 
     def draw_depth(self, drawing: Drawing) -> NDArray[np.float32]:
         """`(height, width)`: distance of the loaded scene from the camera's plane in its units, +inf where nothing is.

@@ -59,10 +59,7 @@ class RasterBackend(Backend):
     def render_by_lens(
         self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """The elemental image array by one perspective drawing for each sample of each lens.
-
-        This is the field's usual way (elemental content by virtual cameras, ECVIR), and faster where lenses are few.
-        """
+        """The elemental image array by one perspective drawing for each sample of each lens, as virtual cameras do."""
         check_samples(samples)
         height, width = array.pixels_v, array.pixels_u
         fine, projection = array.refine(samples), partial(make_perspective_matrix, array)

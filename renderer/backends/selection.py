@@ -22,10 +22,9 @@ _refused: dict[str, str] = {}
 def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
     """The backend called `name`, opened once per process, and the reason for it in one line for the report.
 
-    `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples each. The cost of OpenGL
-    grows with the triangles and that of Embree with the rays, at about the same rate as measured; up to `FEW_RAYS`
-    rays are always cast. The number of views has no influence, so that a single view equals the same view of an
-    elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
+    `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples each: OpenGL's cost grows with
+    the triangles, Embree's with the rays, at about the same rate as measured. The number of views has no influence:
+    a single view equals the same view of an elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
 
     Raises `BackendUnavailable` where `name` is `raster` and OpenGL doesn't work, `InvalidOption` for unknown names.
     """
@@ -44,10 +43,7 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
 
 
 def predict_backend(name: str, *, triangles: int, rays: int) -> str:
-    """The name of the backend that `open_backend` would return, without opening it.
-
-    Until `raster` has been opened once, OpenGL is taken to work.
-    """
+    """The name of the backend that `open_backend` would return if OpenGL works, without opening it."""
     if name != "auto":
         return name
     return "raytrace" if _is_cheap_to_cast(rays, triangles) or "raster" in _refused else "raster"

@@ -4,30 +4,15 @@ from __future__ import annotations
 
 import io
 import stat
-import struct
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.readers.registry import ZIP, identify
-
-_ZIP_ERRORS = (
-    zipfile.BadZipFile,
-    zlib.error,
-    EOFError,
-    IndexError,
-    OSError,
-    OverflowError,
-    RuntimeError,
-    ValueError,
-    struct.error,
-)
-"""What `zipfile` raises on hostile bytes (UnicodeDecodeError is a ValueError)."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +142,9 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _check_members(name, archive.infolist(), limits)
             files = {key: archive.read(member) for key, member in members.items()}
-    except _ZIP_ERRORS as error:
-        if isinstance(error, (Unreadable, UnsupportedType, TooLarge)):
-            raise
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
         raise Unreadable(f"{name}: corrupt or truncated zip ({clean_text(str(error))}); pack it again") from error
     for key, content in files.items():
         if content.startswith(b"PK\x03\x04"):

@@ -7,8 +7,6 @@ they are stored.
 from __future__ import annotations
 
 import logging
-import struct
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
@@ -20,7 +18,9 @@ from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import FORMATS, PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
+
+    from ciir.renderer.readers.registry import PictureDecoder
 
 Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """`(height, width, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha (not premultiplied)."""
@@ -30,19 +30,6 @@ SUFFIXES = frozenset(suffix for entry in PICTURES for suffix in entry.suffixes)
 """The suffixes of pictures that are read, in lower case."""
 MAX_SIDE = 131_072
 """Most pixels along one side of a picture."""
-
-DECODER_ERRORS = (
-    ArithmeticError,
-    EOFError,
-    LookupError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
-"""What Pillow, tifffile and its codecs raise on hostile bytes, found by mutating files a million times."""
 
 # The error that is raised is enough: tifffile's log lines would be printed on standard error.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -61,7 +48,13 @@ def decode(
     """
 
     def check_size(height: int, width: int) -> None:
-        _check_size(height, width, name=name, max_pixels=max_pixels)
+        if height < 1 or width < 1:
+            raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
+        if height * width > max_pixels or max(height, width) > MAX_SIDE:
+            raise TooLarge(
+                f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
+                f"and {MAX_SIDE:,} along a side; crop it or scale it down"
+            )
         if check is not None:
             check(height, width)
 
@@ -69,21 +62,19 @@ def decode(
     if not found:
         listed = ", ".join(entry.name for entry in PICTURES)
         raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")
-    decoder = found[0].load_decoder()
-    with _refuse_malformed(name):
+    decoder: PictureDecoder = found[0].load_reader()
+    try:
         pixels, orientation = decoder(data, name, check_size)
         pixels = _turn_upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
         return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
-
-
-def _check_size(height: int, width: int, *, name: str, max_pixels: int) -> None:
-    if height < 1 or width < 1:
-        raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
-    if height * width > max_pixels or max(height, width) > MAX_SIDE:
-        raise TooLarge(
-            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
-            f"and {MAX_SIDE:,} along a side; crop it or scale it down"
-        )
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error
+    except Exception as error:
+        text = clean_text(str(error))
+        cause = f" ({text})" if " " in text else ""  # a KeyError has only its key
+        raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:
@@ -95,18 +86,3 @@ def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:
     if orientation in (2, 3, 6, 7):
         pixels = pixels[:, ::-1]
     return pixels
-
-
-@contextmanager
-def _refuse_malformed(name: str) -> Iterator[None]:
-    """Raises `Unreadable` for `DECODER_ERRORS`, `TooLarge` where memory runs out."""
-    try:
-        yield
-    except InputError:
-        raise
-    except DECODER_ERRORS as error:
-        text = clean_text(str(error))
-        cause = f" ({text})" if " " in text else ""  # a KeyError has only its key
-        raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
-    except MemoryError as error:
-        raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error

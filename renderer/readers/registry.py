@@ -31,7 +31,7 @@ class MeshReader(Protocol):
 
 
 class PictureDecoder(Protocol):
-    """Decodes a picture file's bytes. Raises an `InputError`, or one of `readers.pictures.DECODER_ERRORS`."""
+    """Decodes a picture file's bytes. Whatever it raises but an `InputError` becomes `Unreadable`."""
 
     def __call__(self, data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
         """Pixels as stored, and the orientation, 1 to 8.
@@ -52,42 +52,29 @@ class Format:
     """What its files start with, one of them; empty for formats without a signature."""
     text: re.Pattern[bytes] | None = None
     """For a text format without a signature: found in every file of it, from its first character that is no space."""
+    reader: str = ""
+    """`module:function` of its `MeshReader` or `PictureDecoder`, the module relative to `folder`."""
+    folder = "readers"
 
     @property
     def extension(self) -> str:
         """The usual suffix without its dot."""
         return self.suffixes[0].removeprefix(".")
 
+    def load_reader(self) -> Any:
+        """Imports the reader."""
+        module, _, function = self.reader.partition(":")
+        return getattr(import_module(f"ciir.renderer.{self.folder}.{module}"), function)
 
-@dataclass(frozen=True, kw_only=True)
+
 class MeshFormat(Format):
     """A mesh format."""
 
-    reader: str
-    """`module:function` of its `MeshReader`, the module relative to `renderer.readers.meshes`."""
-
-    def load_reader(self) -> MeshReader:
-        """Imports the reader."""
-        reader: MeshReader = _load(f"meshes.{self.reader}")
-        return reader
+    folder = "readers.meshes"
 
 
-@dataclass(frozen=True, kw_only=True)
 class PictureFormat(Format):
     """A picture format."""
-
-    decoder: str
-    """`module:function` of its `PictureDecoder`, the module relative to `renderer.readers`."""
-
-    def load_decoder(self) -> PictureDecoder:
-        """Imports the decoder."""
-        decoder: PictureDecoder = _load(self.decoder)
-        return decoder
-
-
-def _load(place: str) -> Any:
-    module, _, function = place.partition(":")
-    return getattr(import_module(f"ciir.renderer.readers.{module}"), function)
 
 
 ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
@@ -115,13 +102,13 @@ FORMATS: tuple[Format, ...] = (
         name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"
     ),
     MeshFormat(name="DAE", suffixes=(".dae",), text=re.compile(rb"\A<[^\0]{0,4096}?<?COLLADA[\s>]"), reader="dae:read"),
-    PictureFormat(name="PNG", suffixes=(".png",), signatures=(b"\x89PNG\r\n\x1a\n",), decoder="png:decode"),
-    PictureFormat(name="JPEG", suffixes=(".jpg", ".jpeg"), signatures=(b"\xff\xd8\xff",), decoder="jpeg:decode"),
+    PictureFormat(name="PNG", suffixes=(".png",), signatures=(b"\x89PNG\r\n\x1a\n",), reader="png:decode"),
+    PictureFormat(name="JPEG", suffixes=(".jpg", ".jpeg"), signatures=(b"\xff\xd8\xff",), reader="jpeg:decode"),
     PictureFormat(
         name="TIFF",
         suffixes=(".tif", ".tiff"),
         signatures=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),  # the last two: BigTIFF
-        decoder="tiff:decode",
+        reader="tiff:decode",
     ),
     ZIP,
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content

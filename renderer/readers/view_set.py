@@ -38,11 +38,7 @@ HCI = re.compile(r"input_cam(\d{1,9})")
 
 
 def read(
-    files: Mapping[str, bytes],
-    *,
-    name: str,
-    grid: tuple[int, int] | None,
-    limits: Limits = DEFAULT_LIMITS,
+    files: Mapping[str, bytes], *, name: str, grid: tuple[int, int] | None, limits: Limits = DEFAULT_LIMITS
 ) -> LightField:
     """The light field whose views are the pictures in `files` (path in the set to bytes).
 
@@ -51,8 +47,7 @@ def read(
     as a part of a larger one, with a note. Without such names the pictures fill `grid` = (pixels_v, pixels_u), or a
     square, row by row in natural order. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light field.
 
-    Views keep the order of their names. Stanford's gantry moves as `LensArray` does (as u grows, far points move left
-    past near ones). HCI's cameras run opposite to that in v and in u: their order is kept too.
+    Views keep the order of their names, though HCI's cameras run opposite to `LensArray` in v and in u.
 
     Raises `InvalidOption` where the grid of views is not full or `grid` doesn't fit the names, `UnsupportedType` for a
     file that is not a picture, `Unreadable` where pictures are missing, corrupt or differ in size, channels or depth,
@@ -94,7 +89,7 @@ def _notes(order: Sequence[str]) -> tuple[str, ...]:
     match = next((m for pattern in (STANFORD, ROW_COLUMN) if (m := pattern.fullmatch(_stem(order[0])))), None)
     if match is None or len(order) == 1 or min(int(match[1]), int(match[2])) < 2:
         return ()
-    place = _place((int(match[1]), int(match[2])))
+    place = int(match[1]), int(match[2])
     return (
         f"the views are named from {place}: they are taken as a part of a larger set, and counted from (0, 0) here",
     )
@@ -162,7 +157,7 @@ def _places(pattern: re.Pattern[str], names: Sequence[str], name: str) -> dict[t
         place = (int(match[1]), int(match[2]))
         if place in places:
             raise InvalidOption(
-                f"{name}: {clean_text(places[place])} and {clean_text(file)} are both view {_place(place)}; "
+                f"{name}: {clean_text(places[place])} and {clean_text(file)} are both view {place}; "
                 "take one of them out"
             )
         places[place] = file
@@ -187,8 +182,8 @@ def _full_grid(
         for column in range(first_column, last_column + 1):
             if (row, column) not in places:
                 raise InvalidOption(
-                    f"{name}: {len(places)} pictures named from {_place(min(places))} to {_place(max(places))} "
-                    f"(row, column), but no view {_place((row, column))}; add it, or rename them to a full grid from 0"
+                    f"{name}: {len(places)} pictures named from {min(places)} to {max(places)} "
+                    f"(row, column), but no view {row, column}; add it, or rename them to a full grid from 0"
                 )
             order.append(places[row, column])
     found = (last_row + 1 - first_row, last_column + 1 - first_column)
@@ -217,10 +212,6 @@ def _check_cameras(names: Sequence[str], name: str) -> None:
 
 def _stem(file: str) -> str:
     return PurePosixPath(file).stem.lower()
-
-
-def _place(place: tuple[int, int]) -> str:
-    return f"({place[0]}, {place[1]})"
 
 
 def _describe(picture: Pixels) -> str:

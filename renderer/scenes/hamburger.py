@@ -54,10 +54,8 @@ def _patty() -> Surface:
     vertices = vertices + (0.09 * lumps)[:, None] * (outward * 0.6 + (0, 0.25, 0))
     v, u = np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(1024) + 0.5) / 1024, indexing="ij")
     places = np.stack([np.sin(2 * np.pi * u), 3 * v, np.cos(2 * np.pi * u)], axis=-1)
-    coarse, fine = (
-        sample_noise(places, frequency=9, octaves=4, seed=3),
-        sample_noise(places, frequency=45, octaves=2, seed=4),
-    )
+    coarse = sample_noise(places, frequency=9, octaves=4, seed=3)
+    fine = sample_noise(places, frequency=45, octaves=2, seed=4)
     meat = blend((0.20, 0.10, 0.06), (0.50, 0.29, 0.18), 0.5 + 0.6 * coarse + 0.25 * fine)
     meat = meat + smooth_step(0.42, 0.15, fine)[..., None] * (np.array((0.72, 0.50, 0.34)) - meat) * 0.6
     return Surface(vertices, faces, uv=uv, texture=Texture(to_rgba(meat[::-1])))

@@ -35,10 +35,7 @@ def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDA
     points = np.asarray(profile, np.float64)
     turn = np.arange(segments + 1) % segments * (2 * np.pi / segments)  # % segments: both sides of the seam coincide
     radius, height = points[:, :1], points[:, 1:]
-    vertices = np.stack(
-        np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)),
-        axis=-1,
-    )
+    vertices = np.stack(np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)), axis=-1)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     u, v = np.meshgrid(np.linspace(0, 1, segments + 1), along / along[-1])
     vertices = vertices.reshape(-1, 3)
@@ -60,12 +57,8 @@ def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
     at = np.linspace(0, len(p) - 3 - 1e-9, count)
     i, t = at.astype(int), (at % 1)[:, None]
     before, start, end, after = (p[i + k] for k in range(4))
-    points_between: NDArray[np.float64] = 0.5 * (
-        2 * start
-        + (end - before) * t
-        + (2 * before - 5 * start + 4 * end - after) * t**2
-        + (3 * start - before - 3 * end + after) * t**3
-    )
+    square, cube = 2 * before - 5 * start + 4 * end - after, 3 * start - before - 3 * end + after
+    points_between: NDArray[np.float64] = 0.5 * (2 * start + (end - before) * t + square * t**2 + cube * t**3)
     return points_between
 
 

@@ -14,7 +14,7 @@ from ciir.renderer.surface import assemble_scene
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.renderer.readers.registry import Format
+    from ciir.renderer.readers.registry import Format, MeshReader
     from ciir.renderer.scene import Scene
 
 
@@ -33,7 +33,7 @@ def read(bundle: Bundle, format_: Format) -> Scene:
         raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
-    reader = format_.load_reader()
+    reader: MeshReader = format_.load_reader()
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)

@@ -1,8 +1,7 @@
 """glTF 2.0 files: the container, the JSON in it, the buffers, and which extensions can be decoded here.
 
-Read by this project's own code and not by trimesh 5.2, which without an error ignores a sampler's wraps, a texture's
-transform, the vertex colours of textured meshes and required extensions that it doesn't know, and takes accessors
-without data as zeros (format: Khronos glTF 2.0, sections 3 and 4).
+Not by trimesh 5.2, which without an error ignores a sampler's wraps, a texture's transform, the vertex colours of
+textured meshes and required extensions, and takes accessors without data as zeros. Khronos glTF 2.0, sections 3 and 4.
 """
 
 from __future__ import annotations
@@ -31,8 +30,6 @@ DECODED = frozenset(
 )
 """Extensions that are decoded here."""
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
-
-
 ELEMENTS = 15
 """Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
 texture coordinates and indices of the largest. An accessor without data adds none to the file's size."""
@@ -69,11 +66,8 @@ class Document:
 
     def buffer(self, index: int) -> bytes:
         """The bytes of a buffer, at least `byteLength` of them."""
-        if index not in self.buffers:
-            self.buffers[index] = self._buffer(index)
-        return self.buffers[index]
-
-    def _buffer(self, index: int) -> bytes:
+        if index in self.buffers:
+            return self.buffers[index]
         entry = self.item("buffers", index)
         uri = entry.get("uri")
         if uri is None:
@@ -91,6 +85,7 @@ class Document:
                 )
         if len(data) < int(entry["byteLength"]):
             raise Unreadable(f"{self.name}: buffer {index} is cut short; export it again")
+        self.buffers[index] = data
         return data
 
     def view(self, index: object) -> memoryview:

@@ -147,7 +147,7 @@ def _primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
         normals=arrays["NORMAL"].astype(np.float64).reshape(-1, 3) if "NORMAL" in arrays else None,
         color=material.color,
         colors=None if color_0 is None else to_display_colors(color_0),
-        uv=uv,
+        uv=None if texture is None else uv,
         texture=texture,
         alpha_cutoff=material.alpha_cutoff,
         lit="KHR_materials_unlit" not in material.extensions,
@@ -203,17 +203,13 @@ class _Material:
 
     def texture(self, arrays: dict[str, NDArray[Any]]) -> tuple[Texture | None, NDArray[np.float64] | None]:
         """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
-        if self._texture is None:
-            return None, None
         if self.texcoord not in arrays:
-            self._document.resolver.add_note("a texture without texture coordinates is left out")
+            if self._texture is not None:
+                self._document.resolver.add_note("a texture without texture coordinates is left out")
             return None, None
         uv = normalise(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
-        texture = self._read()
-        if texture is None:
-            return None, None
         uv = _transform_uv(uv, self._transform)
-        return texture, np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
+        return self._read(), np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
     def _read(self) -> Texture | None:
         document = self._document

@@ -1,8 +1,7 @@
 """Reads Wavefront OBJ as surfaces, one for each texture; `renderer.readers.meshes.mtl` reads its materials.
 
-Read by this project's own code and not by trimesh 5.2, which counts negative indices from the end of the file, not from
-their own line, so that real files get other shapes without an error; does not report a missing MTL, material
-or texture; and opens textures of any format and size that Pillow knows.
+Not by trimesh 5.2, which without an error counts negative indices from the end of the file, not from their own line,
+and ignores a missing MTL, material or texture; and opens textures of any format and size.
 """
 
 from __future__ import annotations
