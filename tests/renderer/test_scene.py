@@ -19,10 +19,6 @@ def test_bounds_are_of_the_vertices_that_triangles_use():
     np.testing.assert_array_equal(Scene((stray, part(SQUARE + 1))).bounds(), [[0, 0, -1], [3, 4, 1]])
 
 
-def test_triangles_of_all_parts_count():
-    assert Scene((part(SQUARE), part(SQUARE))).triangles == 4
-
-
 def test_a_transformed_scene_has_transformed_bounds():
     matrix = np.diag([2.0, 2, 2, 1])
     matrix[:3, 3] = (1, 0, -5)

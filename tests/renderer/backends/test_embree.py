@@ -85,14 +85,6 @@ def test_views_match_the_slow_caster(seed, cutoff):
         np.testing.assert_allclose(depth[~differ], expected[..., 4][~differ], rtol=1e-6)
 
 
-def test_lenslet_is_the_mean_of_the_finer_pinholes():
-    scene, backend = triangles(), RaytraceBackend()
-    (fine,) = backend.render_views(scene, ARRAY.refine(3), [(1, 2)])
-    (mean,) = backend.render_views(scene, ARRAY, [(1, 2)], samples=3)
-    expected = fine.reshape(9, 3, 11, 3, 4).mean((1, 3))
-    assert np.abs(mean - expected).max() <= 0.5
-
-
 @pytest.mark.parametrize("gap", [5.0, 1e-3])
 def test_a_ray_passes_cut_out_layers(gap):
     square = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], float)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
+from ciir.renderer.backends.projections import make_oblique_matrix
 from ciir.renderer.lens_array import LensArray
 
 SIDES = st.integers(1, 40)
@@ -31,16 +31,3 @@ def test_oblique_puts_a_point_of_a_ray_in_the_pixel_of_its_lens(array, data):
     row = (1 - clip[1] / clip[3]) / 2 * array.rows - 0.5
     np.testing.assert_allclose([row, column], [y, x], atol=1e-9 * max(array.rows, array.cols))
     np.testing.assert_allclose(clip[2], 2 * (distance - 1) / 49 - 1, atol=1e-9)
-
-
-@settings(derandomize=True, deadline=None, max_examples=60)
-@given(arrays(), st.data())
-def test_perspective_puts_a_direction_in_its_pixel(array, data):
-    v, u = data.draw(st.integers(0, array.pixels_v - 1)), data.draw(st.integers(0, array.pixels_u - 1))
-    distance = data.draw(st.floats(1, 50))
-    point = distance * np.array([array.tangent_x()[u], array.tangent_y()[v], -1.0])
-    clip = make_perspective_matrix(array, 1.0, 50.0) @ [*point, 1.0]
-    column = (clip[0] / clip[3] + 1) / 2 * array.pixels_u - 0.5
-    row = (1 - clip[1] / clip[3]) / 2 * array.pixels_v - 0.5
-    np.testing.assert_allclose([row, column], [v, u], atol=1e-8)
-    assert -1 - 1e-9 <= clip[2] / clip[3] <= 1 + 1e-9

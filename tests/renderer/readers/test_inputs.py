@@ -104,20 +104,6 @@ def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
         assert [part.texture is not None for part in scene.parts] == [True]
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-def test_an_upload_of_the_mesh_alone_has_a_note_of_missing_files() -> None:
-    data = (SHARED / "data" / "meshes" / "fuze" / "fuze.obj").read_bytes()
-    scene = inputs.read(Bundle.from_upload("fuze.obj", data), lenses=None, pixels=None)
-    assert "fuze.obj.mtl is missing" in scene.notes[0]
-
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-def test_the_captured_elemental_image_array() -> None:
-    bundle = Bundle.from_path(SHARED / "data" / "lightfields" / "eia-200x200x15.jpg")
-    field = inputs.read(bundle, lenses=(200, 200), pixels=None)
-    assert field.views.shape[:4] == (15, 15, 200, 200)
-
-
 @pytest.mark.parametrize(
     ("files", "main", "expected"),
     [

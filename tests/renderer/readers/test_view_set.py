@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
-from ciir.renderer.readers import pictures, view_set
-from ciir.renderer.writers.pictures import encode, encode_png
+from ciir.renderer.readers import view_set
+from ciir.renderer.writers.pictures import encode
 from tests.support.paths import SHARED
 
 
@@ -81,18 +81,6 @@ def test_without_places_or_grid_a_square_is_taken() -> None:
 @pytest.mark.parametrize("name", ["a.png", "view_07_07.png"])
 def test_one_picture_is_one_view(name: str) -> None:
     assert read({name: picture(0, 0)}).views.shape == (1, 1, 2, 3, 3)
-
-
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize("channels", [1, 2, 3, 4])
-def test_channels_and_depth_are_kept(channels: int, dtype: type, suffix: str) -> None:
-    files = {
-        f"{v}_{u}{suffix}": picture(v, u, channels=channels, dtype=dtype, suffix=suffix) for v in (0, 1) for u in (0, 1)
-    }
-    views = read(files).views
-    assert views.shape == (2, 2, 2, 3, channels)
-    assert views.dtype == dtype
 
 
 def test_side_files_are_left_out_and_others_are_not() -> None:
@@ -207,14 +195,6 @@ def knights() -> LightField:
     if not folder.is_dir():
         pytest.skip("needs ../shared")
     return view_set.read({path.name: path.read_bytes() for path in folder.iterdir()}, name="knights", grid=None)
-
-
-def test_knights_as_views_and_as_an_eia_are_the_same(knights: LightField) -> None:
-    assert knights.views.shape == (17, 17, 256, 256, 3)
-    assert np.array_equal(LightField.from_eia(knights.eia(), rows=256, cols=256).views, knights.views)
-    corner = LightField(knights.views[:, :, :64, :48])
-    eia = pictures.decode(encode_png(corner.eia()), name="eia")
-    assert np.array_equal(LightField.from_eia(eia, rows=64, cols=48).views, corner.views)
 
 
 def test_knights_move_as_the_lens_array_does(knights: LightField) -> None:
