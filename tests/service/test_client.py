@@ -87,10 +87,6 @@ def test_errors_are_raised_by_class(client, eia_file, tmp_path):
         client.reconstruct(tmp_path / "gone.png")
 
 
-def test_models(client):
-    assert "bicubic" in [model["name"] for model in client.models()]
-
-
 @pytest.mark.parametrize(
     ("status", "kind"), [(401, Unauthorized), (409, NotDone), (410, NotFound), (500, ServiceError), (418, ServiceError)]
 )

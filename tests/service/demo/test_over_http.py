@@ -3,7 +3,6 @@ import pytest
 
 from ciir.renderer.readers.pictures import decode
 from ciir.service.demo import over_http
-from tests.support.servers import run_python
 
 
 def test_the_pictures_of_a_scene_come_from_the_server(server, tmp_path, capsys):
@@ -20,8 +19,3 @@ def test_a_server_that_is_not_there(monkeypatch, tmp_path):
     monkeypatch.setattr(over_http, "PATIENCE_SECONDS", 0)
     with pytest.raises(httpx2.TransportError):
         over_http.main("http://127.0.0.1:9", tmp_path)
-
-
-def test_how_it_is_called():
-    done = run_python("-m", "ciir.service.demo.over_http")
-    assert (done.returncode, done.stderr) == (1, "usage: python -m ciir.service.demo.over_http URL FOLDER\n")

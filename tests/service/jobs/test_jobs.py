@@ -294,15 +294,6 @@ def test_a_long_sweep_stops_and_continues_later(service, monkeypatch, change):
         assert [jobs.get(id_) for id_ in ids] == [None] * 4
 
 
-def test_jobs_outlive_the_process(service, jobs):
-    ended, waiting = finish_job(jobs, submit_data(jobs, b"a")), submit_data(jobs, b"b")
-    jobs.close()
-    again = service.open_jobs()
-    assert again.get(waiting.id) == waiting
-    assert read_result(again, ended.id) == b"result"
-    assert waiting.id in again.queue.list_waiting()
-
-
 def test_the_servers_limits_are_part_of_the_id(service, jobs):
     request = Request("upload.png", {}, None)
     other = service.open_jobs(max_output_pixels=5)

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import httpx2
 import numpy as np
@@ -25,6 +24,7 @@ from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
 from tests.support.inputs import make_picture
 from tests.support.jobs import wait_for_end
+from tests.support.servers import find_workers
 from tests.support.waiting import wait_until
 
 OPTIONS = {"lenses": "100x100", "pixels": "5x5", "views": "all", "backend": "raytrace", "model": "bicubic"}
@@ -116,23 +116,10 @@ def start_server(tmp_path):
         process.wait()
 
 
-def find_worker(process):
-    """The process id of a server's worker process."""
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(stat.read_text().rpartition(")")[2].split()[1])
-            command = (stat.parent / "cmdline").read_bytes()
-        except OSError:  # the process has just ended
-            continue
-        if parent == process.pid and b"spawn_main" in command:
-            return int(stat.parent.name)
-    raise LookupError(process.pid)
-
-
 def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(start_server):
     eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(51)]
     process, url = start_server()
-    os.kill(find_worker(process), signal.SIGSTOP)  # the first job does not end, so all others wait
+    os.kill(find_workers(process.pid)[0], signal.SIGSTOP)  # the first job does not end, so all others wait
     with httpx2.Client() as client:
         places = []
         for eia in eias:
@@ -155,7 +142,7 @@ def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(start_server
 
 def test_a_redis_that_is_restarted_loses_no_job(start_server, redis_server):
     process, url = start_server(CIIR_QUEUE=redis_server.url)
-    worker = find_worker(process)
+    worker = find_workers(process.pid)[0]
     os.kill(worker, signal.SIGSTOP)
     eias = [make_picture(12, 15, 3, np.uint8, seed) for seed in range(4)]
     with httpx2.Client(timeout=60) as client:

@@ -61,14 +61,6 @@ def test_measurements_are_kept(path, measured):
     assert [file.name for file in path.parent.iterdir()] == ["costs.json"]
 
 
-def test_two_processes_keep_what_each_measured(path, measured):
-    one, other = Costs(path), Costs(path)
-    measured += [2.0, 1.0]
-    bicubic(one)
-    other.upscaling("nearest", 2, pixels=1, views=1, batches=1)
-    assert len(json.loads(path.read_bytes())) == 2
-
-
 @pytest.mark.parametrize(
     "content",
     ["", "{", "[]", "3", '"x"', "{}", '{"NAME": "x"}', '{"NAME": null}', '{"NAME": NaN}', '{"NAME": -1.0}',
@@ -181,26 +173,6 @@ def test_a_backend_is_measured(backend, monkeypatch):
         pytest.skip(str(error))
 
 
-@pytest.mark.parametrize("model", ["bicubic", "fast", "field"])
-def test_what_is_measured_of_a_model_skips_nothing(model, monkeypatch):
-    tallies = []
-    for name in ("upscale_pixels", "upscale_views"):
-        whole = getattr(cost, name)
-        monkeypatch.setattr(
-            cost,
-            name,
-            lambda *given, whole=whole: whole(
-                *given, statistics=tallies.append(skipping.SkipStatistics()) or tallies[-1]
-            ),
-        )
-    made = cost._upscaler(model, 2)()
-    pictures, fallback_share = made if model == "field" else (made, 0.0)
-    assert pictures.shape == (cost.VIEWS, 2 * cost.SIDE, 2 * cost.SIDE, 3)
-    assert fallback_share == 0
-    (statistics,) = tallies
-    assert (statistics.pixels, statistics.uniform, statistics.repeated) == (cost.VIEWS * cost.SIDE**2, 0, 0)
-
-
 @pytest.mark.parametrize(
     ("environment", "expected"),
     [
@@ -215,17 +187,6 @@ def test_the_cache_folder(monkeypatch, environment, expected):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     assert str(cache_folder.folder()) == expected
-
-
-def test_a_process_without_a_home(monkeypatch):
-    for name in ("CIIR_CACHE", "XDG_CACHE_HOME"):
-        monkeypatch.delenv(name, raising=False)
-
-    def homeless():
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setattr(cache_folder.Path, "home", homeless)
-    assert cache_folder.folder() is None
 
 
 class Prices:
@@ -294,15 +255,6 @@ def test_predictions_are_for_what_is_asked_for(prices):
     select(lenses=(20, 30), model="field", backend="raytrace")
     further = len(list_required_views([(7, 7)], (15, 15)))
     assert {("field", 2, 600, 1, 1), ("raytrace", triangles, 600, further)} < set(costs.asked)
-
-
-def test_textures_are_counted(prices, monkeypatch):
-    costs, rendered = prices(), []
-    monkeypatch.setattr(costs, "rendering", lambda views: rendered.append(views) or Stage(0.0, 1.0))
-    select(name="globe", skip="none")
-    textured = sum(len(part.faces) for part in load_scene("globe").parts if part.texture is not None)
-    assert {views.textured for views in rendered} == {textured / load_scene("globe").triangles}
-    assert {(views.texels, views.culls) for views in rendered} == {(720 * 1440, False)}
 
 
 @pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])

@@ -93,12 +93,6 @@ def test_what_was_skipped_is_a_reason():
     assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
 
 
-def test_pitch_and_delta_are_reported():
-    _, report = run(eia_bundle(EIA), pixels=(4, 4), model="none", pitch=0.5, delta=0.01)
-    assert (report["lens_array"]["pitch"], report["lens_array"]["delta"]) == (0.5, 0.01)
-    assert (report["lens_array"]["rows"], report["lens_array"]["cols"]) == (6, 9)
-
-
 def test_an_optical_pickup_is_turned_back():
     turned = LightField.from_eia(EIA, rows=6, cols=9).eia(pickup="optical")
     views, _ = run(eia_bundle(turned), lenses=(6, 9), views="0,3", model="none", pickup="optical")
@@ -113,13 +107,6 @@ def test_upscaled_views_are_what_the_model_makes_of_them():
         assert np.array_equal(pixels, models.upscale_pixels(models.load_upscaler("bicubic", scale=3), mapped)[0])
     assert report["model"] == {"name": "bicubic", "scale": 3, "sha256": None}
     assert report["views"][0] == {"v": 0, "u": 2, "file": "view_00_02.png", "height": 18, "width": 27}
-
-
-def test_the_report_has_the_hash_of_the_network():
-    _, report = run(eia_bundle(EIA), lenses=(6, 9), model=models.DEFAULT)
-    card = next(entry.card for entry in models.list_entries() if entry.name == models.DEFAULT)
-    assert report["model"] == {"name": models.DEFAULT, "scale": 2, "sha256": card.sha256}
-    assert "onnxruntime" in report["versions"]
 
 
 def test_batches_change_nothing(cube, monkeypatch):
@@ -311,15 +298,6 @@ def test_knights_as_a_folder_and_as_an_eia():
     assert len(from_eia) == 5
     assert all(np.array_equal(from_folder[view][96:160, 96:160], from_eia[view]) for view in from_eia)
     assert from_folder[8, 8].shape == (256, 256, 3)
-
-
-@needs_shared
-def test_a_published_eia():
-    given = Bundle.from_path(SHARED / "data/lightfields/eia-200x200x15.jpg")
-    views, report = run(given, lenses=(200, 200), views="all", model="none")
-    assert len(views) == 225
-    assert {pixels.shape for pixels in views.values()} == {(200, 200, 3)}
-    assert report["input"]["kind"] == "jpg"
 
 
 @needs_shared

@@ -1,23 +1,18 @@
 """A real server: parallel requests, body limits, slow clients, start-up errors."""
 
 import io
-import json
 import socket
 import threading
 import time
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
 import httpx2
 import numpy as np
 import pytest
 
-from ciir.errors import BackendUnavailable
-from ciir.renderer.backends import open_backend
-from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.pictures import encode_png
 from ciir.service.web.middleware.body_limit import OTHER_BYTES
-from tests.support.inputs import CUBE, EIA_PNG, make_picture
+from tests.support.backends import BACKENDS, require_backend
+from tests.support.inputs import CUBE, EIA_PNG
 from tests.support.servers import run_python, run_server
 
 POST = "/v1/reconstructions"
@@ -32,42 +27,13 @@ def connect(url):
     return socket.create_connection((host, int(port)), timeout=30)
 
 
-def test_parallel_requests(server):
-    eias = [make_picture(24, 36, 3, np.uint8, seed) for seed in range(8)]
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_parallel_requests(server, backend):
+    require_backend(backend)
 
     def post(index):
-        if index % 2:
-            fields = {"lenses": "20x20", "backend": "raytrace", "views": "cross"}
-            return send(server, "cube.off", CUBE, **fields)
-        return send(server, "eia.png", encode_png(eias[index]), lenses="6x9", views="1,2", model="none")
-
-    with ThreadPoolExecutor(8) as pool:
-        responses = list(pool.map(post, range(8)))
-    assert [response.status_code for response in responses] == [200] * 8
-    for index, response in enumerate(responses):
-        if index % 2:
-            with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
-                assert len(archive.namelist()) == 6
-                assert json.loads(archive.read("report.json"))["plan"]["backend"] == "raytrace"
-        else:
-            assert np.array_equal(decode(response.content, name="x"), eias[index][1::4, 2::4])
-
-
-def test_parallel_requests_with_opengl(server):
-    try:
-        open_backend("raster")
-    except BackendUnavailable as error:
-        pytest.skip(f"raster doesn't run here: {error}")
-
-    def post(index):
-        fields = {
-            "lenses": f"{20 + index % 2}x20",
-            "backend": "raster",
-            "model": "none",
-            "views": "all",
-            "format": "npz",
-        }
-        return send(server, "cube.off", CUBE, **fields)
+        fields = {"lenses": f"{20 + index % 2}x20", "backend": backend, "model": "none", "views": "all"}
+        return send(server, "cube.off", CUBE, format="npz", **fields)
 
     with ThreadPoolExecutor(8) as pool:
         responses = list(pool.map(post, range(8)))

@@ -10,9 +10,8 @@ import pytest
 
 from ciir.renderer.readers.pictures import decode
 from ciir.service.cli.main import main
-from tests.load.server import descendants
 from tests.support.inputs import EIA, EIA_PNG
-from tests.support.servers import run_ciir, run_python, run_server
+from tests.support.servers import find_workers, run_ciir, run_python, run_server
 from tests.support.waiting import wait_until
 
 
@@ -50,16 +49,10 @@ def test_the_queues_password_is_in_no_log(tmp_path):
 def test_worker_processes_are_started_without_the_servers_secrets(tmp_path, words):
     secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0"}
     with run_ciir(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
-        (worker,) = wait_until(lambda: workers_of(process.pid))
-        environment = (worker / "environ").read_bytes()
+        (worker,) = wait_until(lambda: find_workers(process.pid))
+        environment = Path(f"/proc/{worker}/environ").read_bytes()
     assert b"CIIR_WORKERS=1" in environment
     assert b"swordfish" not in environment
-
-
-def workers_of(pid):
-    """The folders in /proc of the processes that multiprocessing has started below `pid`."""
-    found = [Path("/proc", str(each)) for each in descendants(pid)]
-    return [path for path in found if b"spawn_main" in (path / "cmdline").read_bytes()]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
-from ciir.service.jobs.lifecycle import WORKER_STOPPED
 from ciir.service.jobs.workers import consumer as module
 from ciir.service.jobs.workers import recovery
 from ciir.service.jobs.workers.consumer import Consumer
@@ -152,13 +151,6 @@ def test_a_job_whose_worker_dies_once_is_run_again(service, jobs, pool):
     assert (job.state, job.attempts, job.worker_deaths) == ("done", 2, 1)
     assert [event.kind for event in job.events] == ["queued", "running", "queued", "running", "done"]
     assert read_result(jobs, job.id) == b"datadata"
-
-
-def test_a_job_whose_worker_dies_twice_fails(service, jobs, pool):
-    pool.work = raise_worker_died
-    service.start_consumer(jobs, pool)
-    job = wait_for_end(jobs, submit_data(jobs).id)
-    assert (job.state, job.problem, job.attempts) == ("failed", WORKER_STOPPED, 2)
 
 
 @pytest.mark.parametrize("where", ["this process", "another process"])

@@ -10,7 +10,6 @@ import pytest
 
 from ciir.errors import QueueFull, QueueUnavailable
 from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.pictures import encode_png
 from ciir.service.web.routes import results
 from tests.support.inputs import BAD_INPUTS, EIA, contains_all
 from tests.support.waiting import wait_until
@@ -85,22 +84,6 @@ def test_a_large_result_goes_out_in_pieces(client, eia, monkeypatch):
     pieces = post_file(client, data=eia, **fields)
     assert pieces.content == whole.content
     assert pieces.headers["content-length"] == whole.headers["content-length"] == str(len(whole.content))
-
-
-def test_the_id_depends_on_all_that_the_result_does(client, eia):
-    def ids(**fields):
-        response = post_file(client, **({"data": eia, "lenses": "6x9", "model": "none"} | fields))
-        assert response.status_code == 200, response.text
-        return response.headers["x-reconstruction-id"], response.headers["etag"]
-
-    one, tag = ids()
-    assert tag == f'"{one}"'
-    assert ids() == (one, tag)
-    assert ids(name="other name.png") == (one, tag)
-    other, weak = ids(format="zip")
-    assert weak == f'W/"{other}"'
-    others = [ids(views="0,0"), ids(model="bicubic"), ids(data=encode_png(EIA[::-1]))]
-    assert len({one, other, *(id_ for id_, _ in others)}) == 5
 
 
 def test_a_repeated_request_runs_no_job(own, eia):
