@@ -35,11 +35,6 @@ def check_report(path: str | None, out: Path) -> None:
         raise InvalidOption(f"--report: {path!r} is empty or the output itself; name another file for the report")
 
 
-def list_report_paths(path: str | None) -> list[Path]:
-    """The report's path; empty where no report is wanted."""
-    return [] if path is None else [Path(path)]
-
-
 def write_report(report: Report, path: str | None) -> None:
     """Writes the report to `path`, if one was given, and prints its notes."""
     if path is not None:

@@ -41,9 +41,9 @@ def resolve_folder(text: str, *, what: str) -> Path:
     return Path(text)
 
 
-def check_not_input(outputs: Iterable[Path], given: str) -> None:
+def check_not_input(outputs: Iterable[str | Path | None], given: str) -> None:
     """Raises `InvalidOption` where one of `outputs` is the input `given`, through a link too, or lies in it."""
     source = Path(given).resolve()
-    for path in outputs:
+    for path in (Path(output) for output in outputs if output):
         if path.resolve() == source or (source.is_dir() and path.resolve().is_relative_to(source)):
             raise InvalidOption(f"{path}: the input is there; give another place for the output, so that it isn't lost")

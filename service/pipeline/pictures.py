@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Write = Callable[[str, bytes], None]
 """Takes an output file's name and its bytes."""
-_LOSSLESS = {".png": ".png", ".tif": ".tif", ".tiff": ".tiff"}
+_LOSSLESS = ("png", "tif", "tiff")
 
 
 def output_names(inputs: list[str]) -> dict[str, str]:
@@ -35,8 +35,8 @@ def output_names(inputs: list[str]) -> dict[str, str]:
     names: dict[str, str] = {}
     taken: dict[str, str] = {}
     for name in inputs:
-        stem, dot, suffix = name.rpartition(".")
-        output = stem + _LOSSLESS.get(f"{dot}{suffix}".lower(), ".png")
+        stem, _, suffix = name.rpartition(".")
+        output = f"{stem}.{suffix.lower() if suffix.lower() in _LOSSLESS else 'png'}"
         if output in taken:
             raise InvalidOption(f"{name} and {taken[output]} would both be written as {output}; rename one of them")
         names[name] = output

@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and prints a line about them."""
     is_file = output_path.names_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
-    output_path.check_not_input([path, *common.list_report_paths(args.report)], args.input)
+    output_path.check_not_input([args.out, args.report], args.input)
     common.check_report(args.report, path)
     options, source = common.parse_options(args), open_source(args.input)
     report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))

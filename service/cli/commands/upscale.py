@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +16,10 @@ from ciir.service.pipeline.source import open_bundle
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.pictures import Write
     from ciir.service.pipeline.report import Report
-    from ciir.service.pipeline.run import Progress
 
 _TAKEN = ", ".join([*SUFFIXES, ".zip"]) + ", or a folder of such pictures"
 
@@ -30,22 +28,24 @@ def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
     common.check_report(args.report, path)
-    output_path.check_not_input([path, *common.list_report_paths(args.report)], args.input)
+    output_path.check_not_input([args.out, args.report], args.input)
     options, bundle = common.parse_options(args), _bundle(args.input)
+    skip = options.skip == "exact"
+    upscale = partial(upscale_files, bundle.files, model=options.model, scale=options.scale, skip=skip)
     if bundle.main is None:
         output_path.resolve_folder(args.out, what="several pictures")
         names = [name for name in bundle.files if is_picture(name) and "/" not in name]
         others = [name for name in bundle.files if name not in names]
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF or JPEG files")
-        report = _folder(bundle, output_names(names), path, options)
+        report = _folder(upscale, output_names(names), path)
         report["notes"] = [f"not a picture in this folder, skipped: {name}" for name in others]
     elif output_path.names_file(args.out, SUFFIXES, what="a picture"):
-        report = _single(bundle, bundle.main, path, options)
+        report = _single(upscale, bundle.main, path)
     else:
         outputs = output_names([bundle.main])
         output_path.check_not_input([path / name for name in outputs.values()], args.input)
-        report = _folder(bundle, outputs, path, options)
+        report = _folder(upscale, outputs, path)
     common.write_report(report, args.report)
     done = report["pictures"]
     common.print_line(f"{args.out}: {len(done)} picture{'s' * (len(done) > 1)} ({common.format_timings(report)})")
@@ -58,35 +58,21 @@ def _bundle(text: str) -> Bundle:
         raise UnsupportedType(str(error).replace(READ, _TAKEN)) from error
 
 
-def _single(bundle: Bundle, name: str, path: Path, options: Options) -> Report:
+def _single(upscale: Callable[..., Report], name: str, path: Path) -> Report:
     with replacing(path) as file:
 
         def write(_: str, data: bytes) -> None:
             file.write(data)
 
-        return _upscaled(bundle, {name: path.name}, write, options)
+        return upscale({name: path.name}, write)
 
 
-def _folder(bundle: Bundle, outputs: Mapping[str, str], path: Path, options: Options) -> Report:
+def _folder(upscale: Callable[..., Report], outputs: Mapping[str, str], path: Path) -> Report:
     staged = Staged(path)
     try:
         with common.progress_bar("picture") as progress:
-            report = _upscaled(bundle, outputs, staged.write, options, progress)
+            report = upscale(outputs, staged.write, progress=progress)
         staged.commit()
     finally:
         staged.discard()
     return report
-
-
-def _upscaled(
-    bundle: Bundle, outputs: Mapping[str, str], write: Write, options: Options, progress: Progress | None = None
-) -> Report:
-    return upscale_files(
-        bundle.files,
-        outputs,
-        write,
-        model=options.model,
-        scale=options.scale,
-        skip=options.skip == "exact",
-        progress=progress,
-    )
