@@ -11,8 +11,8 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
-from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia

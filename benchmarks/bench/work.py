@@ -12,8 +12,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.sampling import average_pictures
 from ciir.renderer.scene import Scene
-from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input

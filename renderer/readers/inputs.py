@@ -21,9 +21,7 @@ def read(
 ) -> Scene | LightField:
     """Reads a mesh as a scene, and an elemental image array or a set of views as a light field.
 
-    - A mesh: `lenses` and `pixels` are not used.
     - One picture: an elemental image array of `lenses` (rows, columns), or of elemental images of `pixels` (v, u).
-      Where both are given they must agree with the picture's size.
     - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of `pixels`
       (v, u) where their names don't give one.
 

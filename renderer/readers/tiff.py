@@ -99,6 +99,5 @@ def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None
 
 
 def _label(value: object) -> str:
-    return clean_text(
-        str(getattr(value, "name", value))
-    )  # a corrupt tag may hold thousands of numbers, or any characters
+    """The value in one short line: a corrupt tag may hold thousands of numbers, or any characters."""
+    return clean_text(str(getattr(value, "name", value)))

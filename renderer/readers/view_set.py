@@ -75,7 +75,8 @@ def read(
             )
         views[index] = picture
 
-    with ThreadPoolExecutor(max(2, _cores())) as pool:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(max(2, cores)) as pool:
         try:
             for _ in pool.map(fill, range(1, len(order))):
                 pass
@@ -93,11 +94,6 @@ def _notes(order: Sequence[str]) -> tuple[str, ...]:
     return (
         f"the views are named from {place}: they are taken as a part of a larger set, and counted from (0, 0) here",
     )
-
-
-def _cores() -> int:
-    """The cores that this process may use, which a container can limit."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""The base class of all writers of views, and what writers share."""
+"""The base class of all writers of views, the one that keeps them in memory, and what writers share."""
 
 from __future__ import annotations
 
@@ -50,6 +50,24 @@ class Writer(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.discard()
+
+
+class MemoryWriter(Writer):
+    """Keeps each view's pixels, `(H, W, C)`, in `views` by (v, u)."""
+
+    def __init__(self) -> None:
+        self.views: dict[View, Pixels] = {}
+
+    def begin(self, count: int, sample: Pixels) -> None:
+        """Any views can be kept."""
+
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Keeps the array itself, not a copy."""
+        self.views[view] = pixels
+        return file_name(view)
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Nothing is left to do: `service.pipeline.run.reconstruct` returns the report."""
 
 
 def file_name(view: View) -> str:

@@ -33,10 +33,6 @@ def test_light_from_the_upper_left_front() -> None:
     assert shade(normals) == pytest.approx([1.0, 0.2, 0.6 + 0.4 * LIGHT[2], 0.6 - 0.4 * LIGHT[2]])
 
 
-def test_normalize_keeps_zero() -> None:
-    assert normalize(np.array([[3.0, 0, 4], [0, 0, 0]])).tolist() == [[0.6, 0, 0.8], [0, 0, 0]]
-
-
 def test_positions_are_numbered_exactly() -> None:
     place, count = number_positions(np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 2, 1], [0, 1, 2]]))
     assert count == 2

@@ -35,11 +35,6 @@ def test_unusable_normals_are_computed(bad: float) -> None:
     assert part.colors[:, 0] == pytest.approx(FRONT)
 
 
-def test_an_unlit_surface_keeps_its_colour() -> None:
-    (part,) = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 0.5, 0.5, 1), lit=False)], name="a").parts
-    assert part.colors[:, :3] == pytest.approx(0.5)
-
-
 def test_vertex_colours_multiply_the_material_and_opaque_means_alpha_1() -> None:
     colors = np.full((4, 4), 0.5, np.float32)
     (part,) = assemble_scene([Surface(SQUARE, FACES, color=(0.5, 1, 1, 0.5), colors=colors, lit=False)], name="a").parts

@@ -1,6 +1,4 @@
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
 from ciir.renderer.views import parse_views
@@ -26,11 +24,3 @@ def test_text_that_is_not_understood(spec):
 def test_views_that_do_not_exist(spec):
     with pytest.raises(InvalidOption, match="0 to 14"):
         parse_views(spec, 15, 15)
-
-
-@settings(derandomize=True, deadline=None, max_examples=50)
-@given(st.integers(1, 20), st.integers(1, 20), st.sampled_from(["center", "cross", "all"]))
-def test_named_views_exist_and_differ(pixels_v, pixels_u, spec):
-    views = parse_views(spec, pixels_v, pixels_u)
-    assert len(set(views)) == len(views) >= 1
-    assert all(0 <= v < pixels_v and 0 <= u < pixels_u for v, u in views)

@@ -19,15 +19,13 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
-DECODED = frozenset(
-    {
-        "KHR_draco_mesh_compression",
-        "KHR_materials_pbrSpecularGlossiness",
-        "KHR_materials_unlit",
-        "KHR_mesh_quantization",
-        "KHR_texture_transform",
-    }
-)
+DECODED = {
+    "KHR_draco_mesh_compression",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+}
 """Extensions that are decoded here."""
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 ELEMENTS = 15

@@ -13,8 +13,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.formats import FileWriter
-from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options

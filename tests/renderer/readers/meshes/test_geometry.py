@@ -1,9 +1,6 @@
-import tracemalloc
-
 import numpy as np
-import pytest
 
-from ciir.renderer.readers.meshes.geometry import normalise, parse_numbers, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
 
 
 def test_fans_keep_order_and_source() -> None:
@@ -11,17 +8,6 @@ def test_fans_keep_order_and_source() -> None:
     faces, source = triangulate_fans(np.array([4, 2, 3, 5]))
     assert corners[faces].tolist() == [[4, 5, 6], [4, 6, 7], [1, 2, 3], [0, 1, 2], [0, 2, 3], [0, 3, 4]]
     assert source.tolist() == [0, 0, 2, 3, 3, 3]
-
-
-def test_numbers_cost_no_more_for_one_long_one() -> None:
-    tracemalloc.start()
-    found = parse_numbers([b"1.5", b"9" * 10_000, *[b"-2"] * 1000])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert found[:3].tolist() == [1.5, np.inf, -2]
-    assert peak < 1_000_000
-    with pytest.raises(ValueError, match="convert"):
-        parse_numbers([b"1e"])
 
 
 def test_normalised() -> None:

@@ -6,8 +6,8 @@ import pytest
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.writers.memory import MemoryWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.pictures import upscale_files

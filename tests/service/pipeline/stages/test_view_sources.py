@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.writers.memory import MemoryWriter
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct
 
