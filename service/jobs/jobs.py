@@ -72,7 +72,7 @@ class Jobs:
         self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
 
     def compute_id(self, request: Request, file: BinaryIO) -> str:
-        """The id of the job for this request, whether or not there is one."""
+        """The id of the job for this request."""
         return compute_id(request, file, self._limits)
 
     def submit(self, request: Request, file: BinaryIO, *, size: int) -> Job:

@@ -195,10 +195,8 @@ def _upscaler(model: str, scale: int) -> Callable[[], object]:
     if model in catalogue.list_single_image_names():
         single = catalogue.load_upscaler(model, scale=scale)
         return lambda: upscale_pixels(single, pictures[:VIEWS])
-    network, fallback = (
-        catalogue.load_light_field_network(model, scale=scale),
-        catalogue.load_upscaler(catalogue.default_name(), scale=scale),
-    )
+    network = catalogue.load_light_field_network(model, scale=scale)
+    fallback = catalogue.load_upscaler(catalogue.default_name(), scale=scale)
     views = dict(zip(np.ndindex(7, 7), pictures, strict=True))
     wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are whole
     return lambda: upscale_views(network, fallback, views, wanted, (7, 7))

@@ -38,11 +38,8 @@ def select_model(job: Job) -> Selection:
     if job.options.model == NO_MODEL:
         return Selection(NO_MODEL)
     networks = {entry.name: entry for entry in catalogue.list_entries() if entry.is_light_field}
-    default, light_field, neighbours = (
-        catalogue.default_name(),
-        catalogue.light_field_default_name(),
-        _count_neighbours(job),
-    )
+    default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
+    neighbours = _count_neighbours(job)
     if job.options.model == AUTO:
         reason = _reason_against(light_field, networks.get(light_field), job, neighbours)
         if reason:

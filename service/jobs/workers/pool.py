@@ -153,11 +153,7 @@ class Pool:
             self._idle.put(worker)
 
     def _run_in(
-        self,
-        worker: _Worker,
-        task: Task,
-        progress: Callable[[dict[str, Any]], None],
-        cancelled: threading.Event,
+        self, worker: _Worker, task: Task, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
     ) -> Outcome:
         """As `run`, in a given worker; raises `BrokenProcessPool` if it died before it received the task."""
         deadline = time.monotonic() + self._seconds
@@ -205,13 +201,8 @@ class Pool:
                     pass
             except Exception as error:  # noqa: BLE001 - logged, and tried again
                 has_died = isinstance(error, ProcessExpired | BrokenProcessPool)  # then a traceback shows nothing
-                _log.error(
-                    "a worker process can't be started (%s: %s); the next attempt is in %g s",
-                    type(error).__name__,
-                    error,
-                    pause,
-                    exc_info=None if has_died else error,
-                )
+                text = "a worker process can't be started (%s: %s); the next attempt is in %g s"
+                _log.error(text, type(error).__name__, error, pause, exc_info=None if has_died else error)
                 self._closed.wait(pause)
                 pause = min(2 * pause, _MAX_PAUSE)
             finally:

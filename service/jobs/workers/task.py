@@ -145,10 +145,8 @@ def reconstruct(task: Task, limits: TaskLimits) -> Result:
         report = pipeline.reconstruct(
             bundle, options, writer, max_pixels=limits.output_pixels, progress=clock.count_views, clock=clock
         )
-    kept = {
-        name: value for name, value in report.items() if name != "views"
-    }  # each poll parses it; views may be 65,536
-    stored = json.loads(json.dumps(kept, allow_nan=False))  # lists for tuples, as in a record
+    del report["views"]  # each poll parses the record, and views may be 65,536
+    stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
     return Result(writer.format.name, task.target.stat().st_size, stored)
 
 

@@ -114,9 +114,8 @@ def respond_unfinished(job: Job, path: str) -> JSONResponse:
     if job.problem is not None:
         return problems.respond_problem(path, **asdict(job.problem))
     if job.state == "cancelled":
-        return problems.respond_problem(
-            path, 409, "the job was cancelled; post the input again to run it", title="Cancelled"
-        )
+        detail = "the job was cancelled; post the input again to run it"
+        return problems.respond_problem(path, 409, detail, title="Cancelled")
     headers = {"Retry-After": RETRY_SECONDS}
     detail = f"the job is {job.state}; ask again in a second, or follow {make_url(job)}/events"
     return problems.respond_problem(path, 409, detail, title="Not finished", headers=headers)
@@ -131,8 +130,7 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
     return next((tag for tag in tags if tag.removeprefix("W/") == f'"{id_}"'), None)
 
 
-def make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
-    """The headers of a response with the result; `timings`: milliseconds by stage."""
+def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
     # A report holds timings, which differ between two runs of one job: a weak tag.
     tag = f'W/"{job.id}"' if FORMATS[result.format].holds_report else f'"{job.id}"'
     return {
@@ -160,7 +158,7 @@ async def respond_with_result(
     Raises `ResultExpired` or `QueueUnavailable`.
     """
     file, start = await to_thread.run_sync(_open_result, jobs, job.id)
-    fields = make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
+    fields = _make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
     fields["Content-Disposition"] = f'attachment; filename="{job.id}.{result.format}"'
     media_type = FORMATS[result.format].media_type
     if len(start) == result.size:
