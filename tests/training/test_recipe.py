@@ -75,14 +75,14 @@ def test_every_field_is_documented(name):
     assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
 
 
-def legs(folder):
+def list_runs(folder):
     """The recipes whose runs a checkpoint's folder comes from: one, or those whose mean a recipe's comment makes."""
     comments = " ".join(path.read_text(encoding="utf-8") for path in SHIPPED).replace("\\\n#", " ")
     means = {
         out: re.findall(r"runs/([\w-]+)/", checkpoints)
         for checkpoints, out in re.findall(r"training\.export\.average (.*?) -o runs/([\w-]+)/", comments)
     }
-    return [leg for name in means[folder] for leg in legs(name)] if folder in means else [folder]
+    return [run for name in means[folder] for run in list_runs(name)] if folder in means else [folder]
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -92,8 +92,8 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
     A light-field network may start from the single-picture network that it contains.
     """
     this = recipes.read_recipe(path)
-    for leg in legs(Path(this.initial).parent.name) if this.initial else []:
-        before = recipes.read_recipe(path.with_name(f"{leg}.toml"))
+    for run in list_runs(Path(this.initial).parent.name) if this.initial else []:
+        before = recipes.read_recipe(path.with_name(f"{run}.toml"))
         if this.light_field > before.light_field:
             pytest.importorskip("torch", reason="needs the training extra")
             from ciir.training.networks import make_network
@@ -109,4 +109,6 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
 @pytest.mark.parametrize("name", ["fast", "quality"])
 def test_what_ships_is_the_mean_that_its_recipe_makes(name):
     averaged = catalogue.load_upscaler(name).card.training.recipe["averaged"]
-    assert sorted(legs(f"{name}-shipped")) == sorted(leg for path in averaged for leg in legs(Path(path).parent.name))
+    assert sorted(list_runs(f"{name}-shipped")) == sorted(
+        run for path in averaged for run in list_runs(Path(path).parent.name)
+    )

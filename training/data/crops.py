@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 RENDERED = ("pinhole", "lenslet")
 """Views of random scenes and of meshes by each kind of array: see `rendered` and `mesh_views`."""
 BICUBIC_VIEW = "bicubic-view"
-"""The truth of rendered views, downscaled as a photograph: otherwise a network treats drawings, such as letters, as
-views of a lens array. Gains 0.13 dB on Set14."""
+"""The truth of rendered views, downscaled as a photograph, so that drawings are not treated as views of a lens
+array."""
 
 
 class Pair(Protocol):
@@ -45,7 +45,7 @@ class Pair(Protocol):
 
 @dataclass(frozen=True)
 class Photograph:
-    """A picture of a folder, degraded on demand: LR copies would take two thirds more memory."""
+    """A picture of a folder, degraded on demand."""
 
     among: Pictures
     index: int
@@ -110,7 +110,10 @@ class Crops:
 
         Raises `ValueError` where one of these or the folder is wrong.
         """
-        check_degradations(crop, scale, degradations, rendered=bool(scenes or meshes))
+        known: tuple[str, ...] = downscale.KINDS
+        if scenes or meshes:
+            known = (*known, *RENDERED, BICUBIC_VIEW)
+        check_degradations(crop, scale, degradations, known)
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
@@ -145,11 +148,11 @@ class Crops:
         return torch.stack(lows).float().div(255.0), torch.stack(highs).float().div(255.0)
 
 
-def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], *, rendered: bool) -> None:
-    """Raises `ValueError` for impossible arguments; `rendered`: whether there are views of scenes or meshes."""
+def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], known: Sequence[str]) -> None:
+    """Raises `ValueError` for impossible arguments; `known`: the kinds that there is data for."""
+    rendered = set(RENDERED) <= set(known)
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
-    known = (*downscale.KINDS, *RENDERED, BICUBIC_VIEW) if rendered else downscale.KINDS
     for kind, share in degradations.items():
         if kind not in known:
             raise ValueError(

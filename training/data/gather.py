@@ -2,8 +2,7 @@
 
     python -m ciir.training.data.gather FOLDER... -o PICTURES [--at-most 250] [--exclude ../shared/data/images/Set5 ...]
 
-Wallpapers, stamps, portraits and textures of free software are more varied than one set of photographs:
-docs/training.md lists those that `fast` and `quality` were trained on.
+docs/training.md lists the pictures that `fast` and `quality` were trained on.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Light fields of random layered scenes: textured layers at different distances, cut out, slanted and folded.
 
-Other views add sub-pixel shifts, and occlusion limits what they add. Both are exact for flat layers: each view is
-sampled where its own rays meet them, twice as finely as the truth along each side, and downscaled afterwards. The
-visible share of folds (`training.data.planes`) is exact in each view; they cover everything behind their layer, even
-where they reach further back. Layers look the same from all sides, as the plane sweep assumes.
+Each view is sampled where its own rays meet the layers, twice as finely as the truth along each side, and downscaled
+afterwards. Folds (`training.data.planes`) cover everything behind their layer.
 """
 
 from __future__ import annotations
@@ -19,6 +17,8 @@ from torch.nn import functional
 from ciir.training.data import planes
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from _typeshed import SupportsLenAndGetItem
 
     from ciir.training.data.pictures import Picture
@@ -125,20 +125,19 @@ def make_scenes(
     return torch.stack(views), torch.stack(colours)
 
 
-def _draw_disparities(uniform: object, count: int, side: int) -> tuple[Tensor, Tensor]:
+def _draw_disparities(uniform: Callable[..., Tensor], count: int, side: int) -> tuple[Tensor, Tensor]:
     """Draws the disparity of each layer in the middle of the picture `(count, layers)`, and its slope
     `(count, layers, 2)` in LR pixels of disparity for each LR pixel. Layers are sorted from back to front; near may be
     either sign.
     """
-    assert callable(uniform)  # noqa: S101 - for the type checker
     most = LAYERS[1]
     disparity = uniform(-0.8, 0.8, count, 1) + uniform(0, 0.8, count, 1) * uniform(-1, 1, count, most)
     disparity = (MOST * disparity).clamp(-MOST, MOST).sort(1)[0]
     turned = uniform(0, 1, count) < 0.5
     disparity[turned] = disparity[turned].flip(1)
     slope = uniform(-0.6, 0.6, count, most, 2) * (uniform(0, 1, count, most, 1) < 0.5) * (MOST / side)
-    room = ((MOST - disparity.abs()) / (side / 2) * 0.7)[..., None]
-    slope = torch.maximum(torch.minimum(slope, room), -room)
+    limit = ((MOST - disparity.abs()) / (side / 2) * 0.7)[..., None]
+    slope = torch.maximum(torch.minimum(slope, limit), -limit)
     kind, small = uniform(0, 1, count), torch.exp(uniform(math.log(SMALLEST), 0.0, count))
     factor = torch.where(kind < SMALL, small, torch.where(kind > 1 - BEYOND, 1 + 3 * uniform(0, 1, count), 1.0))
     return disparity * factor[:, None], slope * factor[:, None, None].clamp(max=1)

@@ -1,8 +1,7 @@
 """Training crops for light-field networks: a view, the window of views around it, and its truth.
 
 Layered scenes (`training.data.layered_scenes`) are made during the run, views of meshes (`training.data.mesh_views`)
-before it. Some crops teach the network when not to use the other views: windows of another scene, noise, disparities
-that no plane matches.
+before it. Some crops have windows of another scene, noise, or disparities that no plane matches.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 STEPS_PER_BLOCK = 6
 """Steps that share scenes, with different places, rotations and degradations."""
 KEPT_BLOCKS = 3
-"""Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prepared at once."""
+"""Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prefetched."""
 MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
 GRIDS = ((4, 9, 0.5), (1, 9, 0.14), (0, 9, 0.18), (1, 3, 0.09), (0, 3, 0.09))
@@ -80,20 +79,15 @@ class LightFieldCrops:
         """`folder`: pictures for the textures of layers; those smaller than `layered_scenes.TEXTURE` are skipped.
 
         `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.downscale.KINDS`, and with `meshes`
-        of
-        `training.data.crops.RENDERED`. `eased`: steps over which windows at the border, and all that is strange, come
-        in:
-        from the start they keep an untrained network from finding out what the other views are good for.
+        of `training.data.crops.RENDERED`. `eased`: steps over which windows at the border and corrupted crops reach
+        their shares: with them from the start the network does not learn to use the other views.
 
-        Raises `ValueError` where one of these is at fault.
+        Raises `ValueError` where one of these is wrong.
         """
         if scale != 2:
             raise ValueError(f"scale is {scale}; light fields are upscaled by 2: give that")
         known = (*downscale.KINDS, *RENDERED) if meshes else downscale.KINDS
-        for kind in degradations:
-            if kind not in known:
-                raise ValueError(f"degradations: no {kind!r} here; give {', '.join(known)}")
-        check_degradations(crop, scale, degradations, rendered=bool(meshes))
+        check_degradations(crop, scale, degradations, known)
         self.side, self.batch, self.seed = crop // scale, batch, seed
         self.eased = eased
         self.pictures = _LargePictures(Pictures(folder, memory=memory))

@@ -1,8 +1,7 @@
 """Views of meshes as training pairs: views as the service renders them and clean pictures at a finer pitch.
 
 A mesh is rotated at random, framed as in the service, scaled, and rendered for random pixels of 15x15 by arrays of
-24x24, 48x48 and 96x96 lenses. Views of the smaller arrays are joined into one picture, so that crops have equal sizes:
-a third of the pairs has views as small as the paper's 25x25, where it reports failure.
+24x24, 48x48 and 96x96 lenses. Views of the smaller arrays are joined into one picture, so that crops have equal sizes.
 """
 
 from __future__ import annotations
@@ -84,6 +83,12 @@ def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
     return matrix
 
 
+def _place_mesh(random: np.random.Generator, mesh: Scene, array: LensArray) -> Scene:
+    placed = mesh.transform(draw_rotation(random))
+    nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
+    return placed.transform(nearer @ frame_scene(placed, array))
+
+
 def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[ViewPair, ViewPair]:
     """Renders picture number `index` of a mesh: (LR, truth) of a pinhole array and of a lenslet array.
 
@@ -93,9 +98,7 @@ def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Vie
     side = LENSES[index % len(LENSES)]
     across = SIDE // side
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transform(draw_rotation(random))
-    nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
-    placed = placed.transform(nearer @ frame_scene(placed, array))
+    placed = _place_mesh(random, mesh, array)
     views = [(int(v), int(u)) for v, u in random.integers(0, PIXELS, (across**2, 2))]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
     all_seen = render_views(placed, array, views, background=(red, green, blue), scale=scale)
@@ -110,9 +113,7 @@ def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]
     array = LensArray(side, side, PIXELS, PIXELS)
-    placed = mesh.transform(draw_rotation(random))
-    nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
-    placed = placed.transform(nearer @ frame_scene(placed, array))
+    placed = _place_mesh(random, mesh, array)
     top, left = (int(number) for number in random.integers(0, PIXELS - WINDOW_SIDE + 1, 2))
     views = [(top + v, left + u) for v in range(WINDOW_SIDE) for u in range(WINDOW_SIDE)]
     red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()

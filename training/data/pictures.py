@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]
 """`(H, W, C)`, 8 bit."""
 MEMORY = 4 * 2**30
-"""Bytes of decoded pictures that are kept: 7,600 of VOC2012's 17,125 fit. The rest is decoded on each access.
-"""
+"""Bytes of decoded pictures that are kept; the others are decoded on each access."""
 VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
 """Where VOC2012's pictures are in its unpacked archive and in the folders above."""
 
@@ -68,7 +67,7 @@ class Pictures:
     """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
 
     Each is decoded once at the start, so that errors are found before training begins. The first ones are kept, up
-    to `memory` bytes; the others are decoded on each access, 2 to 4 ms for one of VOC2012.
+    to `memory` bytes.
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:

@@ -52,8 +52,7 @@ def intersect_layer(offsets: Tensor, disparity: Tensor, slope: Tensor) -> Affine
 class Fold(NamedTuple):
     """A strip beyond the straight edge of a layer whose disparity changes fast across it, like a roof behind a wall.
 
-    Only some views see it; the middle one always sees at least a fifth of a pixel. A view from behind sees nothing of
-    it: that the back of a fold would hide a part of the layer is not modelled.
+    Only some views see it; the middle one always sees at least a fifth of a pixel, a view from behind nothing.
     """
 
     normal: Tensor

@@ -1,9 +1,7 @@
 """Rendered views of random scenes as training pairs: views of a lens array and clean pictures at a finer pitch.
 
-A network that was trained only on photographs with bicubic LR is worse than interpolation on views of a pinhole array.
-Here tilted and overlapping polygons, textured or plain, are ray traced with the sampling of `renderer.sampling`: LR is
-one ray for each lens (pinhole) or the mean over the lens (lenslet), and the truth of both is the area average over
-cells of `pitch / scale`.
+Tilted and overlapping polygons, textured or plain, are ray traced: LR is one ray for each lens (pinhole) or the mean
+over the lens (lenslet), and the truth of both is the area average over cells of `pitch / scale`.
 """
 
 from __future__ import annotations

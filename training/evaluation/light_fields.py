@@ -58,9 +58,8 @@ def score(
 ) -> Accuracy:
     """Returns mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
 
-    Each view is degraded by `training.data.downscale.downscale_picture` and upscaled with only the views of the grid,
-    as in BasicLFSR. Two things differ from its protocol: LR and output are 8-bit RGB, where BasicLFSR downscales Y and
-    never rounds it, and a border of `scale` pixels is cut, as for pictures.
+    Each view is degraded by `training.data.downscale.downscale_picture` and upscaled with only the views of the grid.
+    Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.

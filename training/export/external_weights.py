@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".pth", ".pt", ".ckpt", ".safetensors")
 UNUSED = ("InterpolationMode", "normalize", "rotate")
-"""Imports of spandrel from `torchvision.transforms.functional`, for two networks that don't upscale: LaMa (inpainting)
-and RestoreFormer (faces)."""
+"""Imports of spandrel from `torchvision.transforms.functional`, for LaMa (inpainting) and RestoreFormer (faces)."""
 
 
 class ExternalNetwork(nn.Module):
@@ -162,9 +161,8 @@ def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None
 def without_torchvision() -> Iterator[None]:
     """Lets spandrel be imported without torchvision, within the block.
 
-    The common index has none for the CPU build of torch (the other one fails as it is imported), and spandrel uses
-    three of its functions for two networks that are of no use here (see `UNUSED`). In their place stand functions that
-    raise `ModuleNotFoundError`; after the block nobody else sees them.
+    The CPU build of torch often comes without it, and spandrel uses three of its functions for two networks that don't
+    upscale (see `UNUSED`). Functions that raise `ModuleNotFoundError` replace them within the block.
     """
     if "spandrel" in sys.modules or "torchvision" in sys.modules:
         yield

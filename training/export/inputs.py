@@ -22,9 +22,9 @@ LIGHT_FIELD_INPUTS = (
     cards.Tensor("rows", (WINDOW_SIDE,), "float32", 0.0, 1.0),
     cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
 )
-"""Inputs of a light-field network beside the view: see `training.networks.light_field`."""
+"""Inputs of a light-field network besides the view: see `training.networks.light_field`."""
 UNCERTAINTY = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
-"""Its output beside the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
+"""Its output besides the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
 WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
 """Windows for tests of such a network, as `(number, of how many)` views down and across: whole, at a corner, and in the
 middle and at the edge of the least grid."""

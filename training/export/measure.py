@@ -46,11 +46,10 @@ def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
     is more than `WIDEST`. For networks of convolutions and activations.
 
     Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
-    number, so that no path cancels or rests on the weights that training happened to find. The picture is a strip,
-    upright and lying. Of a light-field network the views around count as the view does, over `examples.list_windows`.
+    number, so that no path cancels, on a strip upright and lying.
     """
     probe = copy.deepcopy(network).double()
-    random = torch.Generator().manual_seed(0)  # all alike, they would cancel where channels compete (softmax)
+    random = torch.Generator().manual_seed(0)  # if all were equal, they would cancel where channels compete (softmax)
     with torch.no_grad():
         for weight in probe.parameters():
             if weight.ndim > 1:
@@ -83,8 +82,8 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
 def find_tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
     """Returns the tile overlap in input pixels with which tiles equal the whole picture up to `SEAM`.
 
-    For networks whose receptive field is wider than a tile, or unknown: in most, far pixels hardly count. Measured on
-    noise that is strong on one side and faint on the other, so that a tile differs on average from the whole picture.
+    For networks whose receptive field is wider than a tile, or unknown. Measured on noise that is strong on one side
+    and faint on the other, so that a tile's mean differs from the picture's.
 
     Raises `ValueError` where even the last of `OVERLAPS` is too small.
     """

@@ -1,12 +1,10 @@
 """8-bit convolutions in an ONNX graph: QuantizeLinear and DequantizeLinear (QDQ) around what is to run in int8.
 
-The form that onnxruntime's "Quantize ONNX models" page calls QDQ, S8S8/U8S8 with symmetric weights, one scale for each
-output channel; at run time each convolution between such pairs becomes one integer kernel. Activations are unsigned 8
-bit, `value = scale * (code - zero)`; biases are 32 bit with the scale of the products.
+The form that onnxruntime calls QDQ, S8S8/U8S8 with symmetric weights, one scale for each output channel. Activations
+are unsigned 8 bit, `value = scale * (code - zero)`; biases are 32 bit with the scale of the products.
 
-Two things decide the speed on processors with VNNI (measured with onnxruntime 1.31, 200x200 views): the kernel wants
-input channels in fours and output channels in sixteens, and is 2 to 4 times slower otherwise. So channels of zeros are
-added to pictures, filters of zeros to layers, and their outputs are cut off again.
+The integer kernels of processors with VNNI need input channels in fours and output channels in sixteens, and are 2 to 4
+times slower otherwise. So zeros are added to pictures and filters, and cut off again after each layer.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Static int8 quantisation after training: grids from a float network's values on real views, layers kept in float.
 
-Each tensor gets the grid of least squared error on samples of its values (as in Banner et al., NeurIPS 2019, with the
-clipping found by search); a LeakyReLU's input gets the one that does best behind it. Plain extremes lose 2 to 7 times
-as much. Where all layers together cost more than `LIMIT`, the layer that costs most for each multiply-add goes back to
-float, until they don't.
+Each tensor gets the grid of least squared error on samples of its values (as in Banner et al., NeurIPS 2019; clipping
+is searched); a LeakyReLU's input gets the one that does best after it. Where all layers together cost more than
+`LIMIT`, the layer that costs most for each multiply-add goes back to float, until they don't.
 """
 
 from __future__ import annotations

@@ -21,12 +21,9 @@ if TYPE_CHECKING:
 def prefetch_batches(
     at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0
 ) -> Generator[Batch]:
-    """`at(start)`, `at(start + 1)`, ... up to `stop`, in order, with `threads` of them in the making; 0: none is.
+    """Yields `at(start)`, `at(start + 1)`, ... up to `stop`, in order; `threads` make them, 0: the caller does.
 
-    `ready`: how many may wait for their turn, where some take longer than others.
-
-    `at` must depend on its argument alone, as `training.data.crops.Crops.at` does: threads then change nothing but
-    the time.
+    `ready`: how many finished ones may wait. `at` must depend on its argument only.
     """
     if not threads:
         yield from map(at, range(start, stop))

@@ -19,8 +19,6 @@ from ciir.training.losses.objective import Objective
 from ciir.training.networks import make_network
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from torch import Tensor, nn
 
     from ciir.training.recipe import Recipe
@@ -139,7 +137,7 @@ class Run:
         except (OSError, ValueError) as error:
             raise ValueError(f"initial: {error}; train that first, or name another with --initial") from error
         there, here = (f"{r['network']} with {r['options']}" for r in (state["recipe"], asdict(self.recipe)))
-        is_single = holds_single(self.recipe, state["recipe"])
+        is_single = self.recipe.light_field and not state["recipe"].get("light_field", False)
         network = cast("nn.Module", self.network.single) if is_single else self.network
         try:
             network.load_state_dict(state["network"])
@@ -150,11 +148,6 @@ class Run:
         if there != here and not is_single:
             tqdm.write(f"initial: {path} holds {there}, and continues as {here}", file=sys.stderr)
         self.average.load_state_dict(self.network.state_dict())
-
-
-def holds_single(recipe: Recipe, other: dict[str, Any]) -> bool:
-    """Whether `recipe` is of a light-field network and `other` of a single-picture one."""
-    return recipe.light_field and not other.get("light_field", False)
 
 
 def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:

@@ -36,13 +36,13 @@ def train(recipe: Recipe, out: Path) -> Path:
     """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
 
     `out` gets `checkpoint.pt`, and what `training.loop.logs.Log` writes, after each `recipe.validate_every` steps. A
-    resumed run continues bit for bit on the CPU: the data and the step size depend on the step alone.
+    resumed run continues bit for bit on the CPU: the data and the step size depend only on the step.
 
     Ctrl-C and SIGTERM stop it after the current step, with a checkpoint, by raising `training.loop.interrupt.Stopped`.
 
     Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` where a folder or a
     checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` where
-    there is no room in `out`. The last good checkpoint stands.
+    the disk is full. The last good checkpoint stays.
     """
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out}: a file is there; name a folder for the run")
@@ -70,7 +70,7 @@ def train(recipe: Recipe, out: Path) -> Path:
             checks_loss = run.checks_loss
             losses = run.update(low, high)
             means.add(losses)
-            progress.step(float(losses["loss"]) if checks_loss else None)
+            progress.count_step(float(losses["loss"]) if checks_loss else None)
             due = run.step % recipe.validate_every == 0 or run.step == recipe.steps
             if due:
                 row = means.take()  # waits for the GPU
@@ -118,8 +118,7 @@ def _check_network(recipe: Recipe, network: nn.Module) -> None:
 
 
 def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
-    """Chooses how batches are prefetched. Layered scenes get a thread on a CPU too: they come in blocks and cost as
-    much as the updates."""
+    """Chooses how batches are prefetched. Layered scenes cost as much as updates and get a thread on a CPU too."""
     threads = THREADS[run.device.type]
     return (
         {"threads": max(1, threads), "ready": (KEPT_BLOCKS - 1) * STEPS_PER_BLOCK}

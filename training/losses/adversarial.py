@@ -1,8 +1,4 @@
-"""Adversarial losses, the update of the discriminator, and the detection of its saturation.
-
-Public logs of SRGAN's recipe show discriminators that are saturated from epoch 7 or 9 on: every picture, real or
-made, gets 1.0, or made ones 1e-9. From then on the generator learns nothing from them.
-"""
+"""Adversarial losses, the update of the discriminator, and the detection of its saturation."""
 
 from __future__ import annotations
 
@@ -52,9 +48,8 @@ LOSSES = {
 }
 """A recipe's `adversarial` -> losses.
 
-`bce`: binary cross entropy of the logits, -log D(made) for the generator (Goodfellow et al., NeurIPS 2014, section 3;
-SRGAN, equation 6); the discriminator's is log 2 while it guesses. `hinge`: Lim and Ye 2017 (arXiv:1705.02894); the
-discriminator's is 1 while it guesses.
+`bce`: binary cross entropy of the logits (Goodfellow et al., NeurIPS 2014, section 3; SRGAN, equation 6). `hinge`: Lim
+and Ye 2017 (arXiv:1705.02894).
 """
 
 
@@ -69,18 +64,16 @@ def find_losses(name: str) -> AdversarialLosses:
 class SaturationWatch:
     """Detects a discriminator that no longer helps the generator.
 
-    After the first `start` updates (a pretrained generator's pictures are easy to tell at first, and an untrained
-    discriminator gives all the same), each update is checked. The run ends when `patience` updates in a row were
+    After the first `start` updates the run ends when `patience` updates in a row were
 
-    - won: the discriminator's loss was below `doubt` divided by the number of pictures, real and made. A single
-      undecided picture adds log(2) = 0.69 divided by that (hinge: 1), so none was: the gradient vanishes.
-    - or blind: the probabilities (sigmoid of the logits) that it gave all pictures, real and made, lay within
-      `spread` of each other, as in the logs where all are 1.0.
+    - won: the discriminator's loss was below `threshold` divided by the number of pictures, real and made. A single
+      undecided picture adds log(2) = 0.69 divided by that (hinge: 1), so the gradient vanishes.
+    - or blind: the probabilities (sigmoid of the logits) of all pictures lay within `spread` of each other.
     """
 
     start: int = 500
     patience: int = 300
-    doubt: float = 0.64
+    threshold: float = 0.64
     spread: float = 0.01
 
     updates: int = 0
@@ -95,21 +88,20 @@ class SaturationWatch:
         if self.updates <= self.start:
             return
         probabilities = torch.cat([real, made]).sigmoid()
-        floor = self.doubt / len(probabilities)
+        floor = self.threshold / len(probabilities)
         self.won = self.won + 1 if loss < floor else 0
         self.blind = self.blind + 1 if (probabilities.max() - probabilities.min()).item() < self.spread else 0
         if self.won >= self.patience:
             raise ValueError(
                 f"the discriminator has separated all real pictures from all made ones since update "
-                f"{self.updates - self.won + 1} (loss below {floor:.2g}, {self.won} times in a row) and no longer "
-                "guides the generator; lower learning_rate, pretrain the generator for longer, or take adversarial = "
-                '"hinge"'
+                f"{self.updates - self.won + 1} (loss below {floor:.2g}, {self.won} times in a row); lower "
+                'learning_rate, pretrain the generator for longer, or use adversarial = "hinge"'
             )
         if self.blind >= self.patience:
             raise ValueError(
                 f"the discriminator has given all pictures the same value, real or made, since update "
-                f"{self.updates - self.blind + 1} (within {self.spread}, {self.blind} times in a row) and no longer "
-                'guides the generator; lower learning_rate or adversarial_weight, or take adversarial = "hinge"'
+                f"{self.updates - self.blind + 1} (within {self.spread}, {self.blind} times in a row); lower "
+                'learning_rate or adversarial_weight, or use adversarial = "hinge"'
             )
 
 

@@ -33,9 +33,8 @@ REMEDY = "give torchvision's vgg19-dcbb9e9d.pth, which torchvision.models.vgg19(
 class Vgg(nn.Module):
     """RGB in [0, 1], `(N, 3, H, W)` -> the features of conv5_4 before its activation, `(N, 512, H // 16, W // 16)`.
 
-    This is the VGG54 content of SRGAN (Ledig et al., CVPR 2017, equation 5) taken before the activation, as ESRGAN
-    (Wang et al., ECCVW 2018, section 3.3) does and as the paper's "after the convolutional layer" reads: fewer of the
-    features are zero. The weights are frozen. The sides must be at least 16 pixels.
+    This is the VGG54 content of SRGAN (Ledig et al., CVPR 2017, equation 5), before the activation as in ESRGAN (Wang
+    et al., ECCVW 2018, section 3.3). The weights are frozen. The sides must be at least 16 pixels.
     """
 
     def __init__(self, weights: Path, *, layout: Layout = VGG19) -> None:

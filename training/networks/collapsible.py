@@ -1,8 +1,7 @@
 """A 3x3 convolution with several branches for training that becomes one plain convolution afterwards.
 
-The idea of ECBSR (Zhang et al., ACM MM 2021), SESR (Bhardwaj et al., MLSys 2022) and SPAN's Conv3XC (Wan et al., CVPRW
-2024): all branches are linear, so that their sum is one 3x3 kernel. As in SESR's efficient training, the kernels are
-added before they are applied: an update costs as much as with the plain convolution.
+As in ECBSR (Zhang et al., ACM MM 2021) and SESR (Bhardwaj et al., MLSys 2022) all branches are linear, and their
+kernels are added before they are applied.
 """
 
 from __future__ import annotations

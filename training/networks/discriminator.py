@@ -1,7 +1,4 @@
-"""SRGAN's discriminator (Ledig et al., CVPR 2017, section 2.1.1 and figure 4), for crops of any size.
-
-It separates real pictures from made ones while a generator is trained, and is not shipped.
-"""
+"""SRGAN's discriminator (Ledig et al., CVPR 2017, section 2.1.1 and figure 4), for crops of any size."""
 
 from __future__ import annotations
 
@@ -20,12 +17,11 @@ class Discriminator(nn.Module):
     """RGB in [0, 1], `(N, 3, H, W)` -> one logit for each picture, `(N,)`: above zero for real pictures.
 
     For each of `channels` a 3x3 convolution to that many channels and one of stride 2, each with batch normalisation
-    (but for the very first) and LeakyReLU; then two dense layers. SRGAN's dense layers take a whole 96x96 crop, ours
-    the mean over the picture, so that crops may have any size. SRGAN's sigmoid is part of the
-    loss.
+    (but for the very first) and LeakyReLU; then two dense layers, on the mean over the picture, so that crops may have
+    any size (SRGAN's take a whole 96x96 crop). SRGAN's sigmoid is part of the loss.
 
-    Batch normalisation always uses the statistics of the batch: the discriminator is not used after training. Without
-    `normalise`, the logit of a picture does not depend on its batch.
+    Batch normalisation always uses the statistics of the batch. Without `normalise`, a logit does not depend on the
+    batch.
     """
 
     def __init__(self, channels: Sequence[int] = (64, 128, 256, 512), *, normalise: bool = True) -> None:

@@ -1,9 +1,7 @@
 """Our light-field generator: a single-picture generator with the detail that neighbouring views add as further input.
 
-A plane sweep (`plane_sweep`) combines the views into a fine picture for each disparity and measures how well they
-agree. A few convolutions select a plane for each pixel, or none; the selected fine picture replaces the interpolated
-base and is an input of the single-picture generator, which corrects it. Where no plane matches, the generator works on
-the view only.
+A plane sweep (`plane_sweep`) combines the views into a fine picture for each disparity. Convolutions select a plane for
+each pixel, or none; its fine picture replaces the interpolated base and is an input of the single-picture generator.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ if TYPE_CHECKING:
 SHARPNESS = 60.0
 """Initial penalty of a plane for each unit of standard deviation between the views."""
 NO_PLANE = 0.15
-"""Standard deviation above which initially no plane is selected. High on purpose: at 0.03 no plane was selected where
-there was texture, and training hardly used the other views."""
+"""Standard deviation above which initially no plane is selected. At 0.03 training hardly used the other views."""
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
 FLAT = 0.02
@@ -34,7 +31,7 @@ SIDES = 4
 CHOSEN = 5
 """Channels of the selected plane: four phases, and the deviation of the views."""
 FACTORS = (2.0, 4.0)
-"""By which differences of luma and standard deviations are multiplied: they are small beside colours."""
+"""By which differences of luma and standard deviations are multiplied: they are small compared with colours."""
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -61,7 +58,7 @@ class LightFieldGenerator(nn.Module):
         depth: int = 3,
     ) -> None:
         """`widths`, `slope`: of the single-picture generator. `width`, `depth`: channels, and layers after the first,
-        of what chooses a plane. Its last layer leaves room for the 5 channels of what was chosen.
+        of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane.
         """
         super().__init__()
         self.scale = 2
@@ -110,7 +107,7 @@ class LightFieldGenerator(nn.Module):
         ]
         compared = self.compare(torch.cat(shown, 1))
         likely = self.choose(compared).float() - against
-        # Softmax by hand: before its own, onnxruntime turns the tensor around.
+        # Softmax by hand: onnxruntime would transpose the tensor for its own.
         likely = (likely - likely.amax(1, keepdim=True)).exp()
         chosen = likely / _sum_channels(likely)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]

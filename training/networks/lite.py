@@ -51,11 +51,9 @@ class LiteGenerator(nn.Module):
         body  = head + conv(x_1 + ... + x_blocks)            dense sum, last convolution, global skip
         image = conv(LeakyReLU(conv(nearest_x2(body))))      C -> C -> 3
 
-    With the default 6 blocks of 64 channels: 521 thousand parameters, 158,832 multiply-adds for each output pixel
-    (146 G for a picture of 1280x720).
 
-    The paper compares 3, 6 and 16 blocks, and takes batch normalisation out: `batch_norm` puts it back after each
-    convolution of the blocks and after the body's last, where SRGAN has it.
+    The paper compares 3, 6 and 16 blocks. `batch_norm` adds batch normalisation after each convolution of the blocks
+    and the body's last, as in SRGAN.
     """
 
     def __init__(self, blocks: int = 6, channels: int = 64, *, batch_norm: bool = False) -> None:

@@ -5,8 +5,7 @@ twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Co
 hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. The sweep
 returns the mean and the deviation.
 
-Columns and rows are shifted one after the other. The samples used are the same for every window; their weights depend
-on which rows and columns of views are inside the grid. So one network works at the border of the grid too.
+Columns and rows are shifted one after the other. Weights depend on which rows and columns of views are inside the grid.
 """
 
 from __future__ import annotations

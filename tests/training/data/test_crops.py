@@ -15,7 +15,7 @@ def crops(recipe):
     return Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9)
 
 
-def test_a_step_is_the_same_whatever_came_before(crops, recipe):
+def test_a_batch_depends_only_on_seed_and_step(crops, recipe):
     want = crops.make_batch(3)
     fresh = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9)
     assert all(torch.equal(a, b) for a, b in zip(fresh.make_batch(3), want, strict=True))
@@ -32,7 +32,7 @@ def test_low_and_high_stay_aligned_under_every_flip_and_turn(crops):
         assert difference.max() <= 1.01
 
 
-def test_pictures_smaller_than_the_crop_are_left_out_and_told(recipe, capsys):
+def test_pictures_smaller_than_the_crop_are_skipped_with_a_note(recipe, capsys):
     assert len(Crops(Path(recipe.train), crop=24, scale=2, batch=1, seed=0).groups[0]) == 2
     assert "1 of 3 pictures are skipped: they are smaller than the crop of 24x24" in capsys.readouterr().err
     with pytest.raises(ValueError, match="every picture is smaller than the crop of 60x60"):
@@ -89,6 +89,6 @@ def test_memory_makes_no_difference(recipe, crops):
         ({"crop": 0}, "not a multiple of the scale 2"),
     ],
 )
-def test_what_can_not_be(recipe, given, message):
+def test_wrong_arguments(recipe, given, message):
     with pytest.raises(ValueError, match=message):
         Crops(Path(recipe.train), **{"crop": 16, "scale": 2, "batch": 1, "seed": 9} | given)

@@ -48,7 +48,7 @@ def test_against_the_published_low_resolution():
     assert np.abs(difference).mean() <= 0.2
 
 
-def test_pictures_that_can_not_be_downscaled():
+def test_errors():
     with pytest.raises(ValueError, match="no 'lanczos' here; give one of bicubic, box, point"):
         downscale_picture("lanczos", np.zeros((8, 8, 3), np.uint8), 2)
     with pytest.raises(ValueError, match="3x9 is smaller than the 4x4 of one LR pixel"):

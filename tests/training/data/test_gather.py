@@ -29,7 +29,7 @@ def test_lossy_pictures_are_halved_and_lossless_ones_kept():
     np.testing.assert_array_equal(gather.load_picture(saved(large, "PNG")), np.asarray(large))
 
 
-def test_large_pictures_are_made_as_small_as_is_said():
+def test_large_pictures_are_shrunk():
     assert max(gather.load_picture(saved(picture(1, 900, 1600), "PNG")).shape) == gather.DRAWN
     assert max(gather.load_picture(saved(picture(1, 2500, 5000), "JPEG")).shape) == gather.LOSSY
 
@@ -37,7 +37,7 @@ def test_large_pictures_are_made_as_small_as_is_said():
 @pytest.mark.parametrize(
     "content", [b"", b"no picture", saved(picture(3), "PNG")[:200], saved(picture(3, 90, 240), "PNG")]
 )
-def test_what_is_no_picture_or_small_is_left_out(content):
+def test_other_files_and_small_pictures_are_skipped(content):
     assert gather.load_picture(content) is None
 
 
@@ -74,10 +74,10 @@ def test_each_picture_is_taken_once_and_test_pictures_never(tmp_path, capsys):
     assert gather.gather_pictures([source], tmp_path / "few", at_most=1) == 1
 
 
-def test_faults_are_one_line(tmp_path, capsys):
+def test_errors_are_one_line(tmp_path, capsys):
     with pytest.raises(ValueError, match="no picture of 160 pixels or more"):
         gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1)
-    with pytest.raises(ValueError, match="no picture in it"):  # a guard that guards nothing is a fault
+    with pytest.raises(ValueError, match="no picture in it"):
         gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1, exclude=[tmp_path])
     (tmp_path / "a" / "images").mkdir(parents=True)
     (tmp_path / "b" / "images").mkdir(parents=True)

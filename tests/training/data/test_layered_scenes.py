@@ -1,4 +1,4 @@
-"""Layered scenes: where their sheets are seen from each view, and what covers what."""
+"""Layered scenes: positions and occlusion of layers in each view."""
 
 import numpy as np
 import pytest
@@ -28,8 +28,8 @@ def scenes(count=2, *, seed=0, side=24, pictures=PICTURES):
 
 
 @pytest.fixture
-def sheets(monkeypatch):
-    """Scenes of sheets at these disparities from back to front, flat, none of one colour."""
+def layers(monkeypatch):
+    """Scenes of layers at these disparities from back to front, flat, none of one colour."""
     monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
 
@@ -51,9 +51,9 @@ def test_the_middle_view_is_the_luma_of_its_colours():
 
 
 @pytest.mark.parametrize("disparity", [-1.5, -0.5, 0.25, 1.0])
-def test_content_moves_down_and_right_by_the_disparity(sheets, disparity):
+def test_content_moves_down_and_right_by_the_disparity(layers, disparity):
     """Whole fine samples, so that each view is the middle one, moved."""
-    sheets(disparity)
+    layers(disparity)
     views, _ = scenes()
     grid = views.unflatten(1, (SIDE, SIDE))
     steps, margin = round(disparity * layered_scenes.FINE), 2 * abs(round(disparity * layered_scenes.FINE))
@@ -65,18 +65,17 @@ def test_content_moves_down_and_right_by_the_disparity(sheets, disparity):
 
 
 @pytest.mark.parametrize("disparity", [-1.25, -0.5, 0.75, 1.5])
-def test_the_sweep_finds_a_flat_sheet(sheets, disparity):
-    sheets(disparity)
+def test_the_sweep_finds_a_flat_layer(layers, disparity):
+    layers(disparity)
     low = degrade.box(scenes()[0], layered_scenes.FINE)
     _, spread = PlaneSweep(PLANES)(low, WHOLE, WHOLE)
     inner = spread[:, :, 6:-6, 6:-6].mean((2, 3))
     assert inner.argmin(1).tolist() == [(disparity + MOST) / (2 * MOST) * (PLANES - 1)] * 2
 
 
-def test_the_nearer_sheet_covers_the_further(sheets, monkeypatch):
-    """A white sheet, right of the middle, over a black one: its edge moves by its own disparity, and nothing shines
-    through."""
-    sheets(-1.0, 0.75)
+def test_the_nearer_layer_covers_the_further(layers, monkeypatch):
+    """A white layer, right of the middle, over a black one: its edge moves by its disparity."""
+    layers(-1.0, 0.75)
     textures = iter([torch.zeros(3, 160, 160), torch.ones(3, 160, 160)])
     monkeypatch.setattr(layered_scenes, "_draw_texture", lambda random, pictures: next(textures))
     step = torch.where(torch.arange(layered_scenes.MASK) < layered_scenes.MASK // 2, -1e4, 1e4)
@@ -89,10 +88,9 @@ def test_the_nearer_sheet_covers_the_further(sheets, monkeypatch):
     torch.testing.assert_close(colours[0], views[0, 12].expand(3, -1, -1), atol=1e-4, rtol=0)
 
 
-def test_a_fold_begins_where_its_sheet_ends(sheets, monkeypatch):
-    """A white sheet over a black one, and the fold grey: no black shows between them in any view, and outside of the
-    strip all is black."""
-    sheets(-0.5, 0.75)
+def test_a_fold_begins_where_its_layer_ends(layers, monkeypatch):
+    """A white layer over a black one, and the fold grey: no black is visible between them in any view."""
+    layers(-0.5, 0.75)
     monkeypatch.setattr(layered_scenes, "STRAIGHT", 1.0)
     monkeypatch.setattr(layered_scenes, "FOLDED", 1.0)
     for seed in range(12):
@@ -112,7 +110,7 @@ def test_a_fold_begins_where_its_sheet_ends(sheets, monkeypatch):
         assert near[wide].sum() == 0, seed
 
 
-def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
+def test_disparities_are_ordered_and_limited(monkeypatch):
     random = np.random.default_rng(0)
 
     def uniform(low, high, *shape):
@@ -126,7 +124,7 @@ def test_sheets_follow_one_another_and_stay_in_reach(monkeypatch):
     beyond = (disparity.abs() > MOST).any(1).float().mean()
     assert 0 < beyond < layered_scenes.BEYOND
     assert disparity.abs().max() <= 4 * MOST
-    assert (1 - 2 * slope.abs().sum(-1)).min() > 0  # no ray of any view of the window runs along a sheet
+    assert (1 - 2 * slope.abs().sum(-1)).min() > 0  # no ray of any view of the window runs along a layer
     monkeypatch.setattr(layered_scenes, "BEYOND", 0.0)
     disparity, slope = layered_scenes._draw_disparities(uniform, 2000, 30)
     at_the_edge = disparity.abs() + slope.abs().amax(-1) * 15

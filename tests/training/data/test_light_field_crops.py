@@ -1,4 +1,4 @@
-"""Crops of light fields: turned as one, small and large in phase, spoilt as said, the same however they are made."""
+"""Crops of light fields: augmentation, phase of LR and HR, corruption, and determinism."""
 
 import itertools
 from collections import Counter
@@ -37,7 +37,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def flat(monkeypatch):
-    """Scenes of one flat sheet, of which crops have nothing strange."""
+    """Scenes of one flat layer."""
     monkeypatch.setattr(layered_scenes, "LAYERS", (1, 1))
     monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
@@ -75,7 +75,7 @@ def planes(around, rows, cols):
 
 
 class Drawn:
-    """A generator that gives what it is told."""
+    """A generator that returns the given values."""
 
     def __init__(self, *values):
         self.values = list(values)
@@ -84,7 +84,7 @@ class Drawn:
         return self.values.pop(0)
 
 
-def test_a_step_is_the_same_whatever_came_before(folder):
+def test_a_batch_depends_only_on_seed_and_step(folder):
     crops = crops_of(folder)
     wanted = crops.make_batch(20)
     assert same(crops_of(folder).make_batch(20), wanted)
@@ -95,8 +95,8 @@ def test_a_step_is_the_same_whatever_came_before(folder):
 
 
 @pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
-def test_turns_are_of_all_parts_alike(flat, turns):
-    """The sweep finds the sheet where it was, and the window's missing views, which hold noise, are still known."""
+def test_all_parts_are_flipped_in_the_same_way(flat, turns):
+    """The sweep finds the layer at its disparity; missing views, which hold noise, stay missing."""
     picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
     views, colours = layered_scenes.make_scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
@@ -116,7 +116,7 @@ def test_turns_are_of_all_parts_alike(flat, turns):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
+def test_low_is_the_degraded_truth_after_augmentation(folder, clean, kind):
     crops = crops_of(folder, degradations={kind: 1})
     for step in range(8):
         inputs, high = crops.make_batch(step)
@@ -129,7 +129,7 @@ def test_low_is_what_the_truth_makes_however_it_is_turned(folder, clean, kind):
         assert (made - inputs.image).abs().max() <= 1.01 / 255  # sums in another order may round otherwise
 
 
-def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
+def test_views_around_are_degraded_in_phase_with_the_view(folder):
     crops = crops_of(folder, degradations=dict.fromkeys(KINDS, 1))
     for step in range(6):
         image, around, _ = crops._crop_scenes(np.random.default_rng(step), step)
@@ -139,7 +139,7 @@ def test_the_views_around_are_made_small_in_phase_with_the_view(folder):
         assert (around[:, OWN] - luma(image))[whole].abs().max() < 4.1 / 255
 
 
-def test_the_slot_of_the_view_itself_is_its_luma_when_all_is_spoilt(folder, monkeypatch):
+def test_the_middle_slot_is_the_luma_of_the_corrupted_view(folder, monkeypatch):
     monkeypatch.setattr(light_field_crops, "MISMATCHED", 0.5)
     monkeypatch.setattr(light_field_crops, "NOISE", (0.5, 0.1))
     monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
@@ -154,7 +154,7 @@ WHOLE = Window(*(torch.from_numpy(select_axis(4, 9).present),) * 2)
 OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
 
 
-def test_grain_is_that_of_colours_and_another_in_each_view(clean, monkeypatch):
+def test_grain_is_independent_between_views(clean, monkeypatch):
     monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
     grey = torch.full((4, 3, 40, 40), 0.5), torch.full((4, 25, 40, 40), 0.5)
     image, around = light_field_crops._corrupt(np.random.default_rng(0), *grey, 1.0)
@@ -172,7 +172,7 @@ def seeded():
     return np.random.default_rng(0)
 
 
-def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
+def test_mismatched_views_are_of_another_scene(clean, monkeypatch):
     monkeypatch.setattr(light_field_crops, "MISMATCHED", 1.0)
     level = torch.tensor([0.2, 0.5, 0.8])[:, None, None, None]
     image, around = light_field_crops._corrupt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
@@ -181,14 +181,14 @@ def test_strange_views_are_those_of_another_scene(clean, monkeypatch):
     torch.testing.assert_close(around[:, OWN], level[:, 0].expand(3, 4, 4))
 
 
-def test_windows_at_the_border_come_in_slowly(folder):
+def test_windows_at_the_border_reach_their_share_gradually(folder):
     crops = crops_of(folder, eased=60)
     whole = [all(part[1].all() for part in crops.make_batch(step)[0][2:]) for step in range(60)]
     assert all(whole[:3])
     assert sum(whole[:20]) > sum(whole[40:])
 
 
-def test_threads_change_nothing_and_make_no_scene_twice(folder, monkeypatch):
+def test_threads_make_the_same_batches_and_each_scene_once(folder, monkeypatch):
     made = Counter()
     make = layered_scenes.make_scenes
 
@@ -245,24 +245,20 @@ def test_crops_larger_than_the_light_fields_crop_meshes(folder, mesh, monkeypatc
     [
         ({"degradations": {}}, "degradations: none given; give shares of bicubic, box, point"),
         ({"degradations": {"box": 0}}, "share of box is 0; give a number above 0"),
-        ({"degradations": {"box": 1, "point": -1}}, "share of point is -1; give a number above 0"),
-        ({"degradations": {"box": float("nan")}}, "share of box is nan"),
-        ({"degradations": {"box": "much"}}, "share of box is 'much'"),
-        ({"degradations": {"sinc": 1}}, "no 'sinc' here; give bicubic, box, point$"),
+        ({"degradations": {"sinc": 1}}, "no 'sinc' here; give bicubic, box, point;"),
         ({"degradations": {"pinhole": 1}}, "no 'pinhole' here"),
         ({"meshes": ["a.obj"], "degradations": {"bicubic-view": 1}}, "no 'bicubic-view' here; .*, pinhole, lenslet$"),
         ({"meshes": ["a.obj"]}, "of no use without pinhole or lenslet; add a share"),
         ({"scale": 4}, "scale is 4; light fields are upscaled by 2: give that"),
-        ({"crop": 33}, "a crop of 33 pixels is not a multiple of the scale 2"),
     ],
 )
-def test_what_can_not_be(folder, given, message):
+def test_wrong_arguments(folder, given, message):
     with pytest.raises(ValueError, match=message) as caught:
         crops_of(folder, **given)
     assert "\n" not in str(caught.value)
 
 
-def test_pictures_smaller_than_a_texture_are_no_use(tmp_path):
+def test_pictures_smaller_than_a_texture_are_skipped(tmp_path):
     Image.new("RGB", (layered_scenes.TEXTURE, layered_scenes.TEXTURE - 1)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="no picture is as large as 160x160; name others"):
         crops_of(tmp_path)

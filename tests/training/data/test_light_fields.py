@@ -20,7 +20,7 @@ def save(folder, pixels, name="view_{v:02d}_{u:02d}"):
     return folder
 
 
-def test_views_stand_where_their_names_say(tmp_path):
+def test_views_are_placed_by_their_names(tmp_path):
     pixels = views(3, 4)
     np.testing.assert_array_equal(read_views(save(tmp_path / "a", pixels)), pixels)
 
@@ -60,7 +60,7 @@ def refused(folder, **options):
 
 
 def test_names_without_a_position(tmp_path):
-    """The error does not name the option `pixels`, which reconstruction alone has."""
+    """The error does not name the option `pixels`, which only reconstruction has."""
     message = refused(save(tmp_path / "a", views(1, 5), name="picture{u}x"))
     assert "5 pictures without rows and columns in their names" in message
     assert message.endswith("name them view_VV_UU.png by row and column, or remove the pictures that are not views")
@@ -78,7 +78,7 @@ def test_names_without_a_position(tmp_path):
         (lambda a: [path.unlink() for path in a.iterdir() if "00_00" not in path.name], "no set of views; name"),
     ],
 )
-def test_a_folder_at_fault_is_named(tmp_path, damage, message):
+def test_errors_name_the_folder(tmp_path, damage, message):
     folder = save(tmp_path / "a", views(2, 3))
     damage(folder)
     with pytest.raises(ValueError, match=message):
@@ -92,7 +92,7 @@ def test_no_folder(tmp_path):
     assert "no such folder" in refused(tmp_path / "a.png")
 
 
-def test_views_too_small_or_of_a_kind_that_is_not_read(tmp_path):
+def test_views_too_small_or_of_an_unsupported_type(tmp_path):
     small = f"views of {LEAST - 1}x{LEAST} pixels; at least {LEAST}x{LEAST} are needed: name larger views"
     assert small in refused(save(tmp_path / "small", views(3, 3, LEAST - 1, LEAST)))
     clear = np.concatenate([views(2, 2), views(2, 2)[..., :1]], axis=-1)

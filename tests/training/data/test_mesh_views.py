@@ -1,4 +1,4 @@
-"""Views of meshes as training render_pairs."""
+"""Views of meshes as training pairs."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def mesh(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("index", "scale"), [(0, 2), (1, 2), (2, 2), (1, 4)])
-def test_the_truth_lies_where_the_views_say(index, scale):
+def test_the_truth_is_aligned_with_the_views(index, scale):
     """For each size of array: cell means of the truth are the lenslets' views, and not those of a lens further."""
     (pinhole, truth), (lenslet, same) = render_pairs(load_scene("globe"), seed=4, index=index, scale=scale)
     assert same is truth
@@ -38,7 +38,7 @@ def test_the_truth_lies_where_the_views_say(index, scale):
 
 
 def test_small_views_lie_side_by_side():
-    """A view of a 24x24 array is what that array alone sees: each cell holds an object of its own."""
+    """A view of a 24x24 array is what that array sees: each cell holds an object."""
     _, (lenslet, _) = render_pairs(load_scene("vase"), seed=1, index=0, scale=2)
     cells = lenslet.reshape(4, LENSES[0], 4, LENSES[0], 3).swapaxes(1, 2).reshape(16, -1, 3)
     shown = (cells != lenslet[0, 0]).any(axis=2).mean(axis=1)
@@ -68,7 +68,7 @@ def test_a_window_of_views_is_in_the_order_that_the_sweep_takes(index):
         assert (field.colours["lenslet"] - mean.roll(1, axis_of)).abs().mean() > 3 * aligned
 
 
-def test_a_picture_depends_on_its_number_alone(mesh):
+def test_a_picture_depends_only_on_its_number(mesh):
     one, again, other = (render_pairs(read_mesh(mesh), seed=1, index=index, scale=2) for index in (3, 3, 4))
     np.testing.assert_array_equal(one[0][1], again[0][1])
     assert not np.array_equal(one[0][1], other[0][1])

@@ -1,4 +1,4 @@
-"""Folders of pictures: which files are read, as what pixels, and what a bad one says."""
+"""Folders of pictures: which files are read, as which pixels, and errors."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_every_kind_of_pixel_becomes_8_bit_rgb(tmp_path):
     assert read_picture(tmp_path / "a.png").shape == (6, 10, 1)
 
 
-def test_what_is_transparent_lies_over_black(tmp_path):
+def test_transparent_pixels_are_blended_with_black(tmp_path):
     alpha = np.full_like(GREY, 255)
     alpha[0], alpha[1] = 0, 128
     got = read_picture(save(tmp_path / "a.png", np.dstack([COLOUR, alpha])))
@@ -79,7 +79,7 @@ def test_bad_pictures_are_named_at_the_start(tmp_path):
         Pictures(tmp_path)
 
 
-def test_memory_bounds_what_is_kept_and_nothing_else(tmp_path):
+def test_memory_limits_only_what_is_kept(tmp_path):
     for i in range(4):
         save(tmp_path / f"{i}.png", COLOUR + np.uint8(i))
     tight, roomy = Pictures(tmp_path, memory=2 * COLOUR.nbytes), Pictures(tmp_path)

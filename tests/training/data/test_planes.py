@@ -1,4 +1,4 @@
-"""Where rays meet sheets, held against linear equations solved ray by ray; and what of a fold each view sees."""
+"""Intersections of rays with layers against equations solved ray by ray, and the visible part of folds."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def double(*parts):
     return (torch.tensor(part, dtype=torch.float64) for part in parts)
 
 
-def test_a_slanted_sheet_is_met_where_its_equation_says():
+def test_intersections_with_a_slanted_layer():
     disparity, slope = 0.7, np.array([0.04, -0.03])
     found = planes.intersect_layer(*double(OFFSETS, disparity, slope)).apply(ALONG)
     for view, offset in enumerate(OFFSETS):
@@ -31,8 +31,8 @@ def test_a_slanted_sheet_is_met_where_its_equation_says():
 
 
 @pytest.mark.parametrize("change", [-0.7, 0.3, 2.0])
-def test_a_fold_is_seen_by_the_views_before_it_alone_as_wide_as_they_see_it(change):
-    """A strip along a vertical edge at 1, over a flat sheet of disparity 0.5: in each view from the sheet's edge to
+def test_width_of_a_fold_in_each_view(change):
+    """A strip along a vertical edge at 1, over a flat layer of disparity 0.5: in each view from the layer's edge to
     where its own other edge is met, `width * (1 + change * u)` pixels away, or nowhere where that is no width at all.
     """
     width, edge, disparity = 1.5, 1.0, 0.5
@@ -43,11 +43,11 @@ def test_a_fold_is_seen_by_the_views_before_it_alone_as_wide_as_they_see_it(chan
     along = (torch.arange(400, dtype=torch.float64) + 0.5) / 20 - 10
     seen = fold.coverage(along, offsets, torch.tensor(disparity, dtype=torch.float64), flat)
     for view, (_, u) in enumerate(offsets.tolist()):
-        near = edge + disparity * u  # where the sheet begins
+        near = edge + disparity * u  # where the layer begins
         wanted = max(0.0, width * (1 + change * u))
         outside = seen[view, :, along < near]
         assert torch.equal(outside, outside[:1].expand_as(outside))
         assert outside[0].sum() / 20 == pytest.approx(wanted, abs=0.05)  # a pixel here is 0.05
         if wanted:
-            assert seen[view, 0, (along > near) & (along < near + 0.05)].min() > 0.99  # nothing shines through
+            assert seen[view, 0, (along > near) & (along < near + 0.05)].min() > 0.99
             assert seen[view, 0, along > near + 0.15].max() == 0

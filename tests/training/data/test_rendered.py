@@ -1,4 +1,4 @@
-"""Pairs of rendered views: the same each time, aligned, and what each kind of array sees."""
+"""Pairs of rendered views: deterministic, aligned, and sampled as by each kind of array."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
 PICTURES = [np.random.default_rng(i).integers(0, 256, (120, 90, 3), dtype=np.uint8) for i in range(3)]
 
 
-def test_a_scene_depends_on_its_number_alone():
+def test_a_scene_depends_only_on_its_number():
     one, again, other = (rendered.render_pairs(PICTURES, seed=1, index=index) for index in (5, 5, 6))
     for first, second in zip(one, again, strict=True):
         np.testing.assert_array_equal(first[0], second[0])
@@ -21,12 +21,12 @@ def test_a_scene_depends_on_its_number_alone():
 
 
 @pytest.mark.parametrize("index", range(3))
-def test_the_truth_lies_where_the_views_say(index):
+def test_the_truth_is_aligned_with_the_views(index):
     (pinhole, truth), (lenslet, same) = rendered.render_pairs(PICTURES, seed=2, index=index)
     assert (pinhole.shape, lenslet.shape, truth.shape) == ((96, 96, 3), (96, 96, 3), (192, 192, 3))
     assert same is truth
     mean = truth.reshape(96, 2, 96, 2, 3).mean((1, 3))
-    # A lens of the coarse array covers 2x2 of the fine one; 16 samples of it against 64 differ at edges alone.
+    # A lens of the coarse array covers 2x2 of the fine one; 16 samples of it against 64 differ only at edges.
     aligned = np.abs(lenslet - mean).mean()
     assert aligned < 1.0
     for shifted in (np.roll(mean, 1, 0), np.roll(mean, 1, 1)):

@@ -1,4 +1,4 @@
-"""BasicLFSR's protocol on folders of views: what is scored, by which model, and what can't be."""
+"""BasicLFSR's protocol on folders of views."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def save(folder: Path, views: dict[tuple[int, int], np.ndarray]) -> Path:
 
 
 def field(down: int, across: int) -> dict[tuple[int, int], np.ndarray]:
-    """Views of flat 2x2 cells: what is made small by their mean comes back whole from the nearest pixel."""
+    """Views of flat 2x2 cells: nearest interpolation inverts their means."""
     random = np.random.default_rng(0)
     small = random.integers(0, 255, (down, across, SIDE // 2, SIDE // 2, 3), np.uint8)
     return {(v, u): small[v, u].repeat(2, axis=0).repeat(2, axis=1) for v in range(down) for u in range(across)}
 
 
 class Repeat(LightFieldNetwork):
-    """A stand-in for a network: repeats each view's pixels, and notes in what window it stood."""
+    """A stand-in for a network: repeats each view's pixels, and records its windows."""
 
     name, scale, radius, threads = "repeat", 2, 0, 1
 
@@ -68,7 +68,7 @@ def test_a_known_error(tmp_path, network):
     assert 0.9 < found.ssim < 1
 
 
-def test_views_outside_the_grid_play_no_part(tmp_path):
+def test_views_outside_the_grid_are_ignored(tmp_path):
     network, views = Repeat(), field(5, 5)
     score(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
     assert len(network.windows) == 9
@@ -114,7 +114,7 @@ def test_a_wrong_count(tmp_path):
     assert "3x3 views; --grid 5x5 needs more" in refused(save(tmp_path / "w", field(3, 3)))
 
 
-def test_what_is_no_set_of_views(tmp_path):
+def test_folders_without_a_usable_set_of_views(tmp_path):
     (tmp_path / "empty").mkdir()
     assert refused(tmp_path / "empty")
     assert "no set of views" in refused(save(tmp_path / "one", field(1, 1)), grid=(1, 1))

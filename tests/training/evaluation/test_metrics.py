@@ -26,11 +26,11 @@ def test_psnr_of_a_known_error():
 
 def test_the_border_does_not_count():
     picture, truth = planes()
-    spoilt = picture.copy()
-    spoilt[:2], spoilt[:, -2:] = 0, 255
-    assert compute_psnr(spoilt, truth, border=2) == compute_psnr(picture, truth, border=2)
-    assert compute_ssim(spoilt, truth, border=2) == compute_ssim(picture, truth, border=2)
-    assert compute_ssim(spoilt, truth, border=1) != compute_ssim(picture, truth, border=1)
+    changed = picture.copy()
+    changed[:2], changed[:, -2:] = 0, 255
+    assert compute_psnr(changed, truth, border=2) == compute_psnr(picture, truth, border=2)
+    assert compute_ssim(changed, truth, border=2) == compute_ssim(picture, truth, border=2)
+    assert compute_ssim(changed, truth, border=1) != compute_ssim(picture, truth, border=1)
 
 
 def test_ssim_against_one_window_by_hand():

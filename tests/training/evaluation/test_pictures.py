@@ -28,7 +28,7 @@ def test_bicubic_scores_what_is_published(data, psnr, ssim):
 
 
 @needs_shared
-def test_the_card_tells_the_accuracy_that_is_measured():
+def test_the_measured_accuracy_is_the_cards():
     (entry,) = (entry for entry in models.list_entries() if entry.name == "paper")
     (claimed,) = (score for score in entry.card.accuracy if score.data == "Set5")
     measured = evaluate("paper", IMAGES / "Set5")
@@ -87,7 +87,7 @@ def test_any_pictures_can_be_degraded(tmp_path):
     )
 
 
-def test_pictures_that_can_not_be_degraded_or_scored(tmp_path):
+def test_errors_of_pictures(tmp_path):
     with pytest.raises(ValueError, match="no picture in it"):
         score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((1, 9), np.uint8))

@@ -1,4 +1,4 @@
-"""What int8 networks are calibrated on: each picture with its truth, under the names of a network's inputs."""
+"""Examples for calibration: inputs by name and their truth."""
 
 from pathlib import Path
 
@@ -62,7 +62,7 @@ def test_light_fields(tmp_path):
     np.testing.assert_array_equal(rendered.inputs["around"][0] * 255, seen.views["lenslet"])
 
 
-def test_no_picture_that_serves(recipe, tmp_path):
+def test_folders_without_usable_pictures(recipe, tmp_path):
     with pytest.raises(ValueError, match="no picture in it"):
         calibration.make_picture_examples([tmp_path], 2)
     with pytest.raises(ValueError, match="no picture is as large as"):

@@ -69,7 +69,7 @@ def test_no_weight_is_denormal_or_near_it(checkpoint):
 
 
 @pytest.mark.parametrize("size", [(8, 8), (9, 13), (31, 18)])  # smaller ones are padded before they reach it
-def test_what_ships_equals_torch(exported, checkpoint, size):
+def test_the_file_equals_torch(exported, checkpoint, size):
     network = simplify_network(load_network(torch.load(checkpoint, weights_only=True)))
     images = np.random.default_rng(2).random((2, 3, *size), dtype=np.float32)
     with torch.no_grad():
@@ -87,7 +87,7 @@ def test_an_export_that_differs_is_refused(exported, checkpoint):
         compare_with_torch(network, weights)
 
 
-def test_an_export_says_nothing_and_comes_out_the_same_again(exported, checkpoint, capfd):
+def test_an_export_prints_nothing_and_is_deterministic(exported, checkpoint, capfd):
     network = simplify_network(load_network(torch.load(checkpoint, weights_only=True)))
     assert to_onnx.convert_network(network, 2) == exported.with_suffix(".onnx").read_bytes()
     assert capfd.readouterr() == ("", "")

@@ -72,18 +72,18 @@ def test_the_card(exported, views):
 
 
 @pytest.mark.parametrize("place", examples.WINDOWS)
-def test_what_ships_equals_torch(exported, checkpoint, place):
+def test_the_file_equals_torch(exported, checkpoint, place):
     network = simplify_network(load_network(checkpoints.read_checkpoint(checkpoint)))
     inputs = examples.make_examples(network, 2, 13, 21, place=place)
     with torch.no_grad():
-        wanted, doubt = network.forward_with_uncertainty(*inputs)
-    made, told = LightFieldNetwork(exported)(*(part.numpy() for part in inputs))
+        wanted, uncertainty = network.forward_with_uncertainty(*inputs)
+    made, found = LightFieldNetwork(exported)(*(part.numpy() for part in inputs))
     np.testing.assert_allclose(made, wanted.clamp(0, 1).numpy(), atol=1e-5)  # float32's rounding, in another order
-    np.testing.assert_allclose(told, doubt.numpy(), atol=1e-5)
+    np.testing.assert_allclose(found, uncertainty.numpy(), atol=1e-5)
 
 
 def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
-    """Off by a view at the lower border alone, which one of the places shows."""
+    """Wrong only at the lower border, which is one of the windows."""
 
     class Off(LightFieldGenerator):
         def forward_with_uncertainty(self, image, around, rows, cols):
@@ -99,9 +99,9 @@ def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
         compare_with_torch(network, weights)
 
 
-def test_nothing_runs_slower_than_it_need(exported, tmp_path):
+def test_operators_are_fused(exported, tmp_path):
     """onnxruntime's blocked kernels take in the ReLUs, and average over patches; the sweep's convolutions, whose
-    kernels are computed, and the last layers' alone are as they come.
+    kernels are computed, and the last layers' stay.
     """
     options = onnxruntime.SessionOptions()
     options.optimized_model_filepath = str(tmp_path / "optimised.onnx")
@@ -151,7 +151,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     random = np.random.default_rng(2)
     image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
     inputs = (image, around, select_axis(0, 5).present, select_axis(3, 5).present)
-    (made, doubt), (wanted, exact) = (LightFieldNetwork(card)(*inputs) for card in (path, exported))
+    (made, uncertainty), (wanted, exact) = (LightFieldNetwork(card)(*inputs) for card in (path, exported))
     difference = np.abs(made - wanted)
-    np.testing.assert_allclose(doubt, exact, atol=1e-6)
-    assert 0 < difference.mean() < 0.02  # in noise two planes suit alike here and there, and the other one is chosen
+    np.testing.assert_allclose(uncertainty, exact, atol=1e-6)
+    assert 0 < difference.mean() < 0.02  # in noise two planes suit equally in places, and the other one is chosen

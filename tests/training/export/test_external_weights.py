@@ -39,7 +39,7 @@ def compact(tmp_path_factory):
     return network, file, external_weights.export_weights(file, folder / "out")
 
 
-def test_the_stub_does_not_stay():
+def test_the_stub_is_removed():
     assert "torchvision" not in sys.modules
 
 
@@ -54,7 +54,7 @@ def test_the_card(compact):
     assert card.training.recipe == {"weights": "small-compact.pth", "sha256": sha256}
 
 
-def test_it_upscales_as_it_did(compact):
+def test_the_file_equals_the_network(compact):
     network, _, path = compact
     images = np.random.default_rng(0).random((2, 3, 9, 30), dtype=np.float32)
     with torch.no_grad():
@@ -117,7 +117,7 @@ class Evil:
         ("a.pth", Compact(num_feat=4, num_conv=1, upscale=1), "upscales RGB"),
     ],
 )
-def test_what_is_no_network_for_us(tmp_path, capfd, name, content, words):
+def test_unusable_files(tmp_path, capfd, name, content, words):
     path = tmp_path / name
     if isinstance(content, bytes):
         path.write_bytes(content)

@@ -23,7 +23,7 @@ def test_radius_and_cost_of_the_papers_generator():
     assert measure.count_parameters(network) == 520515
 
 
-def test_of_an_interpolated_base_the_work_counts_and_the_constants_do_not():
+def test_an_interpolated_base_counts_as_work_but_not_as_parameters():
     network = collapse(make_network("compact", {"widths": [32, 48]}))
     convolutions = 9 * (3 * 32 + 32 * 48 + 48 * 12)
     assert measure.count_parameters(network) == convolutions + 32 + 48 + 12
@@ -35,7 +35,7 @@ def test_of_an_interpolated_base_the_work_counts_and_the_constants_do_not():
 
 
 class Wide(nn.Module):
-    """Nearest x2 plus what pixels `far` away say, faintly."""
+    """Nearest x2 plus a share of pixels `far` away."""
 
     def __init__(self, far: int, weight: float) -> None:
         super().__init__()
@@ -49,17 +49,17 @@ class Wide(nn.Module):
 
 
 @pytest.mark.parametrize(("far", "radius"), [(1, 1), (40, 40), (120, 120), (121, None)])
-def test_radius_of_what_sees_along_one_side_only(far, radius):
+def test_radius_of_a_kernel_along_one_axis(far, radius):
     assert measure.find_receptive_radius(Wide(far, 1.0), 2) == radius
 
 
 @pytest.mark.parametrize(("far", "weight", "overlaps"), [(20, 0.5, (24, 20)), (200, 1e-3, (8, 10)), (3, 0.5, (8, 10))])
-def test_tiles_overlap_as_far_as_it_shows(far, weight, overlaps):
+def test_tile_overlap(far, weight, overlaps):
     for step, overlap in zip((1, 5), overlaps, strict=True):
         assert measure.find_tile_overlap(Wide(far, weight), 2, Sizes(multiple_of=step)) == overlap
 
 
-def test_a_network_that_looks_at_the_mean_of_everything_is_refused():
+def test_a_network_with_a_global_mean_is_refused():
     """In even noise each tile's mean is the picture's."""
 
     class Gate(nn.Module):
@@ -78,7 +78,7 @@ def test_radius_and_cost_of_a_light_field_network():
 
 
 @pytest.mark.parametrize("place", examples.WINDOWS)
-def test_a_light_field_network_sees_no_further_and_no_less(place):
+def test_the_radius_of_a_light_field_network_is_exact(place):
     """The outputs of the middle pixel against every pixel beyond the radius, and against those at its end. Views next
     to the one that is upscaled are shifted by half as much, so that less is seen of a window that has only those.
     """

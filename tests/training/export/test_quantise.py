@@ -1,4 +1,4 @@
-"""int8: the graph that is made, the grids that are chosen, and the whole way from checkpoint to `NAME-int8`."""
+"""int8: the graph, the grids, and the export from checkpoint to `NAME-int8`."""
 
 import dataclasses
 from pathlib import Path
@@ -70,8 +70,8 @@ def test_a_few_extremes_do_not_make_the_grid_coarse():
     assert np.square(chosen.round(values) - values).mean() < np.square(coarse.round(values) - values).mean()
 
 
-def test_a_leaky_relu_cuts_what_it_makes_small():
-    """Codes for negative values are of an eighth of the use that others are of."""
+def test_the_grid_before_a_leaky_relu_has_fewer_negative_codes():
+    """The slope makes errors of negative values an eighth."""
     values = np.random.default_rng(0).normal(0, 1, 20000).astype(np.float32)
     node = onnx.helper.make_node("LeakyRelu", ["x"], ["y"], alpha=0.125)
     sample = quantise._Sample(values, float(values.min()), float(values.max()))
@@ -92,7 +92,7 @@ def test_a_relu_behind_a_layer_that_is_padded(pairs):
     assert np.abs(got - want).max() < 3 / 255
 
 
-def test_a_bias_over_a_filter_of_nearly_nothing(pairs):
+def test_a_bias_with_a_nearly_zero_filter(pairs):
     """Its code stays within 32 bits."""
     network = simplify_network(make_network("compact", {"widths": [8, 16]}))
     with torch.no_grad():
@@ -147,7 +147,7 @@ def test_int8_is_near_float(weights, made, shape):
 
 
 @suited
-def test_it_comes_out_the_same_again(weights, pairs, made):
+def test_quantisation_is_deterministic(weights, pairs, made):
     assert quantise.quantise_network(weights, pairs) == made
 
 
@@ -160,13 +160,13 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
         (output,) = session.run(None, inputs)
         return np.rint(255 * output[0].clip(0, 1).transpose(1, 2, 0)).astype(np.uint8)
 
-    def spoilt(model, pairs):
+    def coarse(model, pairs):
         grids = choose(model, pairs)
         (name,) = (layer.tensors[1] for layer in qdq.find_layers(model) if layer.name == "body.2.weight")
         return grids | {name: qdq.Grid(grids[name].scale * 100, grids[name].zero)}
 
     pairs = [calibration.Example(inputs, truth(inputs)) for inputs, _ in pairs]
-    monkeypatch.setattr(quantise, "choose_grids", spoilt)
+    monkeypatch.setattr(quantise, "choose_grids", coarse)
     made, kept = quantise.quantise_network(weights, pairs)
     assert kept == ["body.2.weight"]
     names = {value.name for value in onnx.load_from_string(made).graph.initializer}

@@ -41,7 +41,7 @@ def test_the_old_checkpoint_survives_a_full_disk(tmp_path):
 
 
 @pytest.mark.parametrize("data", [b"", b"text", b"PK\x03\x04" + bytes(40), None])
-def test_what_is_no_checkpoint(tmp_path, data):
+def test_files_that_are_no_checkpoint(tmp_path, data):
     path = tmp_path / "checkpoint.pt"
     if data is None:
         torch.save({"weights": 1}, path)

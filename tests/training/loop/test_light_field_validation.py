@@ -1,4 +1,4 @@
-"""What a light-field network is given for a view while it is validated, and its score."""
+"""Validation of light-field networks: inputs and score."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from ciir.training.loop import light_field_validation
 
 @pytest.mark.parametrize(("grid", "at"), [((5, 5), (2, 2)), ((7, 3), (0, 2)), ((3, 6), (1, 4))])
 def test_a_window_holds_the_views_around(grid, at):
-    """Each in the slot of its offset, row by row; beyond the border the view itself, and a 0 that says so."""
+    """Each in the slot of its offset, row by row; beyond the border the view itself, marked by a 0."""
     low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
     image, around, rows, cols = light_field_validation.make_inputs(low, *at)
     assert (image.shape, around.shape, rows.shape, cols.shape) == ((1, 3, 6, 8), (1, 25, 6, 8), (5,), (5,))
@@ -29,7 +29,7 @@ def test_a_window_holds_the_views_around(grid, at):
         np.testing.assert_allclose(luma * 255, seen @ np.array(LUMA), atol=1e-3)  # float32 of numbers up to 255
 
 
-def test_the_middle_of_a_folder_is_made_small_in_each_way(tmp_path):
+def test_the_middle_views_are_degraded_in_each_way(tmp_path):
     pixels = np.random.default_rng(0).integers(0, 256, (7, 6, 20, 16, 3), np.uint8)
     for v in range(7):
         for u in range(6):

@@ -80,8 +80,8 @@ def test_a_missing_package_costs_its_file_and_prints_one_note(tmp_path, monkeypa
 
 def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):
     with Progress(10, 110, 30.0) as progress:
-        progress.step(0.5)
-        progress.step(None)
+        progress.count_step(0.5)
+        progress.count_step(None)
         progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4)
     assert capsys.readouterr().err == "step 60 of 110: loss 0.25, PSNR 33.33 dB, 2.4 s a step, 02:00 left\n"
 
@@ -89,8 +89,8 @@ def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):
 def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with Progress(0, 2, 30.0) as progress:
-        progress.step(0.5)
-        progress.step(0.25)
+        progress.count_step(0.5)
+        progress.count_step(0.25)
         progress.report_validation(2, loss=0.25, psnr=33.333, pace=2.4)
     shown = capsys.readouterr().err
     assert "2/2" in shown

@@ -12,16 +12,16 @@ def test_order(threads):
     assert list(prefetch_batches(lambda step: (step, -step), 4, 11, threads=threads)) == [(s, -s) for s in range(4, 11)]
 
 
-def test_only_so_many_are_made_ahead():
+def test_prefetch_is_limited():
     made = []
     coming = prefetch_batches(lambda step: made.append(step) or (step, step), 0, 100, threads=2)
     next(coming)
-    coming.close()  # waits for what is in the making
+    coming.close()
     assert sorted(made) == [0, 1, 2]
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("prefetch_batches")]
 
 
-def test_a_fault_comes_with_its_batch():
+def test_an_error_is_raised_at_its_batch():
     def at(step):
         return (1 // (2 - step), step)
 

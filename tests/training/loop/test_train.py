@@ -62,7 +62,7 @@ def at_step(monkeypatch, step, act):
 
 @pytest.fixture(autouse=True)
 def no_picture(monkeypatch):
-    """Half a second each; what `unbroken` makes is real."""
+    """Half a second each; `unbroken` draws real ones."""
     monkeypatch.setattr(logs.plot, "draw_curves", lambda rows, losses, title: b"")
 
 
@@ -124,7 +124,7 @@ def test_a_signal_ends_the_step_and_the_run_goes_on_from_there(unbroken, tmp_pat
 
 
 def test_a_killed_run_on_light_fields_continues_bit_for_bit(recipe, tmp_path, monkeypatch):
-    """Over the border of a block of scenes, which a thread makes ahead."""
+    """Across a block of scenes, which a thread prefetches."""
     random = np.random.default_rng(0)
     for folder, shape in (("train", (1, 1, TEXTURE, TEXTURE, 3)), ("views", (3, 3, 24, 24, 3))):
         (tmp_path / folder).mkdir()
@@ -182,7 +182,7 @@ def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path
         ({"crop": 48}, "smaller"),
     ],
 )
-def test_a_recipe_at_fault_leaves_nothing(recipe, tmp_path, change, message):
+def test_a_wrong_recipe_writes_nothing(recipe, tmp_path, change, message):
     with pytest.raises(ValueError, match=message) as caught:
         train.train(replace(recipe, **change), tmp_path / "run")
     assert "\n" not in str(caught.value)
@@ -225,7 +225,7 @@ def test_options_of_the_command_are_fields_of_the_recipe():
     assert set(OVERRIDES) == {field.name for field in fields(Recipe)} & set(vars(args))
 
 
-def test_a_warm_up_longer_than_the_run_is_told(recipe, tmp_path, capsys):
+def test_a_warm_up_longer_than_the_run_is_reported(recipe, tmp_path, capsys):
     train.report_start(replace(recipe, steps=5, warmup=5), 0)
     assert "warmup: 5 of 5 steps; the step size never reaches learning_rate" in capsys.readouterr().err
     train.report_start(replace(recipe, steps=5, warmup=4), 2)

@@ -46,7 +46,7 @@ def test_pairs_and_their_score(picture, tmp_path):
     assert network.training
 
 
-def test_a_folder_of_pictures_is_made_smaller_bicubically(picture, tmp_path):
+def test_a_folder_of_pictures_is_downscaled_bicubically(picture, tmp_path):
     save(picture, tmp_path / "a.png")
     save(np.full((12, 12), 99, np.uint8), tmp_path / "grey.tif")
     (low, high), (grey, _) = validation.read_pairs(tmp_path, 2)
@@ -64,7 +64,7 @@ def test_a_folder_of_pictures_is_made_smaller_bicubically(picture, tmp_path):
         ({"a.png": (5, 40)}, "too small to validate on"),
     ],
 )
-def test_folders_at_fault(tmp_path, files, message):
+def test_unusable_folders(tmp_path, files, message):
     for name, size in files.items():
         save(np.zeros((*size, 3), np.uint8), tmp_path / name)
     with pytest.raises(ValueError, match=message):

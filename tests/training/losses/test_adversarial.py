@@ -9,7 +9,7 @@ from torch.nn import functional
 from ciir.training.losses.adversarial import Adversary, SaturationWatch, find_losses
 from ciir.training.networks.discriminator import Discriminator
 
-DOUBTFUL = torch.tensor([0.5, -0.5])
+UNDECIDED = torch.tensor([0.5, -0.5])
 
 
 def adversary(name="bce", **options):
@@ -19,7 +19,7 @@ def adversary(name="bce", **options):
 
 
 def pictures(seed, count=4):
-    """Noise, and the same blurred: easy to tell."""
+    """Noise and blurred noise, which are easy to separate."""
     real = torch.rand(count, 3, 16, 16, generator=torch.Generator().manual_seed(seed))
     return functional.avg_pool2d(real, 3, stride=1, padding=1), real
 
@@ -54,7 +54,7 @@ def test_hinge():
 
 
 @pytest.mark.parametrize("name", ["bce", "hinge"])
-def test_updates_teach_it_to_tell_real_from_made(name):
+def test_updates_separate_real_from_made(name):
     player = adversary(name)
     first, *_, last = teach(player, 60)
     assert last["discriminator_loss"] < 0.5 * first["discriminator_loss"]
@@ -62,7 +62,7 @@ def test_updates_teach_it_to_tell_real_from_made(name):
     assert player.watch.updates == 60
 
 
-def test_its_update_leaves_the_generator_alone_and_the_generators_leaves_it_alone():
+def test_the_two_updates_are_independent():
     player = adversary()
     made, real = pictures(0)
     made.requires_grad_()
@@ -85,21 +85,21 @@ def test_a_loss_that_is_not_a_number_stops_it_before_the_step():
     assert all(torch.equal(a, b) for a, b in zip(before, player.network.parameters(), strict=True))
 
 
-def test_a_discriminator_that_wins_for_good_stops_the_run():
+def test_a_discriminator_that_separates_everything_stops_the_run():
     watch = SaturationWatch(start=5, patience=10)
     for _ in range(5):
-        watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)  # at the start it may
+        watch.record(0.0, UNDECIDED + 30, UNDECIDED - 30)  # not counted yet
     for _ in range(9):
-        watch.record(0.15, DOUBTFUL + 4, DOUBTFUL - 4)
+        watch.record(0.15, UNDECIDED + 4, UNDECIDED - 4)
     with pytest.raises(
         ValueError, match=r"separated all real .* since update 6 \(loss below 0.16, 10 times .*; lower"
     ) as e:
-        watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+        watch.record(0.0, UNDECIDED + 30, UNDECIDED - 30)
     assert "\n" not in str(e.value)
 
 
 @pytest.mark.parametrize("logit", [0.0, 25.0, -25.0])
-def test_a_discriminator_that_judges_all_alike_stops_the_run(logit):
+def test_a_discriminator_with_equal_outputs_stops_the_run(logit):
     """Score_D = Score_G = 1.0 of the public logs is the logit 25; 0 is one whose last layer is dead."""
     watch = SaturationWatch(start=5, patience=10)
     alike = torch.full((2,), logit)
@@ -111,11 +111,11 @@ def test_a_discriminator_that_judges_all_alike_stops_the_run(logit):
         watch.record(0.7, alike, alike)
 
 
-def test_one_doubtful_batch_ends_the_alarm():
+def test_one_undecided_batch_resets_the_count():
     watch = SaturationWatch(start=0, patience=10)
     for step in range(100):
         if step % 10 == 9:
-            watch.record(0.173, DOUBTFUL + 4, DOUBTFUL - 4)  # log(2) / 4: one of 4 pictures in doubt
+            watch.record(0.173, UNDECIDED + 4, UNDECIDED - 4)  # log(2) / 4: one of 4 pictures is undecided
         else:
-            watch.record(0.0, DOUBTFUL + 30, DOUBTFUL - 30)
+            watch.record(0.0, UNDECIDED + 30, UNDECIDED - 30)
     assert watch.updates == 100

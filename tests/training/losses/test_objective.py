@@ -88,7 +88,7 @@ def test_a_bad_recipe_is_refused_in_one_line(recipe, changes, message):
     assert "\n" not in str(caught.value)
 
 
-def test_the_first_weights_depend_on_the_recipes_seed_alone(gan):
+def test_initial_weights_depend_only_on_the_seed(gan):
     torch.manual_seed(5)
     before = torch.get_rng_state()
     first = Objective(gan, CPU).state_dict()["network"]
@@ -99,7 +99,7 @@ def test_the_first_weights_depend_on_the_recipes_seed_alone(gan):
     assert not torch.equal(first["layers.0.0.weight"], other["layers.0.0.weight"])
 
 
-def test_it_goes_on_bit_for_bit(gan, tmp_path):
+def test_resuming_is_bit_exact(gan, tmp_path):
     unbroken, stopped, resumed = (Objective(gan, CPU) for _ in range(3))
     for seed in range(4):
         unbroken.discriminator(*pictures(seed), 1e-3)

@@ -56,7 +56,7 @@ def test_vgg_19_is_numbered_as_torchvisions():
     assert sum(weight.numel() for weight in layers.parameters()) == 20_024_384
 
 
-def test_vgg_is_frozen_and_passes_gradients_to_the_made_picture_alone(weights):
+def test_vgg_is_frozen_and_gradients_flow_only_to_the_output(weights):
     content = VggContent(weights, torch.device("cpu"), layout=TINY)
     output, high = rand(1, 3, 8, 8).requires_grad_(), rand(1, 3, 8, 8, seed=1).requires_grad_()
     loss = content(output, high)

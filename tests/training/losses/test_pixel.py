@@ -23,7 +23,7 @@ def test_names():
         pixel.find_pixel_loss("l2")
 
 
-def test_luma_weighs_what_is_seen():
+def test_weights_of_luma():
     """A grey difference counts whole; a blue one by its third of RGB and its 0.114 of Y."""
     black = torch.zeros(1, 3, 4, 5)
     assert pixel.luma(black + 0.2, black).item() == pytest.approx(0.2)

@@ -21,7 +21,7 @@ def trained(module: nn.Module, seed: int) -> nn.Module:
 
 
 def branches(layer: CollapsibleConv, x: torch.Tensor) -> torch.Tensor:
-    """What `CollapsibleConv` says that it computes, one branch after the other."""
+    """The sum of the branches of `CollapsibleConv`."""
     total = functional.conv2d(x, layer.kernel, layer.bias, padding=1)
     total = total + functional.conv2d(functional.conv2d(x, layer.widen, padding=1), layer.narrow[..., None, None])
     total = total + functional.conv2d(x, layer.point[..., None, None])

@@ -1,4 +1,4 @@
-"""The plane sweep against slow loops, and what the light-field generator makes of views that do and don't belong."""
+"""The plane sweep against slow loops, and the light-field generator."""
 
 import pytest
 
@@ -16,7 +16,7 @@ OFFSETS = range(-(SIDE // 2), SIDE // 2 + 1)
 
 
 def slow_sweep(views, rows, cols, planes):
-    """Each view's samples put where they lie in the view that is looked for, one by one; `(25, H, W)`."""
+    """Shifts each sample of the views `(25, H, W)` to its place, one by one."""
     _, height, width = views.shape
     mean, spread = np.zeros((planes, 4, height, width)), np.zeros((planes, height, width))
     for plane, disparity in enumerate(np.linspace(-MOST, MOST, planes)):
@@ -43,8 +43,8 @@ def slow_sweep(views, rows, cols, planes):
                     few.append(of @ of)
                 squares, means = np.mean(variances, 0)
                 lone = np.mean(few)
-                doubted = (max(0.0, squares - means) + lone * SINGLE**2) / (1 - lone + SURE)
-                spread[plane, y, x] = np.sqrt(doubted + LEAST)
+                variance = (max(0.0, squares - means) + lone * SINGLE**2) / (1 - lone + SURE)
+                spread[plane, y, x] = np.sqrt(variance + LEAST)
     return mean, spread
 
 
@@ -60,35 +60,35 @@ def test_the_sweep_is_the_slow_one(rows, cols):
         np.testing.assert_allclose(spread[one].numpy(), wanted[1], atol=1e-4)
 
 
-def of_a_sheet(disparity, side=24):
-    """What a window sees of a smooth sheet `(1, 25, side, side)`, and the truth, twice as large."""
+def views_of_a_layer(disparity, side=24):
+    """Views `(1, 25, side, side)` of a smooth layer, and the truth, twice as large."""
     waves = np.random.default_rng(2).normal(size=(6, 3))
 
-    def sheet(y, x):
+    def layer(y, x):
         return 0.5 + sum(0.06 * np.sin(0.3 * a * y + 0.3 * b * x + 3 * c) for a, b, c in waves)
 
     at = np.arange(side, dtype=float)
-    views = [sheet((at - disparity * v)[:, None], at - disparity * u) for v in OFFSETS for u in OFFSETS]
+    views = [layer((at - disparity * v)[:, None], at - disparity * u) for v in OFFSETS for u in OFFSETS]
     fine = (np.arange(2 * side) - 0.5) / 2
-    return torch.from_numpy(np.stack(views))[None].float(), torch.from_numpy(sheet(fine[:, None], fine)).float()
+    return torch.from_numpy(np.stack(views))[None].float(), torch.from_numpy(layer(fine[:, None], fine)).float()
 
 
 @pytest.mark.parametrize("there", THERE[:4])
 @pytest.mark.parametrize("disparity", [-1.0, -0.25, 0.0, 0.5, 1.25])
 def test_views_agree_at_their_disparity_and_make_the_finer_picture(there, disparity):
-    views, truth = of_a_sheet(disparity)
+    views, truth = views_of_a_layer(disparity)
     mean, spread = PlaneSweep(17)(views, torch.from_numpy(there), torch.from_numpy(there))
     inner = (slice(None), slice(10, 14), slice(10, 14))
     right = int(spread[0][inner].mean((1, 2)).argmin())
     all_there = bool(there.all())
-    assert abs(right - (disparity + MOST) / 0.25) <= (0 if all_there else 1)  # fewer views tell less sharply
+    assert abs(right - (disparity + MOST) / 0.25) <= (0 if all_there else 1)  # fewer views are less sharp
     fine = torch.nn.functional.pixel_shuffle(mean[0, right][None], 2)[0, 0]
     off = (fine - truth)[20:28, 20:28].abs().max()
     # Whole shifts bring no samples in between: the view's own, a quarter of a pixel away, is all there is.
     assert off <= (0.01 if all_there and disparity % 1 else 0.04)
 
 
-def test_views_that_are_not_there_play_no_part():
+def test_missing_views_are_ignored():
     network = LightFieldGenerator((8, 8), planes=5, width=8, depth=1)
     generator = torch.Generator().manual_seed(3)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)

@@ -1,4 +1,4 @@
-"""The networks that ours are compared with: sizes as published, every size of picture, ONNX."""
+"""Networks from the literature: published sizes, pictures of any size, ONNX."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ SMALL = {
     "rrdb": {"blocks": 1, "channels": 8, "growth": 4},
     "sparse_camera": {},
 }
-"""Options that make_network each network quick."""
+"""Options for small networks."""
 CASES = [
     *((name, {**options, "scale": scale}) for name, options in SMALL.items() if name != "lite" for scale in (2, 4)),
     ("lite", SMALL["lite"]),
@@ -143,7 +143,7 @@ def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
 
 @pytest.mark.parametrize("scale", [2, 4])
 @pytest.mark.parametrize("name", ["vdsr"])
-def test_what_is_interpolated_first_has_our_phase(name, scale):
+def test_the_interpolated_input_has_our_phase(name, scale):
     network = make_network(name, {"scale": scale, "layers": 2})
     nn.init.zeros_(network.tail.weight)
     image = torch.rand(1, 3, 6, 9, generator=torch.Generator().manual_seed(3))

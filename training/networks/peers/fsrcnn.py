@@ -11,8 +11,7 @@ KERNEL = 9
 def make_deconvolution(inputs: int, outputs: int, scale: int) -> nn.ConvTranspose2d:
     """`(N, inputs, H, W)` -> `(N, outputs, scale*H, scale*W)`, exactly, for every size.
 
-    An odd kernel can't lie in the middle of a pixel that becomes an even number of samples: its support is half a
-    sample to the upper left. The phase itself is learnt.
+    An odd kernel can't lie in the middle of an even number of samples: its support is half a sample to the upper left.
     """
     extra = (KERNEL - scale) % 2
     padding = (KERNEL - scale + extra) // 2
@@ -30,8 +29,8 @@ class FSRCNN(nn.Module):
         x     = PReLU(conv1x1(x))                        s -> d, expanding
         image = deconvolution9x9(x)                      d -> colours
 
-    The original works on Y (`colours = 1`: 12,464 weights) and starts the deconvolution from a Gaussian of deviation
-    0.001, as here; the convolutions start from He's weights for PReLU.
+    The original works on Y (`colours = 1`: 12,464 weights). The deconvolution starts from a Gaussian of deviation
+    0.001.
     """
 
     def __init__(self, d: int = 56, s: int = 12, m: int = 4, scale: int = 2, colours: int = 3) -> None:

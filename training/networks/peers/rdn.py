@@ -6,10 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from ciir.training.networks.interpolation import count_doublings
-
-
-def _conv3x3(inputs: int, outputs: int) -> nn.Conv2d:
-    return nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
+from ciir.training.networks.lite import conv3x3
 
 
 class ResidualDenseBlock(nn.Module):
@@ -17,7 +14,7 @@ class ResidualDenseBlock(nn.Module):
 
     def __init__(self, base: int, growth: int, layers: int) -> None:
         super().__init__()
-        self.convolutions = nn.ModuleList(_conv3x3(base + i * growth, growth) for i in range(layers))
+        self.convolutions = nn.ModuleList(conv3x3(base + i * growth, growth) for i in range(layers))
         self.fusion = nn.Conv2d(base + layers * growth, base, kernel_size=1)
         self.activation = nn.ReLU()
 
@@ -51,21 +48,20 @@ class RDN(nn.Module):
         base: int = 64,
         *,
         scale: int = 2,
-        colours: int = 3,
     ) -> None:
         """`blocks`, `layers`, `growth` and `base` are the paper's D, C, G and G0."""
         super().__init__()
         self.scale = scale
-        self.first = _conv3x3(colours, base)
-        self.second = _conv3x3(base, base)
+        self.first = conv3x3(3, base)
+        self.second = conv3x3(base, base)
         self.blocks = nn.ModuleList(ResidualDenseBlock(base, growth, layers) for _ in range(blocks))
-        self.fusion = nn.Sequential(nn.Conv2d(blocks * base, base, kernel_size=1), _conv3x3(base, base))
+        self.fusion = nn.Sequential(nn.Conv2d(blocks * base, base, kernel_size=1), conv3x3(base, base))
         self.upscaled = nn.Sequential()
         inputs = base
         for _ in range(count_doublings(scale)):
-            self.upscaled.extend([_conv3x3(inputs, 4 * growth), nn.PixelShuffle(2)])
+            self.upscaled.extend([conv3x3(inputs, 4 * growth), nn.PixelShuffle(2)])
             inputs = growth
-        self.tail = _conv3x3(growth, colours)
+        self.tail = conv3x3(growth, 3)
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""

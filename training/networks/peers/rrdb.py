@@ -7,15 +7,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ciir.training.networks.interpolation import count_doublings
+from ciir.training.networks.lite import conv3x3
 
 SLOPE = 0.2
 """Negative slope of every LeakyReLU."""
 RESIDUAL = 0.2
 """Factor on what a block adds to its input (section 3.1)."""
-
-
-def _conv3x3(inputs: int, outputs: int) -> nn.Conv2d:
-    return nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
 
 
 class DenseBlock(nn.Module):
@@ -24,7 +21,7 @@ class DenseBlock(nn.Module):
     def __init__(self, channels: int, growth: int) -> None:
         super().__init__()
         outputs = [growth] * 4 + [channels]
-        self.convolutions = nn.ModuleList(_conv3x3(channels + i * growth, wide) for i, wide in enumerate(outputs))
+        self.convolutions = nn.ModuleList(conv3x3(channels + i * growth, wide) for i, wide in enumerate(outputs))
         self.activation = nn.LeakyReLU(SLOPE)
         for convolution in self.convolutions:
             nn.init.kaiming_normal_(convolution.weight, a=SLOPE)  # type: ignore[arg-type]
@@ -65,21 +62,18 @@ class RRDBGenerator(nn.Module):
         x     = LeakyReLU(conv(nearest_x2(x))), x = body at first    C -> C, once for each doubling
         image = conv(LeakyReLU(conv(x)))                             C -> C -> 3
 
-    The published network is x4 (16.7 million parameters); for x2 the second doubling is left out. The dense blocks
-    start from a tenth of He's weights (section 3.1's smaller initialisation), the rest from torch's own.
+    The published network is x4 (16.7 million parameters); for x2 the second doubling is left out.
     """
 
-    def __init__(
-        self, blocks: int = 23, channels: int = 64, growth: int = 32, scale: int = 2, colours: int = 3
-    ) -> None:
+    def __init__(self, blocks: int = 23, channels: int = 64, growth: int = 32, scale: int = 2) -> None:
         super().__init__()
         self.scale = scale
-        self.head = _conv3x3(colours, channels)
+        self.head = conv3x3(3, channels)
         self.blocks = nn.Sequential(*(RRDB(channels, growth) for _ in range(blocks)))
-        self.body_last = _conv3x3(channels, channels)
-        self.upscaled = nn.ModuleList(_conv3x3(channels, channels) for _ in range(count_doublings(scale)))
-        self.large = _conv3x3(channels, channels)
-        self.tail = _conv3x3(channels, colours)
+        self.body_last = conv3x3(channels, channels)
+        self.upscaled = nn.ModuleList(conv3x3(channels, channels) for _ in range(count_doublings(scale)))
+        self.large = conv3x3(channels, channels)
+        self.tail = conv3x3(channels, 3)
         self.activation = nn.LeakyReLU(SLOPE)
 
     def forward(self, image: Tensor) -> Tensor:

@@ -1,10 +1,8 @@
 """Two convolutions and a deconvolution, for sparse camera arrays (reference 44 of Wu et al., Applied Sciences 2024).
 
-All that is published where we could read it is one sentence of Wu et al. (Applied Sciences 2024, 14(2), 656, section
-1): the generation network is simplified to "two convolutions, an activation function, and a deconvolution". The
-reference itself (very likely Ren et al. on sparse camera arrays with CNN super-resolution, Applied Optics 2019) was
-not at hand. So these are our choice: kernels of 5x5 and 3x3 with 64 and 32 channels, as in FSRCNN's and SRCNN's first
-layers; ReLU; and a deconvolution whose kernel, twice the scale, lies exactly in the middle of its pixel.
+Wu et al. (section 1) describe it only as "two convolutions, an activation function, and a deconvolution"; the reference
+itself was not at hand. Kernels of 5x5 and 3x3 with 64 and 32 channels follow FSRCNN's and SRCNN's first layers; the
+deconvolution's kernel, twice the scale, lies in the middle of its pixel.
 """
 
 from __future__ import annotations
@@ -17,20 +15,20 @@ class SparseCameraGenerator(nn.Module):
 
     ::
 
-        image = deconvolution(conv3x3(ReLU(conv5x5(image))))         colours -> 64 -> 32 -> colours
+        image = deconvolution(conv3x3(ReLU(conv5x5(image))))         3 -> 64 -> 32 -> 3
 
     Raises `ValueError` for an odd scale.
     """
 
-    def __init__(self, scale: int = 2, colours: int = 3) -> None:
+    def __init__(self, scale: int = 2) -> None:
         super().__init__()
         if scale % 2:
             raise ValueError(f"scale: the deconvolution can't keep the phase at {scale}; give an even one")
         self.scale = scale
-        self.first = nn.Conv2d(colours, 64, kernel_size=5, padding=2)
+        self.first = nn.Conv2d(3, 64, kernel_size=5, padding=2)
         self.activation = nn.ReLU()
         self.second = nn.Conv2d(64, 32, kernel_size=3, padding=1)
-        self.tail = nn.ConvTranspose2d(32, colours, kernel_size=2 * scale, stride=scale, padding=scale // 2)
+        self.tail = nn.ConvTranspose2d(32, 3, kernel_size=2 * scale, stride=scale, padding=scale // 2)
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""

@@ -36,17 +36,17 @@ class SRGANGenerator(nn.Module):
     The published network is x4; for x2 the second doubling is left out. Its outputs are in [-1, 1], ours in [0, 1].
     """
 
-    def __init__(self, blocks: int = 16, channels: int = 64, scale: int = 2, colours: int = 3) -> None:
+    def __init__(self, blocks: int = 16, channels: int = 64, scale: int = 2) -> None:
         super().__init__()
         self.scale = scale
-        self.head = nn.Sequential(nn.Conv2d(colours, channels, kernel_size=9, padding=4), nn.PReLU(channels))
+        self.head = nn.Sequential(nn.Conv2d(3, channels, kernel_size=9, padding=4), nn.PReLU(channels))
         self.blocks = nn.Sequential(*(ResidualBlock(channels) for _ in range(blocks)))
         self.body_last = add_batch_norm(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
         self.upscaled = nn.Sequential()
         for _ in range(count_doublings(scale)):
             widen = nn.Conv2d(channels, 4 * channels, kernel_size=3, padding=1)
             self.upscaled.extend([widen, nn.PixelShuffle(2), nn.PReLU(channels)])
-        self.tail = nn.Conv2d(channels, colours, kernel_size=9, padding=4)
+        self.tail = nn.Conv2d(channels, 3, kernel_size=9, padding=4)
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
