@@ -6,7 +6,7 @@ import math
 import sys
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -30,19 +30,6 @@ BICUBIC_VIEW = "bicubic-view"
 array."""
 
 
-class Pair(Protocol):
-    """An LR picture and its truth, from which crops are taken."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Rows and columns of LR."""
-        ...
-
-    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """Returns these LR rows and columns, `(3, h, w)`, and their HR, 8 bit."""
-        ...
-
-
 @dataclass(frozen=True)
 class Photograph:
     """A picture of a folder, degraded on demand."""
@@ -54,13 +41,13 @@ class Photograph:
 
     @property
     def size(self) -> tuple[int, int]:
-        """See `Pair`."""
+        """Rows and columns of LR."""
         covered = downscale.cell_size(self.kind, self.scale)
         height, width = self.among.sizes[self.index]
         return height // covered, width // covered
 
     def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """See `Pair`; bit for bit as in the degraded whole picture."""
+        """Returns these LR rows and columns, `(3, h, w)`, and their HR, 8 bit, as in the degraded whole picture."""
         pixels = torch.from_numpy(self.among[self.index]).permute(2, 0, 1)
         return degrade.make_crop(self.kind, pixels, self.scale, rows, cols)
 
@@ -73,12 +60,15 @@ class Rendered:
 
     @property
     def size(self) -> tuple[int, int]:
-        """See `Pair`."""
+        """Rows and columns of LR."""
         return self.low.shape[1], self.low.shape[2]
 
     def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """See `Pair`."""
+        """Returns these LR rows and columns, and their HR."""
         return degrade.crop_pair(self.low, self.high, self.high.shape[1] // self.low.shape[1], rows, cols)
+
+
+Pair = Photograph | Rendered
 
 
 class Crops:

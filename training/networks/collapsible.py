@@ -14,9 +14,11 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import TypeVar
 
     Network = TypeVar("Network", bound=nn.Module)
+    Layer = TypeVar("Layer", bound=nn.Module)
 
 WIDENING = 2
 """Channels in the middle of the widened branch, for each output channel."""
@@ -66,9 +68,15 @@ class CollapsibleConv(nn.Module):
 
 def collapse(network: Network) -> Network:
     """Returns a copy of `network` in which every `CollapsibleConv` is one plain convolution."""
+    return replace_layers(network, CollapsibleConv, CollapsibleConv.collapsed)
+
+
+@torch.no_grad()
+def replace_layers(network: Network, kind: type[Layer], make: Callable[[Layer], nn.Module]) -> Network:
+    """Returns a copy of `network` in which every layer of this kind is replaced by what `make` returns for it."""
     network = copy.deepcopy(network)
     for module in list(network.modules()):
         for name, child in module.named_children():
-            if isinstance(child, CollapsibleConv):
-                setattr(module, name, child.collapsed())
+            if isinstance(child, kind):
+                setattr(module, name, make(child))
     return network

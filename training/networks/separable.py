@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import TYPE_CHECKING
 
-import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ciir.training.networks.collapsible import replace_layers
 from ciir.training.networks.interpolation import Bicubic
 
 if TYPE_CHECKING:
@@ -41,12 +40,6 @@ class SeparableBicubic(nn.Module):
         return output
 
 
-@torch.no_grad()
 def separate(network: Network) -> Network:
     """Returns a copy of `network` in which every `Bicubic` is a `SeparableBicubic`."""
-    network = copy.deepcopy(network)
-    for module in list(network.modules()):
-        for name, child in module.named_children():
-            if isinstance(child, Bicubic):
-                setattr(module, name, SeparableBicubic(child))
-    return network
+    return replace_layers(network, Bicubic, SeparableBicubic)

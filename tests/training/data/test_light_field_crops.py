@@ -228,18 +228,6 @@ def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
     assert shown
 
 
-def test_crops_larger_than_the_light_fields_crop_meshes(folder, mesh, monkeypatch, capsys):
-    monkeypatch.setattr(mesh_views, "PICTURES", 2)
-    given = {"meshes": [mesh], "degradations": {"box": 1, "pinhole": 1}}
-    assert len(crops_of(folder, crop=98, **given).meshes) == 1
-    assert "1 of 2 light fields of meshes are left out: they are smaller than the crop of 98x98" in (
-        capsys.readouterr().err
-    )
-    monkeypatch.setattr(mesh_views, "read_mesh", None)  # nothing is rendered first
-    with pytest.raises(ValueError, match=r"for crops of up to 192 pixels, not 194; set a smaller one$"):
-        crops_of(folder, crop=194, **given)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -106,14 +106,6 @@ def refused(folder: Path, **options) -> str:
     return str(caught.value)
 
 
-def test_a_wrong_count(tmp_path):
-    (tmp_path / "v").mkdir()
-    for number, pixels in enumerate(field(2, 4).values()):
-        Image.fromarray(pixels).save(tmp_path / "v" / f"{'abcdefgh'[number]}.png")
-    assert "not a square number" in refused(tmp_path / "v")
-    assert "3x3 views; --grid 5x5 needs more" in refused(save(tmp_path / "w", field(3, 3)))
-
-
 def test_folders_without_a_usable_set_of_views(tmp_path):
     (tmp_path / "empty").mkdir()
     assert refused(tmp_path / "empty")

@@ -8,7 +8,6 @@ pytest.importorskip("torch", reason=NEEDS)
 pytest.importorskip("onnxscript", reason=NEEDS)
 pytest.importorskip("onnx", reason=NEEDS)
 import onnx
-import onnxruntime
 import torch
 
 from ciir.models import cards
@@ -106,20 +105,6 @@ def test_branches_and_batch_normalisation_are_folded(tmp_path):
         image = torch.rand(1, 3, 9, 11)
         with torch.no_grad():  # float32's rounding, in another order
             torch.testing.assert_close(folded(image), network(image), atol=1e-5, rtol=0)
-
-
-def test_convolutions_and_their_activations_are_one_kernel_each(tmp_path):
-    """onnxruntime's blocked kernels (NCHWc) with LeakyReLU inside: apart they cost a fifth more time."""
-    network = simplify_network(make_network("compact", {"widths": [16, 32, 32]}))
-    (tmp_path / "n.onnx").write_bytes(to_onnx.convert_network(network, 2))
-    options = onnxruntime.SessionOptions()
-    options.optimized_model_filepath = str(tmp_path / "optimised.onnx")
-    options.log_severity_level = 3
-    onnxruntime.InferenceSession(str(tmp_path / "n.onnx"), options, providers=["CPUExecutionProvider"])
-    nodes = onnx.load(tmp_path / "optimised.onnx").graph.node
-    blocked = [node for node in nodes if node.op_type == "Conv" and node.domain == "com.microsoft.nchwc"]
-    assert [any(a.name == "activation" for a in node.attribute) for node in blocked] == [True, True, True, False]
-    assert not any(node.op_type == "LeakyRelu" for node in nodes)
 
 
 class Fixed(torch.nn.Module):

@@ -37,16 +37,6 @@ def test_bce_is_the_cross_entropy_of_the_logits():
     assert bce.discriminator(torch.zeros(2), torch.zeros(2)).item() == pytest.approx(math.log(2))
 
 
-def test_bce_keeps_its_gradient_where_a_sigmoid_is_0_or_1():
-    """What killed the public runs: in float32 sigmoid(40) is 1, and its gradient 0."""
-    made = torch.tensor([-40.0], requires_grad=True)
-    find_losses("bce").generator(made).backward()
-    assert made.grad.item() == pytest.approx(-1)
-    made = torch.tensor([40.0], requires_grad=True)
-    find_losses("bce").discriminator(torch.tensor([40.0]), made).backward()
-    assert made.grad.item() == pytest.approx(0.5)
-
-
 def test_hinge():
     hinge, real, made = find_losses("hinge"), torch.tensor([2.0, 0.5]), torch.tensor([-3.0, 0.0])
     assert hinge.discriminator(real, made).item() == 0.5 * (0.25 + 0.5)

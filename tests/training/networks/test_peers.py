@@ -10,7 +10,6 @@ import torch
 from torch import nn
 
 from ciir.models.sessions import open_session
-from ciir.models.single.interpolation import Bicubic
 from ciir.training.export import to_onnx
 from ciir.training.networks import NETWORKS, make_network
 from ciir.training.networks.batch_norm import fold_batch_norm
@@ -139,16 +138,6 @@ def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
     image = torch.rand(2, 3, 9, 13)
     with torch.no_grad():
         assert (plain(image) - network(image)).abs().max() <= 1e-5  # float32, values of about 1
-
-
-@pytest.mark.parametrize("scale", [2, 4])
-@pytest.mark.parametrize("name", ["vdsr"])
-def test_the_interpolated_input_has_our_phase(name, scale):
-    network = make_network(name, {"scale": scale, "layers": 2})
-    nn.init.zeros_(network.tail.weight)
-    image = torch.rand(1, 3, 6, 9, generator=torch.Generator().manual_seed(3))
-    got = network(image).detach().clamp(0, 1).numpy()
-    assert abs(got - Bicubic(scale)(image.numpy())).max() <= 1e-5
 
 
 @pytest.mark.parametrize("scale", [2, 4])
