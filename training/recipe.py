@@ -86,7 +86,7 @@ class Recipe:
     clip: float = 0.0
     """Largest gradient norm; 0 leaves gradients unchanged."""
     ema: float = 0.0
-    """Decay of the running mean of the weights, which is what is validated and exported; 0: the weights themselves."""
+    """Decay of the running mean of the weights, which is validated and exported; 0: the weights themselves."""
     device: str = "auto"
     """`cpu`, `cuda`, or `auto`: CUDA where there is a GPU."""
     bfloat16: bool = False

@@ -34,8 +34,7 @@ SIDE = 480
 LEAST = 160
 """Smallest side of a picture, pixels: smaller ones hold no crop and are skipped."""
 LOSSY, DRAWN = 2000, 800
-"""Longer side, pixels, to which lossy and lossless files are shrunk. Lossy ones are at least halved, which removes
-block artefacts and blur."""
+"""Longer side, pixels, to which lossy and lossless files are shrunk; lossy ones are at least halved."""
 FLAT = 1.5
 """Tiles whose mean difference between neighbours is lower, in levels, are dropped."""
 SAME = 0.97

@@ -64,8 +64,8 @@ def make_scenes(
 ) -> tuple[Tensor, Tensor]:
     """Renders the views of a window of `count` scenes.
 
-    `pictures`: 8-bit RGB `(H, W, 3)` of at least `TEXTURE` pixels a side. `side`: LR pixels along each side of a view.
-    `window`: views along each side, an odd number.
+    `pictures`: 8-bit RGB, at least `TEXTURE` pixels a side. `side`: LR pixels along a view. `window`: views along a
+    side, odd.
 
     Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the middle one in colour,
     `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the middle to a view.

@@ -39,7 +39,7 @@ LENSES = (SIDE // 4, SIDE // 2, SIDE)
 PIXELS = 15
 """Pixels along each side under a lens, as many as the service's default."""
 NEAREST = 2.5
-"""Largest scale of an object relative to its framed size: it then extends over the view's edge."""
+"""Largest scale of an object relative to its framed size."""
 FARTHEST = 0.7
 TILT = 0.6
 """Largest angle of a mesh's own up direction to the vertical, radians."""

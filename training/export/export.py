@@ -198,9 +198,7 @@ def load_network(state: dict[str, Any]) -> nn.Module:
 
 @torch.no_grad()
 def simplify_network(network: nn.Module) -> nn.Module:
-    """Simplifies a network for export: folds branches and batch normalisation, separates interpolation, and sets
-    weights under `SMALLEST` to zero.
-    """
+    """Folds branches and batch normalisation, separates interpolation, and sets weights under `SMALLEST` to zero."""
     network = separate(collapse(fold_batch_norm(network)))
     if isinstance(network, LightFieldGenerator):
         merge_layers(network)

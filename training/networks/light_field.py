@@ -170,9 +170,7 @@ def _multiply(factor: float, x: Tensor) -> Tensor:
 
 @torch.no_grad()
 def merge_layers(network: LightFieldGenerator) -> None:
-    """Merges layers of a collapsed network in place for speed: two convolutions whose outputs are added become one, and
-    factors on inputs go into weights.
-    """
+    """Merges two added convolutions of a collapsed network in place, and moves factors on inputs into weights."""
     by_fine, by_spread = network.factors
     plain = (network.compare[0], network.inform, network.single.body[2])
     head, inform, second = (cast("nn.Conv2d", layer) for layer in plain)

@@ -73,10 +73,7 @@ class LiteGenerator(nn.Module):
             self._shrink()
 
     def _shrink(self) -> None:
-        """He's initial weights, with a tenth of them in the last convolution of each block.
-
-        Without batch normalisation nothing else keeps the activations of a stack of residual blocks from growing.
-        """
+        """Keeps activations from growing: a tenth of He's initial weights in the last convolution of each block."""
         for block in self.blocks:
             with torch.no_grad():
                 block.second.weight.mul_(0.1)  # type: ignore[union-attr, operator]
