@@ -74,9 +74,8 @@ Pair = Photograph | Rendered
 class Crops:
     """Random aligned LR and HR crops with flips and rotations, from 8-bit pictures.
 
-    The batch of step `s` depends only on the seed and `s`, so that a resumed run gets the same batches, and several
-    threads may make batches at once. LR is cropped, on the sample grid, from whole pictures degraded by the published
-    protocol.
+    The batch of step `s` depends only on the seed and `s`. LR is cropped, on the sample grid, from whole pictures
+    degraded by the published protocol.
     """
 
     def __init__(

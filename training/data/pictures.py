@@ -66,8 +66,7 @@ def read_rgb(path: Path) -> Picture:
 class Pictures:
     """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
 
-    Each is decoded once at the start, so that errors are found before training begins. The first ones are kept, up
-    to `memory` bytes.
+    Each is decoded once at the start, to find errors early. The first ones are kept, up to `memory` bytes.
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:

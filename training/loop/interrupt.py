@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import signal
-from typing import TYPE_CHECKING, Self
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import FrameType, TracebackType
+    from collections.abc import Callable, Iterator
+    from types import FrameType
 
     Handler = Callable[[int, FrameType | None], object] | int | None
 
@@ -23,31 +24,27 @@ class Stopped(Exception):  # noqa: N818 - no error: the run can go on
         """The signal's number."""
 
 
-class Interrupts:
-    """Within the block the first signal only sets `number`; a second one acts as before the block.
+@contextmanager
+def catch_signals() -> Iterator[list[int]]:
+    """Within the block the first signal is only appended to the list; a second one acts as before the block.
 
     For the main thread only, as Python's signals. Ignored signals stay ignored (`nohup`).
     """
+    caught: list[int] = []
+    before: dict[int, Handler] = {}
 
-    def __init__(self) -> None:
-        self.number = 0
-        self._before: dict[int, Handler] = {}
+    def restore() -> None:
+        while before:
+            signal.signal(*before.popitem())
 
-    def __enter__(self) -> Self:
-        for number in SIGNALS:
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                self._before[number] = signal.signal(number, self._note)
-        return self
+    def note(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
+        caught.append(number)
+        restore()
 
-    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signature is Python's
-        self.number = number
-        self._restore()
-
-    def _restore(self) -> None:
-        while self._before:
-            signal.signal(*self._before.popitem())
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._restore()
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            before[number] = signal.signal(number, note)
+    try:
+        yield caught
+    finally:
+        restore()

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from ciir.training.data.crops import Crops
 from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops
 from ciir.training.loop import light_field_validation, validation
-from ciir.training.loop.interrupt import Interrupts, Stopped
+from ciir.training.loop.interrupt import Stopped, catch_signals
 from ciir.training.loop.logs import Log, Means
 from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.loop.progress import Progress
@@ -64,7 +64,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     with (
         Progress(run.step, recipe.steps, run.psnr) as progress,
         closing(prefetch_batches(batch_of, run.step, recipe.steps, **_choose_prefetch(recipe, run))) as coming,
-        Interrupts() as interrupts,
+        catch_signals() as signals,
     ):
         for low, high in coming:
             checks_loss = run.checks_loss
@@ -80,14 +80,14 @@ def train(recipe: Recipe, out: Path) -> Path:
                 log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
                 progress.report_validation(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
                 since, at = time.monotonic(), run.step
-            if due or interrupts.number:
+            if due or signals:
                 run.seconds = time.monotonic() - begun
                 run.save(checkpoint)
-            if interrupts.number and run.step < recipe.steps:
+            if signals and run.step < recipe.steps:
                 raise Stopped(
                     f"stopped at step {run.step} of {recipe.steps}, saved in {checkpoint}; "
                     "continue with the same command",
-                    interrupts.number,
+                    signals[0],
                 )
     return checkpoint
 

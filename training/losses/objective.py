@@ -24,7 +24,6 @@ class Objective:
     With `loss = "mse"`, `perceptual = "vgg19"` and `adversarial = "bce"` this is the paper's sum: MSE + VGG-19 content
     + 1e-3 adversarial (Wu et al., Applied Sciences 2024, 14(2), 656, section 2.2).
 
-
     Raises `ValueError` for an unknown name, for `vgg19` without its file or on crops below 16 pixels, and
     for `discriminator` features without an adversarial term, which trains the discriminator.
     """

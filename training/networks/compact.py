@@ -24,7 +24,6 @@ class CompactGenerator(nn.Module):
 
         x_i   = LeakyReLU(conv_i(x_{i-1})),   x_0 = image          `widths[i]` channels
         image = PixelShuffle(conv(x_last) + bicubic(image))
-
     """
 
     def __init__(

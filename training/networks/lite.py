@@ -51,7 +51,6 @@ class LiteGenerator(nn.Module):
         body  = head + conv(x_1 + ... + x_blocks)            dense sum, last convolution, global skip
         image = conv(LeakyReLU(conv(nearest_x2(body))))      C -> C -> 3
 
-
     The paper compares 3, 6 and 16 blocks. `batch_norm` adds batch normalisation after each convolution of the blocks
     and the body's last, as in SRGAN.
     """
