@@ -18,7 +18,7 @@ from ciir.service.pipeline.options import AUTO, NO_MODEL
 if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import View
-    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.options import Backend, Options, Sampling, Strategy
 
 LENSES, PIXELS = (100, 100), (15, 15)
 """The lens array in front of a mesh where the options don't give one."""
@@ -27,12 +27,11 @@ _MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What a reconstruction has to do."""
+    """What a reconstruction has to do. Nothing behind it looks at an option."""
 
     name: str
     """The input's, for messages."""
     content: Scene | LightField
-    options: Options
     lenses: tuple[int, int]
     """Rows and columns: the pixels of a view."""
     grid: tuple[int, int]
@@ -42,6 +41,15 @@ class Job:
     delta: float | None
     """Tangent from one pixel to the next; None where nothing is known of it."""
     wanted: tuple[View, ...]
+    model: str
+    """A name of the catalogue, `auto` or `none`."""
+    scale: int
+    strategy: Strategy
+    backend: Backend
+    sampling: Sampling
+    background: tuple[int, int, int]
+    skip: bool
+    """Whether triangles and pixels that can't change the result are skipped."""
     max_pixels: int | None = None
     """Most output pixels, and most samples of a mesh, of all views together."""
 
@@ -58,12 +66,7 @@ class Job:
     @property
     def samples(self) -> int:
         """A mesh's samples along each side of a lens's cell; 1 for a light field."""
-        return LENSLET_SAMPLES if self.options.sampling == "lenslet" else 1
-
-    @property
-    def skip(self) -> bool:
-        """Whether triangles and pixels that can't change the result are skipped."""
-        return self.options.skip == "exact"
+        return LENSLET_SAMPLES if self.sampling == "lenslet" else 1
 
     @cached_property
     def is_transparent(self) -> bool:
@@ -93,7 +96,23 @@ def resolve_job(
     known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if options.model not in known:
         raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
-    return Job(name, content, options, lenses, grid, pitch, delta, wanted, max_pixels)
+    return Job(
+        name,
+        content,
+        lenses,
+        grid,
+        pitch,
+        delta,
+        wanted,
+        options.model,
+        options.scale,
+        options.strategy,
+        options.backend,
+        options.sampling,
+        options.background,
+        options.skip == "exact",
+        max_pixels,
+    )
 
 
 def resolve_array(options: Options) -> LensArray:

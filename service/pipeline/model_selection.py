@@ -35,12 +35,12 @@ def select_model(job: Job) -> Selection:
     light-field network that is named, a mesh's neighbouring views are rendered. Where views can't help each other, the
     default of single pictures replaces a light-field network.
     """
-    if job.options.model == NO_MODEL:
+    if job.model == NO_MODEL:
         return Selection(NO_MODEL)
     networks = {entry.name: entry for entry in catalogue.list_entries() if entry.is_light_field}
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
     neighbours = _count_neighbours(job)
-    if job.options.model == AUTO:
+    if job.model == AUTO:
         reason = _reason_against(light_field, networks.get(light_field), job, neighbours)
         if reason:
             return Selection(
@@ -48,12 +48,12 @@ def select_model(job: Job) -> Selection:
             )
         chosen = f"model auto: {light_field}, as {_views(job)} help each other{_precision(light_field)}"
         return Selection(light_field, True, (chosen,))
-    if job.options.model not in networks:
-        return Selection(job.options.model)
+    if job.model not in networks:
+        return Selection(job.model)
     if reason := _no_light_field(job):
-        return Selection(default, reasons=(f"{default}, view by view, in place of {job.options.model}, as {reason}",))
-    rendered = f"{job.options.model}: views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.options.model, True, (rendered,) if neighbours else ())
+        return Selection(default, reasons=(f"{default}, view by view, in place of {job.model}, as {reason}",))
+    rendered = f"{job.model}: views around those asked for are rendered too, {neighbours} of them"
+    return Selection(job.model, True, (rendered,) if neighbours else ())
 
 
 def _precision(name: str) -> str:
@@ -89,7 +89,7 @@ def _reason_against(name: str, network: Entry | None, job: Job, neighbours: int)
         return f"{name} is not installed"
     if reason := _no_light_field(job):
         return reason
-    if job.options.scale not in network.scales:
+    if job.scale not in network.scales:
         return f"{name} upscales by {', '.join(map(str, network.scales))} only"
     if neighbours:
         return f"{name} would need {neighbours} more views rendered around those asked for; name it for more accuracy"

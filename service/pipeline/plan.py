@@ -53,23 +53,23 @@ class Plan:
 def make_plan(job: Job) -> Plan:
     """The plan for `job`."""
     reasons: list[str] = []
-    strategy: Strategy = "direct" if job.options.strategy == "direct" else "upscale"
-    if job.options.strategy == "auto":
+    strategy: Strategy = "direct" if job.strategy == "direct" else "upscale"
+    if job.strategy == "auto":
         strategy, reason = _select_strategy(job)
         reasons.append(f"strategy auto: {reason}")
     if strategy == "direct":
         side = f"{LENSLET_SAMPLES}x{LENSLET_SAMPLES}"
         reasons.append(f"direct: each pixel is the mean of {side} rays over its own cell; no model ran")
-        return Plan(strategy, NO_MODEL, job.options.scale, LENSLET_SAMPLES, tuple(reasons))
-    if job.options.model == NO_MODEL:
+        return Plan(strategy, NO_MODEL, job.scale, LENSLET_SAMPLES, tuple(reasons))
+    if job.model == NO_MODEL:
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
         return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons))
     selected = select_model(job)
-    is_replaced = job.options.model not in ("auto", selected.model)
+    is_replaced = job.model not in ("auto", selected.model)
     return Plan(
         strategy,
         selected.model,
-        job.options.scale,
+        job.scale,
         job.samples,
         (*reasons, *selected.reasons),
         selected.is_light_field,
@@ -83,7 +83,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     OpenGL is started only where the faster one would start it; where it does not work, rays are predicted instead.
     """
     mesh = job.mesh
-    if job.options.model == NO_MODEL:
+    if job.model == NO_MODEL:
         return "upscale", "no model is wanted, so nothing is upscaled"
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
@@ -92,18 +92,18 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
         "upscale": pixels * job.samples**2,
-        "direct": pixels * (job.options.scale * LENSLET_SAMPLES) ** 2,
+        "direct": pixels * (job.scale * LENSLET_SAMPLES) ** 2,
     }
     limit = job.max_pixels
     if rays["direct"] > MAX_VIEW_SAMPLES or (limit is not None and rays["direct"] * len(job.wanted) > limit):
         return "upscale", f"upscale, as {rays['direct']:,} samples for each view at the larger size are over the limit"
-    if job.options.scale not in model.scales:
-        return "direct", f"direct, as {name} doesn't upscale by {job.options.scale}"
+    if job.scale not in model.scales:
+        return "direct", f"direct, as {name} doesn't upscale by {job.scale}"
     if model.unsupported_reason:
         return "direct", f"direct, as {model.unsupported_reason}"
     predicted = _predict_times(job, mesh, model, rays)
     taken = min(predicted, key=predicted.__getitem__)
-    backend = backends.predict_backend(job.options.backend, triangles=mesh.triangles, rays=rays[taken])
+    backend = backends.predict_backend(job.backend, triangles=mesh.triangles, rays=rays[taken])
     if backend == "raster" and not backends.is_backend_open("raster"):
         with suppress(BackendUnavailable):  # `predict_backend` then takes rays
             backends.open_backend("raster")
@@ -123,7 +123,7 @@ def _predict_times(job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int
 
     def render(strategy: Strategy, views: int) -> cost.Stage:
         rendering = cost.Rendering(
-            backends.predict_backend(job.options.backend, triangles=mesh.triangles, rays=rays[strategy]),
+            backends.predict_backend(job.backend, triangles=mesh.triangles, rays=rays[strategy]),
             triangles=mesh.triangles,
             rays=rays[strategy],
             views=views,
@@ -133,10 +133,10 @@ def _predict_times(job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int
         )
         return costs.rendering(rendering)
 
-    written = pixels * job.options.scale**2
+    written = pixels * job.scale**2
     batches = math.ceil(wanted / batch_size(written))
     seen = round(pixels * _predict_share(mesh, array, model.card)) if model.card and job.skip else pixels
-    upscaling = costs.upscaling(model.name, job.options.scale, pixels=seen, views=wanted, batches=batches)
+    upscaling = costs.upscaling(model.name, job.scale, pixels=seen, views=wanted, batches=batches)
     rendered = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else wanted
     stages: dict[Strategy, list[cost.Stage]] = {
         "upscale": [render("upscale", rendered), upscaling],

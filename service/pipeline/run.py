@@ -99,7 +99,7 @@ def reconstruct(
         "plan": {
             "strategy": plan.strategy,
             "backend": described["backend"],
-            "sampling": job.options.sampling if job.mesh is not None and plan.strategy == "upscale" else None,
+            "sampling": job.sampling if job.mesh is not None and plan.strategy == "upscale" else None,
             "samples": plan.samples,
             "model": plan.model,
             "scale": plan.scale,
@@ -143,7 +143,7 @@ def render_eia(source: Source, options: Options, keep: Callable[[Pixels], object
         "scene_transform": described["transform"],
         "plan": {
             "backend": described["backend"],
-            "sampling": job.options.sampling,
+            "sampling": job.sampling,
             "samples": job.samples,
             "pickup": options.pickup,
             "reasons": described["reasons"],

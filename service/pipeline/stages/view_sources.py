@@ -55,7 +55,7 @@ class MeshViews:
             from ciir.renderer.framing import frame_scene
 
             self._backend, self._reason = open_backend(
-                self._job.options.backend, triangles=self._mesh.triangles, rays=self.samples
+                self._job.backend, triangles=self._mesh.triangles, rays=self.samples
             )
             self._matrix = frame_scene(self._mesh, self._job.array)
             self._placed = self._mesh.transform(self._matrix)
@@ -68,7 +68,7 @@ class MeshViews:
                 scene = cull_if_worthwhile(scene, self._array, views, self._backend.name, samples=samples)
                 self._triangles_left = scene.triangles
         pictures = self._backend.render_views(
-            scene, self._array, views, samples=samples, background=self._job.options.background
+            scene, self._array, views, samples=samples, background=self._job.background
         )
         return map(self._drop_alpha, pictures)
 
@@ -81,7 +81,7 @@ class MeshViews:
         """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
         with self._clock.stage("render"):
             eia = self._backend.render_eia(
-                self._placed, self._array, samples=self._plan.samples, background=self._job.options.background
+                self._placed, self._array, samples=self._plan.samples, background=self._job.background
             )
             return np.ascontiguousarray(self._drop_alpha(eia))
 
