@@ -55,9 +55,16 @@ class Recipe:
     """Number of random scenes that are rendered as training pairs (see `training.data.rendered`)."""
     meshes: list[Any] = field(default_factory=list)
     """Mesh files whose views are training pairs too."""
+    noise: float = 0.0
+    """Largest standard deviation of Gaussian noise on LR, in 8-bit levels; each crop draws its own up to it."""
+    blur: float = 0.0
+    """Largest standard deviation of a Gaussian blur of LR, in LR pixels; each crop draws its own up to it."""
+    jpeg: int = 0
+    """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own quality; 0: no JPEG."""
     light_field: bool = False
     """Whether the network takes the views around a view too: `train` then has the textures of layered scenes
-    (`training.data.light_field_crops`) and `validate` the views of a light field; `scenes` is ignored."""
+    (`training.data.light_field_crops`) and `validate` the views of a light field; `scenes`, `noise`, `blur` and `jpeg`
+    are ignored."""
     eased: int = 0
     """Steps over which corrupted crops and windows at the border reach their shares, for a light-field network: see
     `training.data.light_field_crops`."""
@@ -67,9 +74,10 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse` or `luma` (see `training.losses.pixel`)."""
+    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
-    """Perceptual term: `vgg19`, `discriminator`, or none (see `training.losses.perceptual`)."""
+    """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see
+    `training.losses.perceptual`)."""
     perceptual_weight: float = 1.0
     vgg: str = ""
     """torchvision's VGG-19 weight file, for `perceptual = "vgg19"`."""
@@ -99,13 +107,25 @@ class Recipe:
         for name in ("steps", "scale", "crop", "batch", "validate_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 1 or more")
-        for name in ("scenes", "eased", "warmup", "clip", "perceptual_weight", "adversarial_weight", "seed"):
+        for name in (
+            "scenes",
+            "eased",
+            "noise",
+            "blur",
+            "warmup",
+            "clip",
+            "perceptual_weight",
+            "adversarial_weight",
+            "seed",
+        ):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 0 or more")
         if not self.learning_rate > 0:
             raise ValueError(f"learning_rate is {self.learning_rate}; give more than 0")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema is {self.ema}; give 0 or more and less than 1")
+        if not 0 <= self.jpeg <= 100:
+            raise ValueError(f"jpeg is {self.jpeg}; give a quality of 1 to 100, or 0 for none")
         if self.device not in DEVICES:
             raise ValueError(f"device is {self.device!r}; give one of {', '.join(DEVICES)}")
 

@@ -26,6 +26,10 @@ def test_shipped_recipes_read(path):
     assert recipe.light_field == (recipe.network == "light_field")
 
 
+def test_defaults(smallest):
+    assert (smallest.scale, smallest.crop, smallest.batch, smallest.options) == (2, 88, 16, {})
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -39,9 +43,11 @@ def test_shipped_recipes_read(path):
         (SMALLEST.replace("steps = 5", "steps = 0"), "steps is 0; give 1 or more"),
         (SMALLEST + "validate_every = 0\n", "validate_every is 0"),
         (SMALLEST + "batch = -1\n", "batch is -1"),
+        (SMALLEST + "noise = -0.5\n", "noise is -0.5; give 0 or more"),
         (SMALLEST + "clip = nan\n", "clip is nan"),
         (SMALLEST + "learning_rate = 0\n", "learning_rate is 0; give more than 0"),
         (SMALLEST + "ema = 1.0\n", "ema is 1.0; give 0 or more and less than 1"),
+        (SMALLEST + "jpeg = 101\n", "jpeg is 101"),
         (SMALLEST + 'device = "tpu"\n', "device is 'tpu'; give one of auto, cpu, cuda"),
     ],
 )
@@ -60,6 +66,11 @@ def test_the_field_in_which_recipes_differ(smallest):
     assert recipes.find_difference(saved, replace(smallest, steps=9)) == "steps is 5 there and 9 here"
     assert recipes.find_difference(saved, replace(smallest, options={"blocks": 3})).startswith("options is {} there")
     assert recipes.find_difference(saved | {"stride": 3}, smallest) == "stride is 3 there and None here"
+
+
+@pytest.mark.parametrize("name", sorted(recipes.CHANGEABLE))
+def test_fields_that_may_differ(smallest, name):
+    assert recipes.find_difference(asdict(smallest) | {name: "other"}, smallest) == ""
 
 
 def test_a_field_that_came_later_counts_as_its_default(smallest):

@@ -14,6 +14,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from ciir.training.data import degrade, downscale
+from ciir.training.data.corrupt import Corruption
 from ciir.training.data.pictures import MEMORY, Pictures
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Crops:
     """Random aligned LR and HR crops with flips and rotations, from 8-bit pictures.
 
     The batch of step `s` depends only on the seed and `s`. LR is cropped, on the sample grid, from whole pictures
-    degraded by the published protocol.
+    degraded by the published protocol; blur, noise and JPEG (`training.data.corrupt`) then act on LR only.
     """
 
     def __init__(
@@ -89,13 +90,17 @@ class Crops:
         degradations: Mapping[str, float] = MappingProxyType({"bicubic": 1.0}),
         scenes: int = 0,
         meshes: Sequence[str | Path] = (),
+        noise: float = 0.0,
+        blur: float = 0.0,
+        jpeg: int = 0,
         memory: int = MEMORY,
     ) -> None:
         """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
         `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of
-        `training.data.downscale.KINDS` and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and
-        `BICUBIC_VIEW`. `memory`: bytes of decoded pictures that are kept; it changes the speed only.
+        `training.data.downscale.KINDS` and,
+        with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`, `jpeg`: see
+        `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed only.
 
         Raises `ValueError` where one of these or the folder is wrong.
         """
@@ -104,6 +109,7 @@ class Crops:
             known = (*known, *RENDERED, BICUBIC_VIEW)
         check_degradations(crop, scale, degradations, known)
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
+        self.corruption = Corruption(noise, blur, jpeg)
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
             kind: [Photograph(photographs, index, kind, scale) for index in range(len(photographs))]
@@ -122,6 +128,9 @@ class Crops:
     def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
         """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
+        corrupting = np.random.default_rng(
+            (self.seed, step, 1)
+        )  # separate, so that corruption does not change the crops
         side = self.crop // self.scale
         lows: list[Tensor] = []
         highs: list[Tensor] = []
@@ -130,11 +139,23 @@ class Crops:
             pair = group[random.integers(len(group))]
             y, x = (int(random.integers(length - side + 1)) for length in pair.size)
             turns, mirror = int(random.integers(4)), bool(random.integers(2))
-            low, high = pair.crop(slice(y, y + side), slice(x, x + side))
+            low, high = self._corrupt_crop(pair, y, x, corrupting)
             for picture, into in ((low, lows), (high, highs)):
                 turned = torch.rot90(picture, turns, (1, 2))
                 into.append(turned.flip(2) if mirror else turned)
         return torch.stack(lows).float().div(255.0), torch.stack(highs).float().div(255.0)
+
+    def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
+        """Returns the crop whose first LR sample is `(y, x)`, with LR corrupted."""
+        side, margin = self.crop // self.scale, self.corruption.margin
+        if not self.corruption:
+            return pair.crop(slice(y, y + side), slice(x, x + side))
+        top, left = max(0, y - margin), max(0, x - margin)
+        rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)
+        around = (slice(top, min(pair.size[0], y + side + margin)), slice(left, min(pair.size[1], x + side + margin)))
+        low, high = pair.crop(*around)
+        corrupted = self.corruption(low.permute(1, 2, 0).numpy(), rows, cols, random)
+        return torch.from_numpy(corrupted).permute(2, 0, 1), degrade.crop_pair(low, high, self.scale, rows, cols)[1]
 
 
 def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], known: Sequence[str]) -> None:

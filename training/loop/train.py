@@ -137,5 +137,6 @@ def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[
         views = LightFieldCrops(Path(recipe.train), **common, eased=recipe.eased)
         return lambda network: light_field_validation.validate_network(network, fields), views.make_batch
     pairs = validation.read_pairs(Path(recipe.validate), recipe.scale)
-    crops = Crops(Path(recipe.train), **common, scenes=recipe.scenes)
+    corruption = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
+    crops = Crops(Path(recipe.train), **common, **corruption)
     return lambda network: validation.validate_network(network, pairs, recipe.scale), crops.make_batch

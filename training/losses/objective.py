@@ -13,6 +13,8 @@ from ciir.training.losses.pixel import find_pixel_loss
 from ciir.training.networks.discriminator import Discriminator
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from torch import Tensor
 
     from ciir.training.recipe import Recipe
@@ -32,7 +34,7 @@ class Objective:
         self.recipe = recipe
         self.pixel = find_pixel_loss(recipe.loss)
         _check_terms(recipe)
-        self.content: perceptual.VggContent | None = None
+        self.content: Callable[[Tensor, Tensor], Tensor] | None = perceptual.PIXELS.get(recipe.perceptual)
         if recipe.perceptual == "vgg19":
             self.content = perceptual.VggContent(Path(recipe.vgg), device, bfloat16=recipe.bfloat16)
         self.adversary: Adversary | None = None

@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("torch", reason="needs the training extra")
+import numpy as np
 import torch
 
+from ciir.training.data import crops as data
 from ciir.training.data import degrade, pictures
 from ciir.training.data.crops import Crops
 from ciir.training.data.downscale import KINDS
@@ -37,6 +39,16 @@ def test_pictures_smaller_than_the_crop_are_skipped_with_a_note(recipe, capsys):
     assert "1 of 3 pictures are skipped: they are smaller than the crop of 24x24" in capsys.readouterr().err
     with pytest.raises(ValueError, match="every picture is smaller than the crop of 60x60"):
         Crops(Path(recipe.train), crop=60, scale=2, batch=1, seed=0)
+
+
+def test_a_crop_that_the_scale_does_not_divide(recipe):
+    with pytest.raises(ValueError, match="not a multiple of the scale 2"):
+        Crops(Path(recipe.train), crop=25, scale=2, batch=1, seed=0)
+
+
+def test_a_folder_without_pictures(tmp_path):
+    with pytest.raises(ValueError, match="no picture in it"):
+        Crops(tmp_path, crop=24, scale=2, batch=1, seed=0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -75,6 +87,29 @@ def test_memory_makes_no_difference(recipe, crops):
 
 
 @pytest.mark.parametrize(
+    "spoil", [{"noise": 8.0}, {"blur": 1.5}, {"jpeg": 20}, {"noise": 8.0, "blur": 1.5, "jpeg": 20}]
+)
+def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, spoil):
+    spoilt = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9, **spoil)
+    (low, high), (clean, same) = spoilt.make_batch(5), crops.make_batch(5)
+    assert torch.equal(high, same)
+    assert 0.2 / 255 < (low - clean).abs().mean() < 20 / 255
+    assert torch.equal(low * 255, (low * 255).round())
+    assert all(torch.equal(a, b) for a, b in zip(spoilt.make_batch(5), (low, high), strict=True))
+    assert not torch.equal(low - clean, spoilt.make_batch(6)[0] - crops.make_batch(6)[0])
+
+
+def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
+    """A crop of the blurred picture, not a blurred crop: inside the picture every crop of a ramp is a ramp."""
+    crops = Crops(Path(recipe.train), crop=8, scale=2, batch=1, seed=1, blur=1.0)
+    ramp = (torch.arange(60) * 4).expand(3, 60, 60).to(torch.uint8)
+    monkeypatch.setattr(data.Photograph, "size", (60, 60))
+    monkeypatch.setattr(data.Photograph, "crop", lambda self, rows, cols: (ramp[:, rows, cols], ramp.repeat(1, 2, 2)))
+    low, _ = crops._corrupt_crop(crops.groups[0][0], 20, 20, np.random.default_rng(0))
+    assert torch.equal(low, ramp[:, 20:24, 20:24])
+
+
+@pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"degradations": {"sinc": 1}}, "no 'sinc' here; give bicubic, box, point; pinhole, lenslet need scenes"),
@@ -86,6 +121,9 @@ def test_memory_makes_no_difference(recipe, crops):
         ({"degradations": {"box": float("nan")}}, "share of box is nan"),
         ({"scenes": 1}, "of no use without pinhole or lenslet"),
         ({"meshes": ["a.obj"]}, "of no use without pinhole or lenslet"),
+        ({"noise": -1}, "noise: -1 is out of range; give 0 to 255"),
+        ({"blur": 21}, "blur: 21 is out of range; give 0 to 20"),
+        ({"jpeg": 101}, "jpeg: 101 is out of range; give 0 to 100"),
         ({"crop": 0}, "not a multiple of the scale 2"),
     ],
 )
