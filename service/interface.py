@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, overload
@@ -28,13 +29,14 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import Backend, Sampling
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
 
     Given = str | PathLike[str] | LightField
 
 Picture = TypeVar("Picture", np.uint8, np.uint16)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
     """The views of a reconstruction and its report."""
 
@@ -51,6 +53,12 @@ class Reconstruction:
         from ciir.renderer.writers.views import save_views
 
         save_views(self.views, self.report, Path(path))
+
+    def __repr__(self) -> str:
+        height, width = next(iter(self.views.values())).shape[:2]
+        return (
+            f"Reconstruction({len(self.views)} views of {height}x{width} pixels, model {self.report['plan']['model']})"
+        )
 
     def _repr_png_(self) -> bytes:
         """The first view, for Jupyter."""
@@ -75,8 +83,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     """
     if progress is not None:
         progress(0, 1)
-    source = open_source(str(path))
-    content = Input(source).read(Options(lenses=lenses, pixels=pixels, pickup=pickup))
+    asked = Options.convert({"lenses": lenses, "pixels": pixels, "pickup": pickup})
+    content = Input(_open_path(path)).read(asked)
     if isinstance(content, Scene):
         raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")
     if progress is not None:
@@ -106,21 +114,23 @@ def render(
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
     """
-    options = Options(
-        lenses=lenses,
-        pixels=pixels,
-        sampling=sampling,
-        backend=backend,
-        background=background,
-        pitch=pitch,
-        delta=delta,
+    options = Options.convert(
+        {
+            "lenses": lenses,
+            "pixels": pixels,
+            "sampling": sampling,
+            "backend": backend,
+            "background": background,
+            "pitch": pitch,
+            "delta": delta,
+        }
     )
     if progress is not None:
         progress(0, 1)
     kept: list[Pixels] = []
-    report = render_eia(open_source(str(mesh)), options, kept.append)
-    rows, cols = lenses
-    views = LightField.from_eia(kept[0], rows=rows, cols=cols).views
+    report = render_eia(_open_path(mesh), options, kept.append)
+    array = report["lens_array"]
+    views = LightField.from_eia(kept[0], rows=array["rows"], cols=array["cols"]).views
     if progress is not None:
         progress(1, 1)
     return LightField(views, tuple(report["notes"]))
@@ -156,7 +166,7 @@ def upscale(
     Returns the same kind, `scale` times as large along each side. Raises `ciir.Error`.
     """
     light_field = images if isinstance(images, LightField) else as_light_field(images)
-    options = Options(views="all", model=model, scale=scale, skip="exact" if skip else "none")
+    options = Options.convert({"views": "all", "model": model, "scale": scale, "skip": skip})
     writer = MemoryWriter()
     report = run_reconstruction(light_field, options, writer, progress=progress)
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
@@ -168,20 +178,30 @@ def upscale(
 def reconstruct(source: Given, *, progress: Progress | None = None, **options: Any) -> Reconstruction:
     """Runs the main job in memory: views of a mesh, an elemental image array or a set of views, upscaled.
 
-    `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options`: the fields of
-    `ciir.service.pipeline.options.Options`, which are those of `ciir reconstruct`: `lenses=(50, 50)`, `views="cross"`,
-    `model="fast"`, `strategy="auto"`, ... `progress(done, total)` counts views.
+    `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
+    `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
+    `backend`, `sampling`, `pickup`: names; `scale`; `skip`: a bool; `background`: RGB from 0 to 255; `pitch`, `delta`:
+    numbers. Text is read as on the command line.
+    `progress(done, total)` counts views.
 
     Raises `ciir.Error`.
     """
     writer = MemoryWriter()
-    given = source if isinstance(source, LightField) else open_source(str(source))
-    try:
-        asked = Options(**options)
-    except TypeError as error:
-        raise InvalidOption(f"{error}; see help(ciir.reconstruct)") from error
-    report = run_reconstruction(given, asked, writer, progress=progress)
+    given = source if isinstance(source, LightField) else _open_path(source)
+    report = run_reconstruction(given, Options.convert(options), writer, progress=progress)
     return Reconstruction(writer.views, report)
+
+
+def _open_path(path: str | PathLike[str]) -> Source:
+    try:
+        text = os.fspath(path)
+    except TypeError as error:
+        raise InvalidOption(
+            f"a path, not {type(path).__name__}, is needed; ciir.LightField(array) takes views"
+        ) from error
+    if not isinstance(text, str):
+        raise InvalidOption("a path as text, not bytes, is needed; save the bytes to a file")
+    return open_source(text)
 
 
 def as_light_field(picture: Pixels) -> LightField:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES, encode
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from ciir.renderer.readers.pictures import Pixels
@@ -30,7 +31,7 @@ def save_light_field(views: Pixels, path: Path) -> None:
     if suffix in SUFFIXES:
         v, u, rows, cols, channels = views.shape
         eia = views.transpose(2, 0, 3, 1, 4).reshape(rows * v, cols * u, channels)
-        with replacing(path) as file:
+        with _named_errors(path), replacing(path) as file:
             file.write(encode(eia, suffix))
     else:
         save_views({index: views[index] for index in np.ndindex(views.shape[0], views.shape[1])}, {}, path)
@@ -43,14 +44,23 @@ def save_views(views: Mapping[View, Pixels], report: Mapping[str, Any], path: Pa
     """
     suffix = path.suffix.lower()
     if suffix in BY_SUFFIX:
-        with replacing(path) as file, BY_SUFFIX[suffix].open(file) as writer:
+        with _named_errors(path), replacing(path) as file, BY_SUFFIX[suffix].open(file) as writer:
             _write(views, report, writer)
     elif suffix and not path.is_dir():
         known = ", ".join(BY_SUFFIX)
         raise InvalidOption(f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder")
     else:
-        with FolderWriter(path) as writer:
+        with _named_errors(path), FolderWriter(path) as writer:
             _write(views, report, writer)
+
+
+@contextmanager
+def _named_errors(path: Path) -> Iterator[None]:
+    """Raises `InvalidOption` for an error of the system."""
+    try:
+        yield
+    except OSError as error:
+        raise InvalidOption(f"{path}: {error.strerror}; name a place that can be written") from error
 
 
 def _write(views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer) -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import asdict, dataclass, fields
+from functools import partial
+from numbers import Integral
+from operator import index
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ciir.errors import InvalidOption
@@ -73,11 +76,18 @@ class Options:
     @classmethod
     def parse(cls, texts: Mapping[str, str]) -> Options:
         """Options from text, as the command line and form fields give it. Raises `InvalidOption`."""
-        unknown = sorted(set(texts) - set(NAMES))
+        return cls.convert(texts)
+
+    @classmethod
+    def convert(cls, values: Mapping[str, object]) -> Options:
+        """Options from Python values: pairs and colours as sequences of whole numbers, views as pairs (v, u), `skip` as
+        a bool; text is parsed as on the command line, and None is the default. Raises `InvalidOption`.
+        """
+        unknown = sorted(set(values) - set(NAMES))
         if unknown:
             listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
             raise InvalidOption(f"{listed}: no such option; known are {', '.join(NAMES)}")
-        return cls(**{name: _PARSERS.get(name, _strip)(name, text) for name, text in texts.items()})
+        return cls(**{name: _convert(name, value) for name, value in values.items() if value is not None})
 
     def as_dict(self) -> dict[str, Any]:
         """Every option by name, ready for JSON."""
@@ -114,6 +124,55 @@ HELP: dict[str, tuple[str, str]] = {
     "delta": ("TANGENT", "pixel size / gap (a mesh: 0.4 / the larger count of pixels by default)"),
 }
 """Option -> (placeholder, a line of help), for the command line and OpenAPI alike."""
+
+
+def _convert(name: str, value: object) -> Any:
+    """The value of the option `name`. Raises `InvalidOption` where it is of a wrong type."""
+    if isinstance(value, str):
+        return _PARSERS.get(name, _strip)(name, value)
+    converter, example = _CONVERTERS.get(name, (_refuse, "text"))
+    try:
+        return converter(value)
+    except (IndexError, OverflowError, TypeError, ValueError) as error:
+        raise InvalidOption(f"{name}: {clean_text(repr(value))[:40]} is not understood; give {example}") from error
+
+
+def _refuse(value: Any) -> Any:
+    raise TypeError(value)
+
+
+def _whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]:
+    numbers = tuple(index(number) for number in value)
+    if len(numbers) != count or not all(0 <= number <= most for number in numbers):
+        raise ValueError
+    return numbers
+
+
+def _view_pairs(value: Any) -> str:
+    pairs = [_whole_numbers(pair, 2, _MOST) for pair in ([value] if _is_pair(value) else value)]
+    return ";".join(f"{v},{u}" for v, u in pairs)
+
+
+def _is_pair(value: Any) -> bool:
+    return len(value) == 2 and all(isinstance(number, Integral) for number in value)
+
+
+_MOST = 999_999
+"""The largest count that text may hold, too."""
+_CONVERTERS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "lenses": (partial(_whole_numbers, count=2, most=_MOST), "rows and columns, such as (50, 50)"),
+    "pixels": (partial(_whole_numbers, count=2, most=_MOST), "rows and columns, such as (15, 15)"),
+    "views": (_view_pairs, "'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]"),
+    "scale": (index, "a whole number such as 2"),
+    "background": (
+        partial(_whole_numbers, count=3, most=255),
+        "red, green and blue from 0 to 255, such as (255, 255, 255)",
+    ),
+    "pitch": (float, "a number such as 0.5"),
+    "delta": (float, "a number such as 0.5"),
+    "skip": (lambda value: ("none", "exact")[index(value)], "True or False"),
+}
+"""Option -> what converts a value that is no text, and an example of one."""
 
 
 def _strip(name: str, text: str) -> str:  # noqa: ARG001 - parsers share one signature

@@ -77,6 +77,47 @@ def test_pictures_show_in_jupyter():
 
 
 @pytest.mark.parametrize(
+    "options",
+    [
+        {"lenses": "12x10", "pixels": [3, 4], "views": [(0, 0), (2, 3)], "background": "ffffff", "skip": False},
+        {
+            "lenses": np.array([12, 10]),
+            "pixels": (3, 4),
+            "views": "0,0;2,3",
+            "background": (255, 255, 255),
+            "pitch": None,
+        },
+    ],
+)
+def test_options_are_taken_in_the_usual_forms(options):
+    result = ciir.reconstruct("scene:vase", model="none", backend="raytrace", **options)
+    assert list(result.views) == [(0, 0), (2, 3)]
+    assert (result.views[0, 0][0, 0] == 255).all()
+    assert repr(result) == "Reconstruction(2 views of 12x10 pixels, model none)"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"lenses": 50},
+        {"lenses": (50.0, 50.0)},
+        {"lenses": (50, 50, 3)},
+        {"views": 3},
+        {"views": [(0, -1)]},
+        {"background": (999, 0, 0)},
+        {"scale": 2.5},
+        {"model": 1},
+        {"skip": 2},
+        {"delta": "wide"},
+    ],
+)
+def test_options_of_a_wrong_type_are_one_line(options):
+    (name,) = options
+    with pytest.raises(ciir.InvalidOption, match=f"^{name}: .*; give "):
+        ciir.reconstruct("scene:vase", **options)
+
+
+@pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda _: ciir.upscale([[0]]), r"list is not taken; give a picture"),
@@ -86,7 +127,10 @@ def test_pictures_show_in_jupyter():
         (lambda folder: ciir.open(folder / "cube.off"), r"ciir\.render"),
         (lambda _: ciir.open("scene:vase"), r"ciir\.render"),
         (lambda folder: ciir.render(folder / "eia.png"), "holds pictures"),
-        (lambda _: ciir.reconstruct("scene:vase", colour=1), "colour"),
+        (lambda _: ciir.reconstruct("scene:vase", lense=1), "'lense': no such option; known are lenses"),
+        (lambda _: ciir.open(EIA), "a path, not ndarray"),
+        (lambda _: ciir.open(EIA_PNG), "not bytes"),
+        (lambda _: ciir.render("scene:vase", **SMALL).save("/proc/a/b.png"), "name a"),
         (lambda _: ciir.reconstruct("scene:vase", model="none", **SMALL).save("views.gif"), r"\.gif can't be written"),
         (lambda _: ciir.render("scene:vase", **SMALL).view(3, 0), "v goes from 0 to 2"),
     ],

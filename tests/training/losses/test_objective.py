@@ -73,7 +73,10 @@ def test_discriminator_features(gan):
     ("changes", "message"),
     [
         ({"loss": "l3"}, "loss: 'l3' is not known; give one of l1, mse"),
-        ({"perceptual": "vgg"}, "perceptual: 'vgg' is not known; give one of vgg19, gradient, frequency, discriminator"),
+        (
+            {"perceptual": "vgg"},
+            "perceptual: 'vgg' is not known; give one of vgg19, gradient",
+        ),
         ({"adversarial": "gan"}, "adversarial: 'gan' is not known; give one of bce, hinge"),
         ({"adversarial": "bce", "discriminator": {"depth": 3}}, "discriminator: it doesn't take {'depth': 3}"),
         ({"perceptual": "discriminator"}, 'set adversarial to "bce" or "hinge"'),
