@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
+from ciir.renderer.readers import registry
 from ciir.renderer.readers.registry import READ, is_picture
 from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline.report import Report
 
-_TAKEN = ", ".join([*SUFFIXES, ".zip"]) + ", or a folder of such pictures"
+_TAKEN = ", ".join([*filter(is_picture, registry.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
 
 
 def run(args: argparse.Namespace) -> None:
