@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.readers import registry
 from ciir.renderer.readers.registry import READ, is_picture
+from ciir.renderer.readers.registry import SUFFIXES as READ_SUFFIXES
 from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline.report import Report
 
-_TAKEN = ", ".join([*filter(is_picture, registry.SUFFIXES), ".zip"]) + ", or a folder of such pictures"
+_TAKEN = (
+    ", ".join([suffix for suffix in READ_SUFFIXES if is_picture(f"x{suffix}")] + [".zip"])
+    + ", or a folder of such pictures"
+)
 
 
 def run(args: argparse.Namespace) -> None:
