@@ -30,8 +30,8 @@ from ciir.service.pipeline.options import NAMES, Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
-from tests.fuzz import gltf_seeds, seeds
-from tests.fuzz.seeds import parts
+from tests.fuzz import seeds
+from tests.fuzz.seeds import gltf, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -202,15 +202,15 @@ TARGETS: dict[str, Target] = {
     "tiff": Target(picture("tif"), seeds.tiffs),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),
-    "glb": Target(mesh(SUFFIXES[".glb"]), gltf_seeds.glb),
-    "gltf": Target(mesh(SUFFIXES[".gltf"], "a.bin", "x.png"), gltf_seeds.gltf),
-    "draco": Target(mesh(SUFFIXES[".glb"]), gltf_seeds.draco),
+    "glb": Target(mesh(SUFFIXES[".glb"]), gltf.glb),
+    "gltf": Target(mesh(SUFFIXES[".gltf"], "a.bin", "x.png"), gltf.gltf),
+    "draco": Target(mesh(SUFFIXES[".glb"]), gltf.draco),
     "obj": Target(mesh(SUFFIXES[".obj"], "a.mtl", "x.png"), seeds.obj),
     "ply": Target(mesh(SUFFIXES[".ply"], "x.png"), seeds.ply),
     "stl": Target(mesh(SUFFIXES[".stl"]), seeds.stl),
     "off": Target(mesh(SUFFIXES[".off"]), seeds.off),
     "dae": Target(mesh(SUFFIXES[".dae"], "x.png"), seeds.dae),
-    "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf_seeds.glb(), *seeds.png(), *seeds.zips()]),
+    "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
     "multipart": Target(form, seeds.multipart),

@@ -11,7 +11,8 @@ import zipfile
 import pytest
 
 from ciir.renderer.writers.pictures import encode_png
-from tests.fuzz import gltf_seeds, seeds
+from tests.fuzz import seeds
+from tests.fuzz.seeds import gltf
 
 PROGRAM = """
 import json, sys
@@ -54,11 +55,11 @@ def uploads(names, secret):
     made = {}
     for number, name in enumerate(names):
         encoded = name.encode()
-        gltf = json.loads(seeds.parts(gltf_seeds.gltf()[1])[0])
-        picture = json.loads(json.dumps(gltf))
-        gltf["buffers"][0]["uri"] = name
+        document = json.loads(seeds.parts(gltf.gltf()[1])[0])
+        picture = json.loads(json.dumps(document))
+        document["buffers"][0]["uri"] = name
         picture["images"][0]["uri"] = name
-        made[f"buffer-{number}.gltf"] = json.dumps(gltf).encode(), 422
+        made[f"buffer-{number}.gltf"] = json.dumps(document).encode(), 422
         made[f"image-{number}.gltf"] = json.dumps(picture).encode(), 200
         made[f"mtllib-{number}.obj"] = text.replace(b"a.mtl", encoded), 200
         library = b"newmtl m\nKd 1 1 1\nmap_Kd " + encoded + b"\nmap_d " + encoded + b"\n"

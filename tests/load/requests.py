@@ -11,7 +11,8 @@ import numpy as np
 
 from ciir.renderer.scenes import modelling
 from ciir.renderer.writers.pictures import encode_png
-from tests.fuzz import gltf_seeds, seeds
+from tests.fuzz import seeds
+from tests.fuzz.seeds import gltf
 
 PATH = "/v1/reconstructions"
 BOUNDARY = "--------------------------ciir-load"
@@ -98,7 +99,7 @@ def bad(number: int) -> LoadRequest:
     tail = f"# {number}\n".encode()
     choices = [
         ("notes.txt", b"hello" + tail, {}),
-        ("a.glb", gltf_seeds.glb()[0][: 40 + number % 100], {}),
+        ("a.glb", gltf.glb()[0][: 40 + number % 100], {}),
         ("a.png", seeds.png()[2][:-20] + tail, {"lenses": "1x1"}),
         ("a.off", b"OFF\n3 1 0\n0 0 0\n1 1 1\n2 2 2\n3 0 1 2\n" + tail, {}),
         ("a.off", seeds.off()[0] + tail, {"lenses": "0x5"}),

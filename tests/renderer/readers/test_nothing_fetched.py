@@ -35,7 +35,7 @@ PLY = (
     "end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
 )
 
-DAE = Path("tests/fuzz/seed.dae").read_text()
+DAE = Path("tests/fuzz/seeds/seed.dae").read_text()
 
 
 def gltf(buffer, image):
