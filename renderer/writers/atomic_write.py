@@ -81,7 +81,7 @@ class Staged:
             self.temporary.rename(self.path)
             return
         names = sorted(file.name for file in self.temporary.iterdir())
-        for name in names:  # all of these are looked at first, so that a fault is found before anything is replaced
+        for name in names:  # all are checked before the first is replaced
             if (self.path / name).is_dir():
                 raise InvalidOption(f"{self.path / name}: a folder is there; remove it, or name another output")
         for name in names:

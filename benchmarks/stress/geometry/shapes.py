@@ -1,4 +1,4 @@
-"""Scenes that are hard on float32: needles, sheets close behind one another, millions of triangles."""
+"""Scenes at the limits of float32: needles, sheets close behind one another, millions of triangles."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ ORDERED = 2.0**-22
 over 1.02 times that depth resolves 2^-24, and each of the two may be rounded towards the other, as a vertex and in clip
 space."""
 PASSED = 8e-6
-"""The gap between cut-out surfaces that rays tell, as a share of the scene's longest side: four times
+"""The gap between cut-out surfaces that rays resolve, as a share of the scene's longest side: four times
 `renderer.backends.embree.STEP`, which is 2e-6 of it."""
 
 

@@ -1,4 +1,4 @@
-"""Geometry: pixel mapping bit for bit, and both rendering backends where float32 is at its limits."""
+"""Both rendering backends against ray casting where float32 is at its limits; the list of geometry's cases."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def framed(effort: Effort) -> Iterator[Found | Skipped]:
                 yield from compare_backends(f"{name} x{scale:g} moved {offset:g}", placed, ARRAY, views, slow=SLOW)
 
 
-def in_its_units(effort: Effort) -> Iterator[Found | Skipped]:
+def change_units(effort: Effort) -> Iterator[Found | Skipped]:
     """A lens array and a scene in units of 1e-6 to 1e6, and an object 1e6 pitches away."""
     views = VIEWS[1:] if effort.quick else VIEWS
     for name, whole in _scenes(effort):
@@ -104,7 +104,7 @@ def slivers(effort: Effort) -> Iterator[Found | Skipped]:
 CASES: tuple[Case, ...] = (
     *pixel_mapping.CASES,
     framed,
-    in_its_units,
+    change_units,
     slivers,
     *surfaces.CASES,
     many_triangles,

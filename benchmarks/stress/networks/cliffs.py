@@ -56,7 +56,7 @@ def gamma(effort: Effort) -> Iterator[Found]:
 
 
 def noise(effort: Effort) -> Iterator[Found]:
-    """White Gaussian noise of 0 to 32 levels on what networks see."""
+    """White Gaussian noise of 0 to 32 levels on the networks' input."""
     steps = [0.0, *(0.5 * 2 ** (step / 2.5) for step in range(0, 16, 5 if effort.quick else 1))]
     yield from _follow_margin(effort, "noise", steps, None)
 

@@ -45,7 +45,7 @@ def noise(effort: Effort) -> Iterator[Found]:
             error = white * np.float32(levels * LEVEL)
             gain = rms(run(images + error) - clean) / rms(error)
             found |= {f"{levels} levels on {key}": value for key, value in zip(inputs, gain, strict=True)}
-        if shipped.is_int8(name):  # below a step of its grids it sees nothing, or a whole step
+        if shipped.is_int8(name):  # an input below a step of its grids rounds to none, or to a whole step
             found = {key: value for key, value in found.items() if not key.startswith("0.")}
         bound, gains = NOISE_KNOWN.get(name, NOISE), np.array(list(found.values()))
         yield find_worst(f"{name}: gain on noise", bound, gains, list(found))

@@ -42,7 +42,7 @@ def make_natural(height: int, width: int, *, seed: int = 0) -> Values:
 
 @cache
 def render_views(side: int) -> dict[str, Values]:
-    """The shipped scenes, each as a lens array of `side x side` sees it from its middle, 16 rays a lens."""
+    """The shipped scenes, each as the middle view of a lens array of `side x side`, 16 rays a lens."""
     array = LensArray(side, side, 1, 1)
     return {name: _view(name, array) for name in SCENES}
 

@@ -1,4 +1,4 @@
-"""The shipped networks in onnxruntime alone, in the ONNX reference, and with inner tensors as outputs; measures."""
+"""Runs the shipped networks in onnxruntime and in the ONNX reference, exposes inner tensors, and measures differences."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def peak(values: NDArray[np.floating]) -> Values:
 
 
 def downsample(images: Values) -> Values:
-    """`(N, C, 2H, 2W)` -> `(N, C, H, W)`, the mean of each 2x2: what a lens cell twice as large sees."""
+    """`(N, C, 2H, 2W)` -> `(N, C, H, W)`, the mean of each 2x2: the view of lens cells twice as large."""
     count, channels, height, width = images.shape
     return np.asarray(images.reshape(count, channels, height // 2, 2, width // 2, 2).mean(axis=(3, 5)))
 

@@ -23,7 +23,7 @@ def ran(case):
     return list(case(QUICK))
 
 
-@pytest.mark.parametrize("case", [views.framed, views.in_its_units, views.slivers])
+@pytest.mark.parametrize("case", [views.framed, views.change_units, views.slivers])
 def test_it_holds(case):
     found = ran(case)
     assert [one.what for one in found if isinstance(one, Found) and not one.holds] == []
