@@ -37,7 +37,7 @@ class Bundle:
         if path.is_dir():
             return cls(path.resolve().name, None, Folder(path, limits), limits)
         data = read_file(path, limits)
-        if identify(path.name, data) is ZIP:
+        if identify(str(path), data) is ZIP:
             return cls(path.name, None, unpack(path.name, data, limits), limits)
         return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
 
@@ -115,15 +115,17 @@ def read_file(path: Path, limits: Limits) -> bytes:
     try:
         size = path.stat().st_size
         if size > limits.bytes:
-            raise TooLarge(_describe_size(path.name, size, limits))
+            raise TooLarge(_describe_size(str(path), size, limits))
         if not path.is_file():
-            raise Unreadable(f"{clean_text(path.name)}: not a file; give a mesh, a picture, a zip or a folder")
+            raise Unreadable(f"{clean_text(str(path))}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         if isinstance(error, (TooLarge, Unreadable)):
             raise
         why = getattr(error, "strerror", None) or str(error)
-        raise Unreadable(f"{clean_text(str(path))}: {why}; give a file that can be read") from error
+        missing = isinstance(error, (FileNotFoundError, NotADirectoryError))
+        remedy = "check the name and the folder" if missing else "give a file that can be read"
+        raise Unreadable(f"{clean_text(str(path))}: {why}; {remedy}") from error
 
 
 def _describe_size(name: str, size: int, limits: Limits) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.pipeline.options import HELP, NAMES
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ KEPT = (
 )
 ELEMENTAL = ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta")
 """The options of `ciir elemental`."""
+_SCALE = "output pixels for each input pixel along a side, 1 to 8 (default 2)"
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
 
@@ -98,15 +100,23 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
 
     command = add_command("elemental", "render a mesh's elemental image array")
     command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")
-    command.add_argument("-o", "--out", required=True, metavar="FILE", help="picture to write: .png, .tif or .jpg")
-    _add_options(command, ELEMENTAL)
+    command.add_argument("-o", "--out", required=True, metavar="FILE", help=f"picture to write: {', '.join(SUFFIXES)}")
+    _add_options(
+        command,
+        ELEMENTAL,
+        lenses="rows x columns of lenses (default 100x100)",
+        pixels="rows x columns of pixels under each lens (default 15x15)",
+        pitch="distance between lenses in scene units (default 1)",
+        delta="pixel size / gap (default 0.4 / the larger count of pixels)",
+    )
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("upscale", "upscale any picture, or a folder of pictures")
     command.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
     command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
     model = f"a model of single pictures (default {DEFAULT}, or its int8 twin where the processor supports it)"
-    _add_options(command, ("model", "scale", "skip"), model=model)
+    skip = "exact: skip pixels that can't change the result; none: compute everything (default exact)"
+    _add_options(command, ("model", "scale", "skip"), model=model, scale=_SCALE, skip=skip)
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("models", "list the models")
@@ -179,10 +189,12 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)"
     )
-    _add_options(command, ("scale",))
+    _add_options(command, ("scale",), scale=_SCALE)
 
     command = add_command("train", "train a network from a recipe", "training")
-    command.add_argument("recipe", metavar="RECIPE", help="a .toml file as in training/recipes")
+    command.add_argument(
+        "recipe", metavar="RECIPE", help="a .toml file; some ship with the package, in training/recipes"
+    )
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the checkpoint and the log")
     for name, metavar, text in (
         ("name", "NAME", "the network's name"),

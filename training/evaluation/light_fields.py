@@ -85,7 +85,7 @@ def score(
             ssims.append(compute_ssim(got, truth, border=network.scale))
         except ValueError as error:
             raise ValueError(f"{folder}: {error}; name larger views") from error
-    name = f"{folder.name} {grid[0]}x{grid[1]} ({degradation})"
+    name = f"{folder.resolve().name} {grid[0]}x{grid[1]} ({degradation})"
     return Accuracy(name, len(views), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
 
 

@@ -56,8 +56,9 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
             ssims.append(compute_ssim(got, truth, border=upscaler.scale))
         except ValueError as error:
             raise ValueError(f"{file}: {error}; take it out of the folder") from error
-    name = f"{folder.name} ({degradation})" if degradation else folder.name
-    return Accuracy(name, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
+    name = folder.resolve().name  # that of `.` is empty
+    data = f"{name} ({degradation})" if degradation else name
+    return Accuracy(data, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
 
 
 def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:

@@ -1,4 +1,4 @@
-"""Runs the shipped networks in onnxruntime and in the ONNX reference, exposes inner tensors, and measures differences."""
+"""Runs the shipped networks in onnxruntime and the ONNX reference, exposes inner tensors, and measures differences."""
 
 from __future__ import annotations
 

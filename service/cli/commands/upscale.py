@@ -13,7 +13,7 @@ from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.pictures import output_names, upscale_files
-from ciir.service.pipeline.source import open_bundle
+from ciir.service.pipeline.source import SCENE, open_bundle
 
 if TYPE_CHECKING:
     import argparse
@@ -56,6 +56,10 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _bundle(text: str) -> Bundle:
+    if text.startswith(SCENE):
+        raise InvalidOption(
+            f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`"
+        )
     try:
         return open_bundle(text)
     except UnsupportedType as error:  # its remedy lists meshes too

@@ -66,7 +66,7 @@ def test_a_folder_with_too_many_files(tmp_path: Path) -> None:
 
 
 def test_no_such_file(tmp_path: Path) -> None:
-    with pytest.raises(Unreadable, match="No such file"):
+    with pytest.raises(Unreadable, match="No such file or directory; check the name and the folder"):
         Bundle.from_path(tmp_path / "a.obj")
     with pytest.raises(Unreadable):
         Bundle.from_path(Path("a\0.obj"))

@@ -115,6 +115,7 @@ def test_upscale_takes_no_light_field_network(stand_in, tmp_path, capsys):
     (tmp_path / "a.png").write_bytes(encode(make_picture(5, 6), ".png"))
     line = fails(capsys, "upscale", tmp_path / "a.png", "-o", tmp_path / "b.png", "--model", "field")
     assert contains_all(line, ["model field", "ciir reconstruct", "fast"])
+    assert "`ciir reconstruct`" in fails(capsys, "upscale", "scene:vase", "-o", tmp_path / "b.png")
     assert main(["upscale", str(tmp_path / "a.png"), "-o", str(tmp_path / "b.png")]) == 0
 
 
@@ -147,6 +148,14 @@ def test_evaluate(tmp_path, capsys):
     assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
     assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
+
+
+def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", "nearest", ".", "--degradation", "box"]) == 0
+    assert f"nearest on {tmp_path.name} (box): " in capsys.readouterr().out
 
 
 def test_evaluate_takes_its_words_around_options(tmp_path, capsys):
