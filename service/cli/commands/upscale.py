@@ -57,9 +57,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _bundle(text: str) -> Bundle:
     if text.startswith(SCENE):
-        raise InvalidOption(
-            f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`"
-        )
+        raise InvalidOption(f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`")
     try:
         return open_bundle(text)
     except UnsupportedType as error:  # its remedy lists meshes too
