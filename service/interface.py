@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, UnsuitedModel
+from ciir.models.catalogue import list_entries
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
@@ -166,6 +167,8 @@ def upscale(
     Returns the same kind, `scale` times as large along each side. Raises `ciir.Error`.
     """
     light_field = images if isinstance(images, LightField) else as_light_field(images)
+    if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
+        raise UnsuitedModel(f"{model} takes the views of a light field, not one picture; give ciir.LightField(array)")
     options = Options.convert({"views": "all", "model": model, "scale": scale, "skip": skip})
     writer = MemoryWriter()
     report = run_reconstruction(light_field, options, writer, progress=progress)
@@ -212,4 +215,4 @@ def as_light_field(picture: Pixels) -> LightField:
         raise InvalidOption(
             f"images: {given} is not taken; give a picture (H, W) or (H, W, C), or ciir.LightField(array) for views"
         )
-    return LightField(picture.reshape(1, 1, *shape[:2], -1))
+    return LightField(picture.reshape(1, 1, *shape[:2], shape[2] if len(shape) == 3 else 1))

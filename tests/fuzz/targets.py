@@ -210,6 +210,7 @@ TARGETS: dict[str, Target] = {
     "stl": Target(mesh(SUFFIXES[".stl"]), seeds.stl),
     "off": Target(mesh(SUFFIXES[".off"]), seeds.off),
     "dae": Target(mesh(SUFFIXES[".dae"], "x.png"), seeds.dae),
+    "3mf": Target(mesh(SUFFIXES[".3mf"]), seeds.threemf),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),

@@ -37,11 +37,14 @@ def read(bundle: Bundle, format_: Format) -> Scene:
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
-        return assemble_scene(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
     except (ImportError, InputError):
         raise
     except MemoryError as error:
         raise TooLarge(f"{name}: reading it takes more memory than there is; decimate the mesh") from error
     except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
-        raise Unreadable(f"{name}: not a {format_.name} that can be read ({why}); export it again") from error
+        raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
+    try:
+        return assemble_scene(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
+    except MemoryError as error:
+        raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

@@ -43,12 +43,11 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
     upright = UPRIGHT.get(document.assetInfo.upaxis, np.eye(4))
     placed = (
-        (surface, matrix)
+        (_surface(primitive, materials, name, resolver), matrix)
         for geometry, materials, matrix in _instances(document.scene.nodes, upright, name, resolver)
         for primitive in geometry.primitives
-        if (surface := _surface(primitive, materials, name, resolver)) is not None
     )
-    return place_surfaces(placed, name=name, max_triangles=limits.triangles)
+    return place_surfaces(placed, name=name, max_triangles=limits.triangles, max_parts=MAX_NODES)
 
 
 def _instances(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.errors import TooLarge
 from ciir.renderer.surface import check_size
 
 if TYPE_CHECKING:
@@ -62,12 +63,19 @@ def add_alpha(colors: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def place_surfaces(
-    placed: Iterable[tuple[Surface, NDArray[np.float64]]], *, name: str, max_triangles: int
+    placed: Iterable[tuple[Surface | None, NDArray[np.float64]]], *, name: str, max_triangles: int, max_parts: int
 ) -> list[Surface]:
-    """Transforms each surface by its 4x4 matrix. Raises `TooLarge` once they have more than `max_triangles`."""
+    """Transforms each surface by its 4x4 matrix; None stands for a part that has no surface.
+
+    Raises `TooLarge` once they have more than `max_triangles`, and for more than `max_parts`, empty ones included.
+    """
     found: list[Surface] = []
     triangles = vertices = 0
-    for surface, matrix in placed:
+    for number, (surface, matrix) in enumerate(placed, 1):
+        if number > max_parts:
+            raise TooLarge(f"{name}: over {max_parts:,} parts in all instances, the most that is read; join them")
+        if surface is None:
+            continue
         triangles += len(surface.faces)
         vertices += len(surface.vertices)
         check_size(name, triangles, vertices, max_triangles)

@@ -35,7 +35,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     `MAX_PRIMITIVES`; an error of Python's where the JSON does not have the shape of glTF.
     """
     document = gltf.parse(data, name=name, resolver=resolver, max_triangles=limits.triangles)
-    return place_surfaces(find_surfaces(document), name=name, max_triangles=limits.triangles)
+    return place_surfaces(find_surfaces(document), name=name, max_triangles=limits.triangles, max_parts=MAX_PRIMITIVES)
 
 
 def find_surfaces(document: Document) -> Iterator[tuple[Surface, NDArray[np.float64]]]:

@@ -68,7 +68,9 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         else:
             palettes[element.get("id")] = [_parse_color(entry) for entry in element.iterfind("{*}*")]
         element.clear()
-    return place_surfaces(_instances(build, objects, name), name=name, max_triangles=limits.triangles)
+    return place_surfaces(
+        _instances(build, objects, name), name=name, max_triangles=limits.triangles, max_parts=MAX_NODES
+    )
 
 
 def _read_references(element: Any, objects: dict[str, Any], name: str) -> References:

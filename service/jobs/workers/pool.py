@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 TICK_SECONDS = 0.05
 """How often tasks and workers are polled."""
+_ATTEMPTS = 3
+"""Workers that are tried for one task, where each dies before it receives the task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
 CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): send SIGKILL
@@ -118,7 +120,7 @@ class Pool:
         Raises `WorkerDied`; `Cancelled` when `cancelled` is set or the pool is closed.
         """
         self.start()
-        while True:
+        for _ in range(_ATTEMPTS):
             worker = self._take_worker(cancelled)
             try:
                 return self._run_in(worker, task, progress, cancelled)
@@ -130,6 +132,7 @@ class Pool:
                 raise
             finally:
                 self._return_worker(worker)
+        raise WorkerDied(f"{_ATTEMPTS} worker processes in a row died before they received the task")
 
     def close(self) -> None:
         """Ends all workers; `run` raises `Cancelled` from now on."""

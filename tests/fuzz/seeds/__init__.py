@@ -21,6 +21,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.pictures.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
 from ciir.service.pipeline.options import NAMES
+from tests.support.inputs import make_zip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -146,6 +147,20 @@ def ply() -> list[bytes]:
 def dae() -> list[bytes]:
     """A COLLADA file with polygons, a texture, and a node that is instanced; and the texture."""
     return [pack((Path(__file__).parent / "seed.dae").read_bytes(), encode_png(noise(4, 4, 3)))]
+
+
+def threemf() -> list[bytes]:
+    """A 3MF of one coloured triangle, which is drawn twice."""
+    model = (
+        b"<model xmlns='http://schemas.microsoft.com/3dmanufacturing/core/2015/02'><resources>"
+        b"<basematerials id='9'><base name='a' displaycolor='#FF0000'/></basematerials>"
+        b"<object id='1' pid='9' pindex='0'>"
+        b"<mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='2' y='0' z='0'/><vertex x='0' y='0' z='3'/></vertices>"
+        b"<triangles><triangle v1='0' v2='1' v3='2'/></triangles></mesh></object></resources>"
+        b"<build><item objectid='1'/><item objectid='1' transform='1 0 0 0 1 0 0 0 1 5 0 0'/></build></model>"
+    )
+    files = {"[Content_Types].xml": b"<Types/>", "_rels/.rels": b"<Relationships/>", "3D/3dmodel.model": model}
+    return [make_zip(files)]
 
 
 def obj() -> list[bytes]:

@@ -88,6 +88,12 @@ def test_many_instances_are_all_there() -> None:
     assert read(model(resources, '<item objectid="2"/>' * 120)).triangles == 120 * 120
 
 
+def test_empty_meshes_count_too() -> None:
+    empty = "<mesh><vertices/><triangles/></mesh>"
+    resources = f'<object id="1">{empty * 200}</object>'
+    assert_refused(".3mf", model(resources, ITEM * 200), "parts in all instances")
+
+
 def test_components_without_end() -> None:
     nested = "".join(
         f'<object id="{n}"><components>{f"<component objectid={chr(34)}{n - 1}{chr(34)}/>" * 2}</components></object>'
