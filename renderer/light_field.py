@@ -35,6 +35,13 @@ def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> ND
     return eia
 
 
+def is_turned(pickup: Pickup) -> bool:
+    """Whether elemental images are turned by 180 degrees. Raises `InvalidOption` for an unknown `pickup`."""
+    if pickup not in ("virtual", "optical"):
+        raise InvalidOption(f"pickup: {pickup!r} is not known; give virtual or optical")
+    return pickup == "optical"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
     """All views of a lens array, `L[v, u, y, x, c]`. Raises `InvalidOption` where `views` is no such array."""
@@ -112,7 +119,7 @@ class LightField:
                 "give the lens counts that were used to take it, or crop the picture to whole elemental images"
             )
         blocks = eia.reshape(rows, height // rows, cols, width // cols, channels)  # (y, v, x, u, c)
-        if pickup == "optical":
+        if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return cls(blocks.transpose(1, 3, 0, 2, 4))
 
@@ -120,6 +127,6 @@ class LightField:
         """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`."""
         pixels_v, pixels_u, rows, cols, channels = self.views.shape
         blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)
-        if pickup == "optical":
+        if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)

@@ -97,21 +97,21 @@ def resolve_job(
     if options.model not in known:
         raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
     return Job(
-        name,
-        content,
-        lenses,
-        grid,
-        pitch,
-        delta,
-        wanted,
-        options.model,
-        options.scale,
-        options.strategy,
-        options.backend,
-        options.sampling,
-        options.background,
-        options.skip == "exact",
-        max_pixels,
+        name=name,
+        content=content,
+        lenses=lenses,
+        grid=grid,
+        pitch=pitch,
+        delta=delta,
+        wanted=wanted,
+        model=options.model,
+        scale=options.scale,
+        strategy=options.strategy,
+        backend=options.backend,
+        sampling=options.sampling,
+        background=options.background,
+        skip=options.skip == "exact",
+        max_pixels=max_pixels,
     )
 
 

@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
+from anyio import to_thread
 from fastapi import Depends, Request
 
 if TYPE_CHECKING:
@@ -34,7 +35,11 @@ class ServiceState:
         stop = asyncio.ensure_future(self.stopped.wait())
         try:
             await asyncio.wait((change, stop), return_when=asyncio.FIRST_COMPLETED)
-            return change.result() if change.done() else None
+            if change.done():
+                return change.result()
+            # The job may have ended just before the server stopped.
+            last = await to_thread.run_sync(self.engine.jobs.get, job.id)
+            return last if last is not None and len(last.events) != len(job.events) else None
         finally:
             change.cancel()
             stop.cancel()
