@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
 FILE = "costs.json"
 JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 700.0, 60.0
-"""Any job beside its stages; the first view by OpenGL and the first network of a process, which are not measured, since
-that would cost what it is to save."""
+"""Of any job; of the first view by OpenGL and of the first network in a process: typical, not measured."""
 PLACE_MS, LOOK_MS, HIT = 1e-4, 3.3e-5, 1.25
 """Culling: for each triangle, and for each triangle in each view; how many triangles it leaves for each ray."""
 WRITE_MS = 1.2e-5
@@ -90,9 +89,8 @@ class Rendering(NamedTuple):
 
 
 def total(stages: Sequence[Stage], written: int, batches: int) -> float:
-    """Milliseconds of a job that writes so many pixels. The first of its batches of views goes through all stages in
-    turn; each further one takes as long as the slowest stage, or as the work of all stages shared among the cores.
-    """
+    """Milliseconds of a job that writes so many pixels. Its first batch goes through all stages; each further one takes
+    as long as the slowest stage, or as the work of all stages shared among the cores."""
     stages = [*stages, Stage(0.0, written * WRITE_MS)]
     spent = [stage.views for stage in stages]
     slowest = max(*spent, sum(stage.views * stage.cores for stage in stages) / count_available_cores())
