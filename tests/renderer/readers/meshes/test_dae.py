@@ -120,6 +120,9 @@ def test_instances_without_end() -> None:
         read(document(scene=many), triangles=20)
     with pytest.raises(TooLarge, match=f"over {MAX_NODES:,} nodes"):
         read(document(scene='<node id="a"/>' * (MAX_NODES + 1)))
+    lines = '<lines count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1</p></lines>' * 200
+    with pytest.raises(TooLarge, match="parts in all instances"):
+        read(document(polygons=lines, scene=many + many.replace('id="i', 'id="j')))
 
 
 ENTITIES = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 10))
