@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -120,3 +121,12 @@ def find_frontier(points: Iterable[Point]) -> list[Point]:
         if point.kind != DIRECT and (not best or point.rmse < best[-1].rmse):
             best.append(point)
     return best
+
+
+def replace_infinite(value: Any) -> Any:
+    """The value with infinity and NaN, which JSON lacks, as the strings `inf`, `-inf` and `nan`."""
+    if isinstance(value, dict):
+        return {key: replace_infinite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [replace_infinite(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

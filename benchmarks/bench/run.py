@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import sys
 import time
 from dataclasses import asdict, dataclass, field
@@ -15,7 +14,7 @@ from tqdm import tqdm
 from ciir.benchmarks import machine
 from ciir.benchmarks.bench import figures, tables
 from ciir.benchmarks.bench.methods import list_methods
-from ciir.benchmarks.bench.results import average_rows, find_frontier, measure
+from ciir.benchmarks.bench.results import average_rows, find_frontier, measure, replace_infinite
 from ciir.benchmarks.bench.work import SAMPLINGS, SCALE, list_works
 from ciir.models.catalogue import default_name
 from ciir.renderer.scenes import SCENES
@@ -106,7 +105,7 @@ def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
         writer.writeheader()
         writer.writerows(rows)
     (out / "results.json").write_text(
-        json.dumps(_replace_infinite(found), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+        json.dumps(replace_infinite(found), indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )
     versions = ", ".join(f"{package} {version or 'absent'}" for package, version in here["versions"].items())
     lines = [
@@ -130,12 +129,3 @@ def _format_frontier(where: str, names: Sequence[str]) -> str:
     """The methods that no other beats in both time and error, and whether the default is one of them."""
     note = "" if default_name() in names else f" (not the default, `{default_name()}`)"
     return f"- {where}: {', '.join(f'`{name}`' for name in names)}{note}"
-
-
-def _replace_infinite(value: Any) -> Any:
-    """The value with infinity and NaN, which JSON lacks, as the strings `inf`, `-inf` and `nan`."""
-    if isinstance(value, dict):
-        return {key: _replace_infinite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_replace_infinite(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

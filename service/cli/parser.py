@@ -154,10 +154,30 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         "-o", "--out", default="bench-out", metavar="DIR", help="folder for the results (default bench-out)"
     )
     command.add_argument(
-        "--lenses", nargs="+", default=[], metavar="N", help="arrays of N x N lenses in front of a mesh"
+        "--lenses",
+        nargs="+",
+        default=[],
+        metavar="N",
+        help="arrays of N x N lenses in front of a mesh; with --harm also RxC, the lenses of an EIA picture",
     )
     command.add_argument("--rounds", metavar="N", help="how often each job runs (default 11, with --quick 3)")
-    command.add_argument("--quick", action="store_true", help="one scene, two lens arrays: a few minutes")
+    command.add_argument(
+        "--quick", action="store_true", help="one scene, two lens arrays: a few minutes; with --harm a few seconds"
+    )
+    command.add_argument(
+        "--harm",
+        action="store_true",
+        help="instead: where the default is worse than bicubic interpolation, or than the networks of single pictures, "
+        "over meshes and light fields in many conditions; writes harm.json, harm.md and harm.png, and exits with 1 "
+        "where it is by more than 0.1 dB",
+    )
+    command.add_argument("--only", choices=("meshes", "light-fields"), help="with --harm: one kind of input")
+    command.add_argument(
+        "--model",
+        metavar="NAME",
+        help="with --harm: judge this model in place of the default: one that `ciir models` lists, or an exported "
+        "network's .json",
+    )
     _add_options(command, ("pixels", "pickup"))
 
     command = add_command("stress", "measure the numerics under stress against their bounds")

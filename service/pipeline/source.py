@@ -17,8 +17,8 @@ from ciir.service.pipeline.report import CountedFiles, Report
 if TYPE_CHECKING:
     from ciir.service.pipeline.options import Options
 
-Source = Bundle | LightField | str
-"""Files, a light field in memory, or the name of a scene of `renderer.scenes`."""
+Source = Bundle | LightField | Scene | str
+"""Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
 
 
 SCENE = "scene:"
@@ -47,13 +47,17 @@ class Input:
             self.name, self.limits = source.name, source.limits
             self._files = CountedFiles(source.files)
             self._source = replace(source, files=self._files)
+        elif isinstance(source, str):
+            self.name = f"scene:{source}"
         else:
-            self.name = "light field" if isinstance(source, LightField) else f"scene:{source}"
+            self.name = "light field" if isinstance(source, LightField) else "mesh"
 
     def read(self, options: Options) -> Scene | LightField:
         """The mesh or the light field. Raises `InputError`."""
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
+            return self._source
+        if isinstance(self._source, Scene):
             return self._source
         if isinstance(self._source, str):
             from ciir.renderer.scenes import load_scene

@@ -46,7 +46,7 @@ def evaluate(
     A single-picture model upscales view by view. Raises as `score`, and `ciir.errors.ModelError` where there is no
     such model.
     """
-    return score(_network(model, scale), folder, grid=grid, degradation=degradation)
+    return score(load_network(model, scale), folder, grid=grid, degradation=degradation)
 
 
 def score(
@@ -89,7 +89,11 @@ def score(
     return Accuracy(name, len(views), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
 
 
-def _network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
+def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
+    """Loads a model by its name in the catalogue, or an exported network by the path of its card.
+
+    Raises `ciir.errors.ModelError` where there is no such model, or it doesn't upscale by `scale`.
+    """
     if model.endswith(".json"):
         path = Path(model)
         card = cards.read_card(path)

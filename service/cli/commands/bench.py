@@ -1,4 +1,4 @@
-"""`ciir bench`: runs `benchmarks.bench`."""
+"""`ciir bench`: runs `benchmarks.bench`, and with `--harm` `benchmarks.harm`."""
 
 from __future__ import annotations
 
@@ -9,20 +9,31 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.scenes import SCENES
 from ciir.service.cli import common, output_path
+from ciir.service.pipeline.options import parse_pair
 from ciir.service.pipeline.source import SCENE, open_source
 
 if TYPE_CHECKING:
     import argparse
 
     from ciir.benchmarks.bench.run import BenchOptions
+    from ciir.benchmarks.harm.run import HarmOptions
     from ciir.service.pipeline.source import Source
+
+OVER = 1
+"""Exit status where a case of the harm table is over its bound."""
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measures, writes the results, and prints where they are."""
+    """Measures, writes the results, and prints where they are. Exits with `OVER` where the default does harm."""
     to = output_path.resolve_folder(args.out, what="the results")
     if to.is_file():
         raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
+    if args.harm:
+        _run_harm(_parse_harm(args), to)
+        return
+    for name in ("only", "model"):
+        if getattr(args, name) is not None:
+            raise InvalidOption(f"--{name}: this is for the harm table; give --harm too, or leave it out")
     options = _parse(args)
     from ciir.benchmarks.bench.run import bench
 
@@ -39,15 +50,52 @@ def _parse(args: argparse.Namespace) -> BenchOptions:
 
     options = QUICK if args.quick else BenchOptions()
     if args.inputs:
-        sources: dict[str, Source] = {_name(text): open_source(text) for text in args.inputs}
-        if len(sources) < len(args.inputs):
-            raise InvalidOption("bench: two inputs have the same name; rename one, or give one of them")
-        options = replace(options, sources=sources)
+        options = replace(options, sources=_open_sources(args.inputs))
     if args.lenses:
         options = replace(options, lenses=_counts("--lenses", args.lenses, 2, 1000))
     if args.rounds is not None:
         options = replace(options, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
     return replace(options, array=common.parse_options(args))
+
+
+def _run_harm(options: HarmOptions, to: Path) -> None:
+    from ciir.benchmarks.harm.run import measure_harm
+
+    found = measure_harm(options, to)
+    common.print_line(f"{to}: harm.json, harm.md, harm.png written after {found['seconds']:.0f} s")
+    for line in found["lines"]:
+        common.print_line(line)
+    common.print_line(f"{found['over']} of {found['cases']} cases are over the bound of {found['bound']} dB")
+    if found["over"]:
+        raise SystemExit(OVER)
+
+
+def _parse_harm(args: argparse.Namespace) -> HarmOptions:
+    """Of `--lenses`, whole numbers are for meshes, and rows x columns for elemental image arrays."""
+    from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
+    from ciir.benchmarks.harm.run import HarmOptions
+
+    if args.rounds is not None:
+        raise InvalidOption("--rounds: the harm table measures no times; leave it out")
+    options = HarmOptions(sources=_open_sources(args.inputs), quick=args.quick)
+    pairs = [text for text in args.lenses if "x" in text.lower()]
+    if len(pairs) > 1:
+        raise InvalidOption(f"--lenses: {pairs[0]} and {pairs[1]} are both of an elemental image array; give one")
+    array = common.parse_options(args)
+    if pairs:
+        array = replace(array, lenses=parse_pair("--lenses", pairs[0]))
+    if counts := [text for text in args.lenses if text not in pairs]:
+        options = replace(options, lenses=_counts("--lenses", counts, 8, 1000))  # SSIM needs 11 pixels of the truth
+    if args.only is not None:
+        options = replace(options, kinds=(MESH if args.only == "meshes" else LIGHT_FIELD,))
+    return replace(options, array=array, model=args.model or options.model)
+
+
+def _open_sources(texts: list[str]) -> dict[str, Source]:
+    sources: dict[str, Source] = {_name(text): open_source(text) for text in texts}
+    if len(sources) < len(texts):
+        raise InvalidOption("bench: two inputs have the same name; rename one, or give one of them")
+    return sources
 
 
 def _name(text: str) -> str:

@@ -1,0 +1,1 @@
+"""The harm table: where the default is worse than bicubic interpolation, or than the networks of single pictures."""

@@ -1,0 +1,105 @@
+"""The harm table as JSON and Markdown, worst case first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ciir.benchmarks.bench.tables import format_table
+from ciir.benchmarks.harm.score import BICUBIC, BOUND, DEFAULT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from ciir.benchmarks.harm.score import Row
+
+EXPLANATION = f"""\
+PSNR in dB and SSIM of Y against the truth. `against bicubic`: `default` - `bicubic`. `against single`: `default` - the
+best network of single pictures, where the default took a light-field network. A case is over the bound where one of
+them is below -{BOUND} dB.
+"""
+
+
+def sort_rows(rows: Iterable[Row]) -> list[Row]:
+    """The rows, the smallest margin first."""
+    return sorted(rows, key=lambda row: row.margin)
+
+
+def describe_row(row: Row) -> dict[str, Any]:
+    """A row for JSON, without pictures."""
+    return {
+        "case": row.label,
+        "input": row.input,
+        "kind": row.kind,
+        "factors": dict(row.factors),
+        "model": row.model,
+        "against_bicubic": row.against_bicubic,
+        "against_single": row.against_single,
+        "best_single": row.best_single,
+        "is_over": row.is_over,
+        "psnr": dict(row.psnr),
+        "ssim": dict(row.ssim),
+        "notes": list(row.notes),
+    }
+
+
+def format_line(row: Row) -> str:
+    """A row in one line of text."""
+    line = f"{row.against_bicubic:+6.2f} dB against bicubic"
+    if row.against_single is not None:
+        line += f", {row.against_single:+6.2f} against {row.best_single}"
+    return f"{line}: {row.label} ({row.model})"
+
+
+def format_tables(rows: Sequence[Row]) -> list[str]:
+    """Counts by input and by factor, then every row; `rows` are sorted."""
+    lines = [EXPLANATION, "## By input", "", *_format_groups({row.input: None for row in rows}, rows, _has_input)]
+    for kind in dict.fromkeys(row.kind for row in rows):
+        some = [row for row in rows if row.kind == kind]
+        values = {(name, value): None for name in some[0].factors for value in sorted({r.factors[name] for r in some})}
+        lines += [f"## By factor: {kind}", "", *_format_groups(values, some, _has_factor)]
+        lines += [f"## Every case: {kind}", "", *_format_rows(some)]
+    return lines
+
+
+def _has_input(row: Row, name: Any) -> bool:
+    return bool(row.input == name)
+
+
+def _has_factor(row: Row, factor: Any) -> bool:
+    return bool(row.factors[factor[0]] == factor[1])
+
+
+def _format_groups(groups: Mapping[Any, None], rows: Sequence[Row], has: Any) -> list[str]:
+    cells = []
+    for group in groups:
+        some = [row for row in rows if has(row, group)]
+        singles = [row.against_single for row in some if row.against_single is not None]
+        cells.append(
+            [
+                group if isinstance(group, str) else " ".join(group),
+                str(len(some)),
+                str(sum(row.is_over for row in some)),
+                _format_worst([row.against_bicubic for row in some]),
+                _format_worst(singles),
+            ]
+        )
+    head = ("", "cases", "over the bound", "against bicubic: worst, mean", "against single: worst, mean")
+    return format_table(head, cells)
+
+
+def _format_worst(margins: Sequence[float]) -> str:
+    return f"{min(margins):+.2f}, {sum(margins) / len(margins):+.2f}" if margins else "-"
+
+
+def _format_rows(rows: Sequence[Row]) -> list[str]:
+    names = dict.fromkeys(name for row in rows for name in row.psnr if name not in (BICUBIC, DEFAULT))
+    head = ("", "model", "against bicubic", "against single", "SSIM: bicubic", "default", "PSNR: bicubic", "default")
+    cells = []
+    for row in rows:
+        single = "-" if row.against_single is None else f"{row.against_single:+.2f} ({row.best_single})"
+        margin = f"{row.against_bicubic:+.2f}"
+        psnr = [f"{row.psnr[name]:.2f}" if name in row.psnr else "-" for name in (BICUBIC, DEFAULT, *names)]
+        ssim = [f"{row.ssim[name]:.4f}" for name in (BICUBIC, DEFAULT)]
+        label = f"**{row.label}**" if row.is_over else row.label
+        cells.append([label, row.model, margin, single, *ssim, *psnr])
+    return format_table((*head, *names), cells)

@@ -1,0 +1,149 @@
+"""The whole harm table: reads inputs, runs every case, and writes the tables and the figure."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from ciir.benchmarks import machine
+from ciir.benchmarks.bench.results import replace_infinite
+from ciir.benchmarks.harm import light_fields, meshes, report
+from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
+from ciir.benchmarks.harm.figure import plot_harm
+from ciir.benchmarks.harm.score import BOUND, Row, list_networks, make_subject, score_case
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.inputs import find_main
+from ciir.renderer.readers.registry import MeshFormat
+from ciir.service.pipeline.options import AUTO, Options
+from ciir.service.pipeline.source import Input
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from ciir.benchmarks.harm.case import Case, Kind, Views
+    from ciir.renderer.scene import Scene
+    from ciir.service.pipeline.source import Source
+
+LINES = 15
+"""Worst cases that are printed."""
+
+
+@dataclass(frozen=True)
+class HarmOptions:
+    """What to measure."""
+
+    sources: Mapping[str, Source] = field(default_factory=dict)
+    """Name -> mesh, elemental image array or set of views, beside those that ship. Names of scenes add nothing."""
+    lenses: Sequence[int] = ()
+    """Along each side of the arrays in front of a mesh; empty: `meshes.LENSES`, or `QUICK_LENSES` where quick."""
+    array: Options = field(default_factory=Options)
+    """How to read elemental image arrays."""
+    kinds: Sequence[Kind] = (MESH, LIGHT_FIELD)
+    model: str = AUTO
+    """What is judged: `auto`, a name of the catalogue, or the path of an exported network's card."""
+    quick: bool = False
+    """Two meshes before black and white, a few cases of light fields."""
+
+
+QUICK_MESHES = ("vase", "grey chair")
+QUICK_LENSES = (16, 32)
+QUICK_BACKGROUNDS = ("black", "white")
+
+
+def measure_harm(options: HarmOptions, out: Path) -> dict[str, Any]:
+    """Measures, writes `harm.json`, `harm.md` and `harm.png` into `out`, and returns what the JSON file holds.
+
+    Raises the input errors of `ciir.errors`, and `ModelError` where there is no such model.
+    """
+    begun = time.perf_counter()
+    subject = make_subject(options.model)
+    networks, left_out = list_networks()
+    scenes, captured = _read_inputs(options)
+    cases, count = _list_cases(options, scenes, captured)
+    bar = tqdm(cases, total=count, disable=None, unit="case", file=sys.stderr)
+    rows = report.sort_rows(score_case(case, networks, subject) for case in bar)
+    here = machine.describe()
+    found: dict[str, Any] = {
+        "machine": here,
+        "judged": options.model,
+        "bound": BOUND,
+        "cases": len(rows),
+        "over": sum(row.is_over for row in rows),
+        "left_out": left_out,
+        "rows": [report.describe_row(row) for row in rows],
+        "seconds": time.perf_counter() - begun,
+    }
+    _write(found, rows, out)
+    return found | {"lines": [report.format_line(row) for row in rows[:LINES]]}
+
+
+def _write(found: Mapping[str, Any], rows: Sequence[Row], out: Path) -> None:
+    here = found["machine"]
+    summary = (
+        f"{found['over']} of {found['cases']} cases over the bound of {BOUND} dB; judged: {found['judged']}. "
+        f"{here['processor']}, {here['cores']} cores, int8 {'yes' if here['int8'] else 'no'}; "
+        f"{found['seconds']:.0f} s."
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(replace_infinite(dict(found)), indent=1, allow_nan=False)
+    (out / "harm.json").write_text(text + "\n", encoding="utf-8")
+    lines = [summary, "", *report.format_tables(rows)]
+    lines += [f"- `{name}`: left out: {why}" for name, why in found["left_out"].items()]
+    (out / "harm.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    plot_harm(rows, out / "harm.png", title=summary)
+
+
+def _read_inputs(options: HarmOptions) -> tuple[dict[str, Scene], dict[str, tuple[Views, bool]]]:
+    """Meshes, and light fields with whether each is an elemental image array; none of kinds that are not wanted.
+
+    Everything is read before the first case runs, so that a wrong input is reported at once.
+    """
+    scenes: dict[str, Scene] = {}
+    captured: dict[str, tuple[Views, bool]] = {}
+    if MESH in options.kinds:
+        scenes = {name: meshes.OWN[name]() for name in (QUICK_MESHES if options.quick else meshes.OWN)}
+    for name, source in options.sources.items():
+        if not isinstance(source, Bundle):
+            continue
+        main = find_main(source)
+        kind: Kind = MESH if main is not None and isinstance(main[0], MeshFormat) else LIGHT_FIELD
+        if kind not in options.kinds:
+            continue
+        if name in scenes or name == light_fields.DRAWN:
+            raise InvalidOption(f"{name}: this is the name of an input that ships; rename the file")
+        if kind == MESH:
+            scenes[name] = Input(source).read_mesh(Options())
+        else:
+            array = options.array if main is not None else Options()
+            captured[name] = (light_fields.read_light_field(name, source, array), main is not None)
+    if LIGHT_FIELD in options.kinds and not captured:
+        captured[light_fields.DRAWN] = (light_fields.draw_light_field(quick=options.quick), False)
+    return scenes, captured
+
+
+def _list_cases(
+    options: HarmOptions, scenes: Mapping[str, Scene], captured: Mapping[str, tuple[Views, bool]]
+) -> tuple[Iterator[Case], int]:
+    """The cases, made one after another, and how many they are."""
+    lenses = options.lenses or (QUICK_LENSES if options.quick else meshes.LENSES)
+    backgrounds = QUICK_BACKGROUNDS if options.quick else tuple(meshes.BACKGROUNDS)
+    variations = {
+        name: light_fields.list_variations((views.shape[0], views.shape[1]), is_array=is_array, quick=options.quick)
+        for name, (views, is_array) in captured.items()
+    }
+    count = len(scenes) * meshes.count_cases(lenses, backgrounds) + sum(map(len, variations.values()))
+
+    def make() -> Iterator[Case]:
+        for name, scene in scenes.items():
+            yield from meshes.list_cases(name, scene, lenses, backgrounds)
+        for name, (views, _) in captured.items():
+            yield from light_fields.list_cases(name, views, variations[name])
+
+    return make(), count

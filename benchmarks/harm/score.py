@@ -1,0 +1,232 @@
+"""Scores of a case: bicubic interpolation, the default and every network against the truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.benchmarks.bench.work import reconstruct_views
+from ciir.benchmarks.harm.case import SCALE
+from ciir.models import catalogue
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.views import upscale_views
+from ciir.models.light_field.windows import MINIMUM_GRID
+from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.scene import Scene
+from ciir.service.pipeline.job import resolve_job
+from ciir.service.pipeline.options import AUTO, Options
+from ciir.service.pipeline.plan import make_plan
+from ciir.training.evaluation.light_fields import load_network
+from ciir.training.evaluation.metrics import SSIM_RADIUS, compute_psnr, compute_ssim, rgb_to_luma
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from ciir.benchmarks.harm.case import Case, Kind, Picture, Views
+    from ciir.renderer.views import View
+
+BOUND = 0.1
+"""dB by which the default may be below bicubic interpolation, and a light-field network below the best network of
+single pictures."""
+SIDE = 48
+"""Pixels along each side of a crop."""
+BICUBIC, DEFAULT = "bicubic", "default"
+"""Names of scores beside those of networks."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model that runs on the views of a case."""
+
+    name: str
+    is_light_field: bool
+    upscale: Callable[[Views, View], Picture]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the default, or the model in its place, made of a case."""
+
+    picture: Picture
+    model: str
+    """The model that ran."""
+    is_light_field: bool
+    notes: tuple[str, ...] = ()
+    """Of the report."""
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """The scores of a case: Y-PSNR in dB, SSIM, and margins."""
+
+    input: str
+    kind: Kind
+    factors: Mapping[str, str]
+    model: str
+    """The model that the default took."""
+    psnr: Mapping[str, float]
+    """Name -> dB; inf where exact. `bicubic`, `default`, and every network that suits the grid."""
+    ssim: Mapping[str, float]
+    """NaN where the truth is smaller than SSIM's window."""
+    best_single: str
+    """The best network of single pictures; empty where there is none."""
+    against_bicubic: float
+    """`default` - `bicubic`, dB."""
+    against_single: float | None
+    """`default` - `best_single`, dB; None where the default is no light-field network."""
+    notes: tuple[str, ...]
+    crops: Mapping[str, Picture]
+    """`truth`, `bicubic`, the best network of single pictures and `default`, where the default loses most."""
+
+    @property
+    def margin(self) -> float:
+        """The smaller one of the margins, dB."""
+        return self.against_bicubic if self.against_single is None else min(self.against_bicubic, self.against_single)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a margin is below `-BOUND`."""
+        return self.margin < -BOUND
+
+    @property
+    def conditions(self) -> list[str]:
+        """The factors as text, without what is absent."""
+        return [
+            f"{name} {value}" if name in ("noise", "jpeg") else value
+            for name, value in self.factors.items()
+            if (name, value) not in (("noise", "0"), ("jpeg", "none"), ("order", "right"))
+        ]
+
+    @property
+    def label(self) -> str:
+        """The input and the conditions."""
+        return f"{self.input}: {', '.join(self.conditions)}"
+
+
+def list_networks() -> tuple[list[Model], dict[str, str]]:
+    """Every network of the catalogue, and those that are left out: name -> why."""
+    networks: list[Model] = []
+    left_out: dict[str, str] = {}
+    for entry in catalogue.list_entries():
+        if entry.card is None:
+            continue
+        if SCALE not in entry.scales:
+            left_out[entry.name] = f"upscales by {', '.join(map(str, entry.scales))}, not by {SCALE}"
+        elif entry.unsupported_reason:
+            left_out[entry.name] = entry.unsupported_reason
+        else:
+            networks.append(load_model(entry.name))
+    return networks, left_out
+
+
+def load_model(name: str) -> Model:
+    """A model by its name in the catalogue, or an exported network by the path of its card.
+
+    Raises `ciir.errors.ModelError` where there is no such model.
+    """
+    network = load_network(name, SCALE)
+    is_card = name.endswith(".json")
+    is_light_field = (
+        isinstance(network, LightFieldNetwork) if is_card else name not in catalogue.list_single_image_names()
+    )
+    return Model(name, is_light_field, partial(_upscale_light_field if is_light_field else _upscale_single, network))
+
+
+def _upscale_single(network: Any, views: Views, at: View) -> Picture:
+    picture: Picture = upscale_pixels(network, views[at][np.newaxis])[0]
+    return picture
+
+
+def _upscale_light_field(network: Any, views: Views, at: View) -> Picture:
+    grid = (views.shape[0], views.shape[1])
+    every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
+    fallback = catalogue.load_upscaler(catalogue.default_name(), scale=SCALE)
+    return np.asarray(upscale_views(network, fallback, every, [at], grid)[0][0], np.uint8)
+
+
+def reconstruct_case(case: Case, model: str) -> Result:
+    """The wanted view of `case` by the pipeline with the model `auto` or one of the catalogue.
+
+    Of a mesh, a light-field network gets the views that were rendered for all models: those that the pipeline would
+    render are the same to the bit.
+    """
+    source, options = case.source, replace(case.options, model=model)
+    if isinstance(source, Scene):
+        plan = make_plan(resolve_job(case.input, source, options, max_views=DEFAULT_LIMITS.views))
+        if plan.is_light_field:
+            source, options = LightField(case.views), Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model)
+    pictures, report = reconstruct_views(source, options)
+    name = report["model"]["name"]
+    is_light_field = next(entry for entry in catalogue.list_entries() if entry.name == name).is_light_field
+    return Result(pictures[0], name, is_light_field, tuple(report["notes"]))
+
+
+def make_subject(model: str) -> Callable[[Case], Result]:
+    """What is judged: `auto` or a model of the catalogue by the pipeline, or an exported network by its card's path.
+
+    Raises `ciir.errors.ModelError` where there is no such model.
+    """
+    if model != AUTO:
+        loaded = load_model(model)
+        if model.endswith(".json"):
+            return lambda case: Result(loaded.upscale(case.views, case.at), model, loaded.is_light_field)
+    return partial(reconstruct_case, model=model)
+
+
+def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], Result]) -> Row:
+    """Runs everything on `case`. Light-field networks are left out of grids that are too small for them."""
+    result = subject(case)
+    pictures = {BICUBIC: _upscale_single(catalogue.load_upscaler(BICUBIC, scale=SCALE), case.views, case.at)}
+    pictures[DEFAULT] = result.picture
+    singles = [network.name for network in networks if not network.is_light_field]
+    for network in networks:
+        if not network.is_light_field or min(case.views.shape[:2]) >= MINIMUM_GRID:
+            pictures[network.name] = network.upscale(case.views, case.at)
+    psnr, ssim = {}, {}
+    truth = rgb_to_luma(case.truth)
+    has_ssim = min(truth.shape) - 2 * case.border > 2 * SSIM_RADIUS
+    for name, picture in pictures.items():
+        luma = rgb_to_luma(picture)
+        psnr[name] = compute_psnr(luma, truth, border=case.border)
+        ssim[name] = compute_ssim(luma, truth, border=case.border) if has_ssim else math.nan
+    best = max(singles, key=psnr.__getitem__, default="")
+    against_bicubic = _subtract(psnr[DEFAULT], psnr[BICUBIC])
+    against_single = _subtract(psnr[DEFAULT], psnr[best]) if best and result.is_light_field else None
+    is_single_worse = against_single is not None and against_single < against_bicubic
+    shown = {"truth": case.truth, BICUBIC: pictures[BICUBIC]}
+    shown |= {best: pictures[best]} if best else {}
+    window = _find_window(case.truth, result.picture, pictures[best if is_single_worse else BICUBIC])
+    return Row(
+        input=case.input,
+        kind=case.kind,
+        factors=case.factors,
+        model=result.model,
+        psnr=psnr,
+        ssim=ssim,
+        best_single=best,
+        against_bicubic=against_bicubic,
+        against_single=against_single,
+        notes=result.notes,
+        crops={name: picture[window].copy() for name, picture in (shown | {DEFAULT: result.picture}).items()},
+    )
+
+
+def _subtract(psnr: float, other: float) -> float:
+    """The difference of two PSNRs, 0 where both are exact."""
+    return 0.0 if psnr == other else psnr - other
+
+
+def _find_window(truth: Picture, picture: Picture, other: Picture) -> tuple[slice, slice]:
+    """The window of at most `SIDE x SIDE` pixels in which `picture` is worst against `other`."""
+    errors = [np.square(one.astype(np.int64) - truth).sum(axis=-1) for one in (picture, other)]
+    height, width = (min(SIDE, length) for length in truth.shape[:2])
+    total = np.pad(errors[0] - errors[1], ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    sums = total[height:, width:] - total[:-height, width:] - total[height:, :-width] + total[:-height, :-width]
+    y, x = (int(place) for place in np.unravel_index(int(sums.argmax()), sums.shape))
+    return slice(y, y + height), slice(x, x + width)
