@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
 
+OrderCheck = Literal["auto", "given"]
+"""Whether a set of views is put in the right order where its own is certainly wrong, or taken as it is given."""
+
 
 def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
     """The elemental image array `(rows*Kv, cols*Ku, 4)` of all `Kv*Ku` views, `(rows, cols, 4)` each, row by row.
@@ -51,6 +54,9 @@ class LightField:
 
     notes: tuple[str, ...] = ()
     """Notes on how it was read or rendered, one line each."""
+
+    is_ordered: bool = False
+    """Whether the order of the views is known to be right, or was checked (`renderer.view_order`)."""
 
     def __post_init__(self) -> None:
         views = self.views

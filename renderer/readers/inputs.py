@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
-from ciir.renderer.light_field import LightField, Pickup
+from ciir.renderer.light_field import LightField, OrderCheck, Pickup
 from ciir.renderer.readers import meshes, pictures, view_set
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import Format, MeshFormat, PictureFormat, identify, is_mesh, is_picture
+from ciir.renderer.view_order import correct_order, estimate_order
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
@@ -17,24 +18,31 @@ if TYPE_CHECKING:
 
 
 def read(
-    bundle: Bundle, *, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup = "virtual"
+    bundle: Bundle,
+    *,
+    lenses: tuple[int, int] | None,
+    pixels: tuple[int, int] | None,
+    pickup: Pickup = "virtual",
+    order: OrderCheck = "auto",
 ) -> Scene | LightField:
     """Reads a mesh as a scene, and an elemental image array or a set of views as a light field.
 
     - One picture: an elemental image array of `lenses` (rows, columns), or of elemental images of `pixels` (v, u).
     - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of `pixels`
-      (v, u) where their names don't give one.
+      (v, u) where their names don't give one. With the `order` auto, views that are certainly in a wrong order are put
+      right, with a note. An elemental image array stays as it is: optics give its order.
 
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
     """
     found = find_main(bundle)
     if found is None:
-        return view_set.read(bundle.files, name=clean_text(bundle.name), grid=pixels, limits=bundle.limits)
+        found_views = view_set.read(bundle.files, name=clean_text(bundle.name), grid=pixels, limits=bundle.limits)
+        return replace(found_views, is_ordered=True) if order == "given" else _check_order(found_views)
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_)
-    return _read_eia(bundle, key, lenses, pixels, pickup)
+    return replace(_read_eia(bundle, key, lenses, pixels, pickup), is_ordered=order == "given")
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
@@ -63,6 +71,24 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     if not views:
         raise Unreadable(f"{name}: holds neither a mesh nor pictures; give a mesh, or the views of a light field")
     return None
+
+
+def _check_order(light_field: LightField) -> LightField:
+    """The light field with its views in the right order, where theirs is certainly wrong."""
+    views, found = light_field.views, estimate_order(light_field.views)
+    notes = light_field.notes
+    tiles = f"{found.votes} of {found.of} textured tiles"
+    if found.is_wrong:
+        done = {
+            "reversed along one axis": "rows of views are taken from the bottom up",
+            "transposed": "the first index is taken as the column",
+            "transposed and reversed along one axis": "the first index is taken as the column, counted from the right",
+        }[found.order]
+        views = correct_order(views, found.order)
+        notes += (f"order: {done}, since the views move so in {tiles}; give order given to keep the names' order",)
+    elif found.is_likely and found.order != "as given":
+        notes += (f"order: the views may be {found.order}, as {tiles} show; they are left as they are",)
+    return replace(light_field, views=views, notes=notes, is_ordered=True)
 
 
 def _read_eia(

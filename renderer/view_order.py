@@ -1,0 +1,229 @@
+"""The order of a light field's views, from the pictures: right, with one axis reversed, transposed, or both.
+
+Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
+In a wrong order no disparity explains all views around the centre view at once, so a small plane sweep on textured
+tiles tells the orders apart. Both axes reversed can't be told from none: only depth is inverted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from ciir.renderer.views import center_view
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Plane = NDArray[np.float32]
+    """Luma in [0, 1], or what is computed of it; the last axes are rows and columns."""
+    Views = NDArray[np.uint8] | NDArray[np.uint16]
+
+Order = Literal["as given", "reversed along one axis", "transposed", "transposed and reversed along one axis"]
+ORDERS: tuple[Order, ...] = get_args(Order)
+"""Of rows (down) and columns (right) of views, the order that they should have, against the order that they have:
+`as given`, (down, right); `reversed along one axis`, (-down, right); `transposed`, (right, down); both, (-right, down).
+"""
+
+TILE, REACH = 16, 6
+"""Pixels along a side of a tile, and how far it is searched for to each side."""
+SHIFTS = np.arange(-2 * REACH, 2 * REACH + 1) / 2
+"""Shifts from one view to another that are tried, pixels."""
+SWEEPS = ((1, 3), (1, 1), (4, 1))
+"""(factor by which views are downscaled, step from the centre view to those around): for small, medium and large
+disparities. A smaller grid limits the step."""
+TILES = 24
+"""Most tiles of a sweep."""
+LARGEST_SIDE = 640
+"""Only so many pixels along each side, in the middle of the views, are looked at."""
+LEAST_TEXTURE = 1.5 / 255
+"""Least root mean square of a tile's gradient in its weakest direction, in [0, 1] for each pixel."""
+LEAST_CORRELATION, CLEAR = 0.7, 0.65
+"""A tile votes for the order that explains the views around with the highest mean correlation, where this is at least
+the first, and leaves at most the second as a share of what the next best order leaves unexplained."""
+LEAST_RESIDUAL = 0.02
+"""What is unexplained counts as at least this, since shifts are half pixels apart."""
+CERTAIN_VOTES, CERTAIN_SHARE = 5, 0.9
+"""Votes for an order, and their share of all votes, from which it is certain. Of 8,508 votes on 1,028 light fields in
+the right order, captured, rendered and drawn, half of them with noise and as JPEG, 2 were for another order."""
+LIKELY_VOTES, LIKELY_SHARE = 3, 0.7
+"""The same from which it is likely."""
+_AROUND = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0))
+
+
+@dataclass(frozen=True)
+class OrderEstimate:
+    """The order that views are in, by votes of tiles."""
+
+    order: Order
+    """The order with the most votes; `as given` where no tile votes."""
+    votes: int
+    """Tiles that vote for it."""
+    of: int
+    """Tiles that vote."""
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether views may be put in another order by it."""
+        return self.votes >= max(CERTAIN_VOTES, CERTAIN_SHARE * self.of)
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is worth a note."""
+        return self.votes >= max(LIKELY_VOTES, LIKELY_SHARE * self.of)
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the views are certainly in another order than they should be."""
+        return self.is_certain and self.order != ORDERS[0]
+
+
+def estimate_order(views: Views) -> OrderEstimate:
+    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 16 around it.
+
+    It is `as given` where nothing can be said: of a grid of less than 3x3, of small pictures or without texture, and
+    where content hardly moves.
+    """
+    largest = (min(views.shape[:2]) - 1) // 2
+    rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
+    votes = np.zeros(len(ORDERS), np.intp)
+    for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
+        if largest and not _sum_up(votes).is_certain:
+            votes += _count_votes(views[:, :, rows, cols], factor, step)
+    return _sum_up(votes)
+
+
+def correct_order(views: Views, order: Order) -> Views:
+    """`views`, `(V, U, H, W, C)`, that are in `order`, in the right one; they share memory.
+
+    Where one axis is reversed, the pictures don't show which: rows of views are reversed.
+    """
+    turned = views.transpose(1, 0, 2, 3, 4) if order.startswith("transposed") else views
+    return turned[::-1] if order.endswith("axis") else turned
+
+
+def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
+    best = int(np.argmax(votes))
+    return OrderEstimate(ORDERS[best], int(votes[best]), int(votes.sum()))
+
+
+def _count_votes(views: Views, factor: int, step: int) -> NDArray[np.intp]:
+    """Tiles that vote for each of `ORDERS`: in views downscaled by `factor`, those around `step` from the centre."""
+    v, u = center_view(*views.shape[:2])
+    places = _find_tiles(_make_luma(views[v, u], factor))
+    if not places:
+        return np.zeros(len(ORDERS), np.intp)
+
+    def cut(view: Views, margin: int) -> Plane:
+        parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
+        pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
+        return _make_luma(pictures, factor)
+
+    around = [cut(views[v + step * down, u + step * right], REACH) for down, right in _AROUND]
+    explained = _sweep(_correlate(cut(views[v, u], 0), np.stack(around, axis=1)))
+    residuals = np.maximum(1 - explained, LEAST_RESIDUAL)
+    ranked = np.argsort(residuals, axis=1)
+    best, second = np.take_along_axis(residuals, ranked[:, :2], axis=1).T
+    is_clear = (best <= 1 - LEAST_CORRELATION) & (best <= CLEAR * second)
+    return np.bincount(ranked[is_clear, 0], minlength=len(ORDERS))
+
+
+def _find_tiles(luma: Plane) -> list[tuple[int, int]]:
+    """The tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or more."""
+    half = TILE // 2
+    down, right = ((length - 2 * REACH) // half for length in luma.shape)
+    if min(down, right) < 2:
+        return []
+    part = luma[REACH - 1 : REACH + down * half + 1, REACH - 1 : REACH + right * half + 1]
+    across, along = part[1:-1, 2:] - part[1:-1, :-2], part[2:, 1:-1] - part[:-2, 1:-1]
+
+    def add_up(products: Plane) -> Plane:
+        blocks = products.reshape(down, half, right, half).sum(axis=(1, 3))
+        total: Plane = blocks[1:, 1:] + blocks[:-1, 1:] + blocks[1:, :-1] + blocks[:-1, :-1]
+        return total
+
+    xx, yy, xy = add_up(across * across), add_up(along * along), add_up(across * along)
+    weakest = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the structure tensor
+    least = (2 * LEAST_TEXTURE * TILE) ** 2
+    places: list[tuple[int, int]] = []
+    is_free = np.ones(weakest.shape, bool)
+    for row, column in zip(*np.unravel_index(np.argsort(-weakest, axis=None), weakest.shape), strict=True):
+        if len(places) == TILES or weakest[row, column] < least:
+            break
+        if is_free[row, column]:
+            is_free[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = False
+            places.append((REACH + int(row) * half, REACH + int(column) * half))
+    return places
+
+
+def _make_luma(pictures: Views, factor: int) -> Plane:
+    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1]."""
+    *count, height, width, channels = pictures.shape
+    rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))
+    values = pictures[..., : rows * factor, : cols * factor, :colours]
+    if factor > 1:
+        values = values.reshape(*count, rows, factor, cols * factor * colours).sum(axis=-2, dtype=np.uint32)
+    values = values.reshape(*count, rows, cols, factor * colours)
+    weight = 1 / (np.iinfo(pictures.dtype).max * colours * factor**2)
+    luma: Plane = values.astype(np.float32) @ np.full(factor * colours, weight, np.float32)
+    return luma
+
+
+def _correlate(tiles: Plane, around: Plane) -> Plane:
+    """The correlation of `tiles` `(T, TILE, TILE)` with `around` `(T, N, TILE + 2*REACH, TILE + 2*REACH)` at each whole
+    shift, `(T, N, 2*REACH + 1, 2*REACH + 1)`.
+    """
+    size, count = around.shape[-1], 2 * REACH + 1
+    tiles = tiles - tiles.mean(axis=(1, 2), keepdims=True)
+    around = around - around.mean(axis=(2, 3), keepdims=True)
+    product = np.fft.rfft2(around) * np.fft.rfft2(tiles, s=(size, size)).conj()[:, None]
+    covariance = np.fft.irfft2(product, s=(size, size))[..., :count, :count]
+    pixels = TILE**2
+    variance = _sum_windows(around * around) - _sum_windows(around) ** 2 / pixels
+    own = (tiles * tiles).sum(axis=(1, 2))[:, None, None, None]
+    correlation: Plane = (covariance / np.sqrt(np.maximum(variance * own, 1e-9))).astype(np.float32)
+    return correlation
+
+
+def _sum_windows(values: Plane) -> Plane:
+    """Sums over each window of `TILE x TILE`, of the last two axes."""
+    for axis in (-2, -1):
+        sums = np.moveaxis(np.cumsum(values, axis=axis), axis, 0)
+        first = sums[TILE - 1 : TILE]
+        values = np.moveaxis(np.concatenate([first, sums[TILE:] - sums[:-TILE]]), 0, axis)
+    return values
+
+
+def _sweep(correlation: Plane) -> Plane:
+    """The highest mean correlation with all views around that a disparity has in each of `ORDERS`, `(T, 4)`."""
+    lines = {
+        (0, 1): correlation[:, :, REACH] @ _WEIGHTS.T,
+        (1, 0): correlation[:, :, :, REACH] @ _WEIGHTS.T,
+        (1, 1): np.einsum("tnsj,sj->tns", _WEIGHTS @ correlation, _WEIGHTS),
+        (1, -1): np.einsum("tnsj,sj->tns", _WEIGHTS @ correlation, _WEIGHTS[::-1]),
+    }
+    lines |= {(-down, -right): line[..., ::-1] for (down, right), line in lines.items()}
+    means = [
+        np.mean([lines[way][:, number] for number, way in enumerate(ways)], axis=0)
+        for ways in (
+            _AROUND,
+            [(-down, right) for down, right in _AROUND],
+            [(right, down) for down, right in _AROUND],
+            [(-right, down) for down, right in _AROUND],
+        )
+    ]
+    return np.stack([mean.max(axis=1) for mean in means], axis=1)
+
+
+def _make_weights() -> Plane:
+    """Cubic interpolation from whole shifts to `SHIFTS`, `(shifts, 2*REACH + 1)` (Catmull-Rom)."""
+    far = np.abs(SHIFTS[:, None] - np.arange(-REACH, REACH + 1))
+    near = np.where(far < 1, 1.5 * far**3 - 2.5 * far**2 + 1, -0.5 * far**3 + 2.5 * far**2 - 4 * far + 2)
+    weights = np.where(far < 2, near, 0)
+    normed: Plane = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return normed
+
+
+_WEIGHTS = _make_weights()

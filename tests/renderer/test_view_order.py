@@ -1,0 +1,94 @@
+"""The order of views: found in each wrong order, and never seen where it is right or where nothing shows it."""
+
+import numpy as np
+import pytest
+
+from ciir.renderer.readers import view_set
+from ciir.renderer.view_order import ORDERS, correct_order, estimate_order
+from tests.support.light_fields import is_same_light_field, make_views, put_in
+from tests.support.paths import SHARED
+
+CAPTURED = SHARED / "data" / "lightfields"
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"grid": (3, 3)}, {"grid": (5, 5), "noise": 5.0}, {"grid": (4, 7), "channels": 3},
+        {"grid": (9, 9), "channels": 4, "dtype": np.uint16}, {"grid": (3, 5), "disparities": (1, -1), "channels": 2},
+        {"grid": (3, 3), "disparities": (12, 16), "side": 360},
+    ],
+)  # fmt: skip
+def test_each_order_is_found_and_put_right(order, options):
+    views = make_views(**options)
+    given = put_in(order, views)
+    found = estimate_order(given)
+    assert (found.order, found.is_certain, found.is_likely) == (order, True, True)
+    assert found.is_wrong == (order != "as given")
+    assert is_same_light_field(correct_order(given, found.order), views)
+    assert np.shares_memory(correct_order(given, found.order), given)
+
+
+def test_one_axis_reversed_is_the_same_for_both_axes():
+    views = make_views()
+    for other in (views[::-1], views[:, ::-1]):
+        assert estimate_order(other).order == "reversed along one axis"
+    assert estimate_order(views[::-1, ::-1]).order == "as given"
+
+
+@pytest.mark.parametrize(
+    "views",
+    [
+        make_views((2, 9)), make_views((1, 1)), make_views(side=12), make_views(disparities=(0, 0), noise=5.0),
+        np.full((3, 3, 60, 60, 3), 9, np.uint8), np.zeros((3, 3, 1, 1, 1), np.uint8),
+        np.random.default_rng(0).integers(0, 256, (5, 5, 60, 60, 3), np.uint8),
+    ],
+    ids=["2 rows", "one view", "small", "at infinity", "one colour", "one pixel", "noise"],
+)  # fmt: skip
+def test_where_nothing_shows_the_order_none_is_wrong(views):
+    for order in ORDERS:
+        found = estimate_order(put_in(order, views))
+        assert (found.order, found.is_likely) == ("as given", False)
+
+
+def test_frames_of_a_film_are_no_light_field_in_another_order():
+    frames = make_views((1, 25), disparities=(2, 2))[0]
+    assert not estimate_order(frames.reshape(5, 5, *frames.shape[1:])).is_likely
+
+
+def test_different_steps_down_and_across_are_not_taken_for_another_order():
+    views = make_views((9, 5), disparities=(1, 1))[::2]
+    assert not estimate_order(views).is_wrong
+
+
+@pytest.mark.parametrize(
+    ("folder", "pattern", "grid"),
+    [
+        ("knights", "out_0[6-9]_0[6-9]_*.jpg", (4, 4)),
+        ("knights", "out_1[0-4]_1[0-4]_*.jpg", (5, 5)),
+        ("lytro-2067", "*_0[3-7]_0[3-7].png", (5, 5)),
+        ("saii-5x5", "[1-3]_[1-3].png", (3, 3)),
+    ],
+)
+@pytest.mark.skipif(not CAPTURED.is_dir(), reason="needs the captured light fields")
+def test_captured_light_fields(folder, pattern, grid):
+    files = {path.name: path.read_bytes() for path in (CAPTURED / folder).glob(pattern)}
+    views = view_set.read(files, name=folder, grid=None).views
+    assert views.shape[:2] == grid
+    right = correct_order(views, "transposed") if folder == "saii-5x5" else views  # {column}_{row}
+    noise = 5 * np.random.default_rng(0).standard_normal(right.shape, np.float32)
+    for pictures in (right, np.clip(right + noise, 0, 255).astype(np.uint8)):
+        for order in ORDERS:
+            found = estimate_order(put_in(order, pictures))
+            assert (found.order, found.is_certain) == (order, True)
+
+
+def test_rendered_light_fields():
+    import ciir
+
+    for name in ("vase", "globe", "hamburger"):
+        views = ciir.render(f"scene:{name}", pixels=(5, 5), backend="raytrace").views
+        assert {order: estimate_order(put_in(order, views)).order for order in ORDERS} == {
+            order: order for order in ORDERS
+        }
