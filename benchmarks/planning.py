@@ -54,7 +54,7 @@ def main(argv: list[str] | None = None) -> int:
     print("mesh         lenses  sampling views    upscale    direct      auto  took     predicted  slower")
     rows = []
     for mesh, lenses, sampling, views in itertools.product(sources, args.lenses, SAMPLINGS, args.views):
-        options = {"lenses": (lenses, lenses), "sampling": sampling, "views": views}
+        options = {"lenses": (lenses, lenses), "sampling": sampling, "views": views, "neighbour_time": 0.0}
         row = {"mesh": mesh, "lenses": lenses, "sampling": sampling, "views": views}
         rows.append(row | measure(sources[mesh], options, args.rounds))
         print(format_row(rows[-1]), flush=True)

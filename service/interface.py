@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from ciir.renderer.light_field import Pickup
+    from ciir.renderer.light_field import OrderCheck, Pickup
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling
@@ -72,19 +72,22 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     lenses: tuple[int, int] | None = None,
     pixels: tuple[int, int] | None = None,
     pickup: Pickup = "virtual",
+    order: OrderCheck = "auto",
     progress: Progress | None = None,
 ) -> LightField:
     """Reads a light field: an elemental image array, or a folder or zip of views.
 
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
+    `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
+    keeps the order of the names.
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
     Raises `ciir.Error`; a mesh is refused with `InvalidOption`, since `render` takes it.
     """
     if progress is not None:
         progress(0, 1)
-    asked = Options.convert({"lenses": lenses, "pixels": pixels, "pickup": pickup})
+    asked = Options.convert({"lenses": lenses, "pixels": pixels, "pickup": pickup, "order": order})
     content = Input(_open_path(path)).read(asked)
     if isinstance(content, Scene):
         raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")
@@ -134,7 +137,7 @@ def render(
     views = LightField.from_eia(kept[0], rows=array["rows"], cols=array["cols"]).views
     if progress is not None:
         progress(1, 1)
-    return LightField(views, tuple(report["notes"]))
+    return LightField(views, tuple(report["notes"]), is_ordered=True)
 
 
 @overload
@@ -174,7 +177,8 @@ def upscale(
     report = run_reconstruction(light_field, options, writer, progress=progress)
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
     if isinstance(images, LightField):
-        return LightField(large.reshape(*light_field.views.shape[:2], *large.shape[1:]), tuple(report["notes"]))
+        views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
+        return LightField(views, tuple(report["notes"]), images.is_ordered)
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 
@@ -183,8 +187,8 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
 
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`: names; `scale`; `skip`: a bool; `background`: RGB from 0 to 255; `pitch`, `delta`:
-    numbers. Text is read as on the command line.
+    `backend`, `sampling`, `pickup`, `order`: names; `scale`; `skip`: a bool; `background`: RGB from 0 to 255; `pitch`,
+    `delta`: numbers; `neighbour_time`: seconds. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

@@ -1,7 +1,8 @@
-"""Predicts how long this machine takes to render, upscale and write views, for `--strategy auto`.
+"""Predicts how long this machine takes to render, upscale and write views, for `auto`.
 
 Times are linear in triangles, rays, pixels and views. One short run of each backend and of each network, when a
 prediction first needs it, scales typical coefficients to this machine; the results are kept in the cache folder.
+Predictions that need not be exact take the typical coefficients where there is no measurement yet.
 """
 
 from __future__ import annotations
@@ -47,6 +48,10 @@ SIDE, VIEWS = 64, 7
 """Pixels along a side of the views that a measurement makes, and their number."""
 ROUNDS, LEAST_MS = 5, 100.0
 """A measurement has at least so many rounds and takes at least so long."""
+TYPICAL_MAC_MS = {"float32": 2e-8, "int8": 1e-8}
+"""A multiply-add of a network, by its precision, on a typical machine."""
+TYPICAL_INTERPOLATION_MS = 1e-4
+"""A pixel that is interpolated."""
 
 
 class Stage(NamedTuple):
@@ -100,9 +105,11 @@ def total(stages: Sequence[Stage], written: int, batches: int) -> float:
 class Costs:
     """Costs on this machine; safe to use from several threads."""
 
-    def __init__(self, path: Path | None) -> None:
-        """`path`: the file that keeps measurements; None keeps them in memory."""
-        self._path, self._lock, self._measured = path, threading.RLock(), _read(path)
+    def __init__(self, path: Path | None, *, measure: bool = True) -> None:
+        """`path`: the file that keeps measurements; None keeps them in memory. `measure`: whether to measure what the
+        file lacks; else typical costs stand for it.
+        """
+        self._path, self._lock, self._measured, self._measures = path, threading.RLock(), _read(path), measure
         self.not_kept = "" if path is not None else "there is no cache folder; set CIIR_CACHE"
         """Why measurements are not kept in the file; empty where they are."""
 
@@ -110,21 +117,26 @@ class Costs:
         """Cost of rendering. OpenGL is not started only to be measured."""
         typical, name = views.typical(), f"{views.backend}; {machine()}"
         starts = views.backend == "raster" and not backends.is_backend_open("raster")
-        factor = 1.0 if starts and name not in self._measured else self._get(name, lambda: _factor(views.backend))
+        factor = 1.0 if starts and name not in self._measured else self._get(name, lambda: _factor(views.backend), 1.0)
         return Stage(factor * typical.once + OPENGL_START_MS * starts, factor * typical.views)
 
     def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
         """Cost of `views` in `batches`, `pixels` of each given to a model of the catalogue."""
         card = next(entry.card for entry in catalogue.list_entries() if entry.name == model)
         name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
-        ms = self._get(name, lambda: measure(_upscaler(model, scale)) / (VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS))
+        work = VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS
+        macs = 0.0 if card is None else card.macs_per_output_pixel * scale**2
+        typical = TYPICAL_INTERPOLATION_MS if card is None else macs * TYPICAL_MAC_MS[card.precision]
+        ms = self._get(name, lambda: measure(_upscaler(model, scale)) / work, typical)
         starts = card is not None and "onnxruntime" not in sys.modules
         cores = 1 if card is None else count_available_cores()
         return Stage(NETWORK_START_MS * starts, ms * (views * (pixels + VIEW_PIXELS) + batches * CALL_PIXELS), cores)
 
-    def _get(self, name: str, measured: Callable[[], float]) -> float:
+    def _get(self, name: str, measured: Callable[[], float], typical: float) -> float:
         with self._lock:
             if name not in self._measured:
+                if not self._measures:
+                    return typical
                 self._measured[name] = measured()
                 try:
                     self._write()
@@ -140,10 +152,10 @@ class Costs:
 
 
 @cache
-def costs() -> Costs:
-    """This process's costs, kept in the cache folder."""
+def costs(*, measure: bool = True) -> Costs:
+    """This process's costs, kept in the cache folder. `measure`: as of `Costs`."""
     folder = cache_folder.folder()
-    return Costs(None if folder is None else folder / FILE)
+    return Costs(None if folder is None else folder / FILE, measure=measure)
 
 
 @cache

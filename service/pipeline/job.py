@@ -11,18 +11,20 @@ from ciir.models import catalogue
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
+from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import parse_views
 from ciir.service.pipeline.limits import check_view_count
-from ciir.service.pipeline.options import AUTO, NO_MODEL
+from ciir.service.pipeline.options import AUTO, NO_MODEL, Options
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
+    from ciir.renderer.view_order import OrderEstimate
     from ciir.renderer.views import View
-    from ciir.service.pipeline.options import Backend, Options, Sampling, Strategy
+    from ciir.service.pipeline.options import Backend, Sampling, Strategy
 
 LENSES, PIXELS = (100, 100), (15, 15)
 """The lens array in front of a mesh where the options don't give one."""
-_MESH_ONLY: tuple[tuple[str, object], ...] = (("backend", "auto"), ("sampling", "pinhole"), ("background", (0, 0, 0)))
+_MESH_ONLY = ("backend", "sampling", "background", "neighbour_time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,8 @@ class Job:
     backend: Backend
     sampling: Sampling
     background: tuple[int, int, int]
+    neighbour_time: float
+    """Most seconds, predicted, that `auto` spends on a light-field network whose views around have to be rendered."""
     skip: bool
     """Whether triangles and pixels that can't change the result are skipped."""
     max_pixels: int | None = None
@@ -72,6 +76,13 @@ class Job:
     def is_transparent(self) -> bool:
         """Whether some pixel of some view is not opaque. A mesh's views are opaque."""
         return not isinstance(self.content, Scene) and self.content.is_transparent()
+
+    @cached_property
+    def order(self) -> OrderEstimate | None:
+        """The order that a light field's views are in; None for a mesh and where it is known to be right."""
+        if isinstance(self.content, Scene) or self.content.is_ordered:
+            return None
+        return estimate_order(self.content.views)
 
 
 def resolve_job(
@@ -110,6 +121,7 @@ def resolve_job(
         backend=options.backend,
         sampling=options.sampling,
         background=options.background,
+        neighbour_time=options.neighbour_time,
         skip=options.skip == "exact",
         max_pixels=max_pixels,
     )
@@ -127,9 +139,11 @@ def _check_kind(name: str, content: Scene | LightField, options: Options) -> Non
     if isinstance(content, Scene):
         if options.pickup != "virtual":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
+        if options.order != "auto":
+            raise InvalidOption(f"order: this is for pictures and {name} is a mesh; leave it out")
         return
-    for option, default in _MESH_ONLY:
-        if getattr(options, option) != default:
+    for option in _MESH_ONLY:
+        if getattr(options, option) != getattr(Options, option):
             raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
     if options.strategy == "direct":
         raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")

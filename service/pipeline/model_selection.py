@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import list_required_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.service.pipeline.options import AUTO, NO_MODEL
+from ciir.service.pipeline.prediction import predict_extra
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
+    from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
+
+Tier = Literal["single", "light field"]
+"""The default network of single pictures, or the default light-field network."""
+
+TIERS: dict[str, dict[int, Tier]] = {
+    # at least so many views along the shorter side of the grid
+    "pictures": {3: "light field", 5: "light field"},
+    "pinhole": {3: "light field", 5: "light field"},
+    "lenslet": {3: "light field", 5: "light field"},
+}
+"""The networks that `auto` takes for views of each kind, as measured (docs/accuracy.md): of pictures, or of a mesh seen
+through pinholes or lenslets. Smaller grids are upscaled view by view."""
 
 
 @dataclass(frozen=True)
@@ -25,41 +39,57 @@ class Selection:
     """Whether it takes a view with those around it."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
+    note: str = ""
+    """What the user should know of it; empty for nothing."""
 
 
 def select_model(job: Job) -> Selection:
     """The model for `job`.
 
-    `auto` takes the default light-field network where the views around each wanted one exist or are rendered anyway,
-    elsewhere the default network of single pictures; both are int8 networks where the processor supports them. For a
-    light-field network that is named, a mesh's neighbouring views are rendered. Where views can't help each other, the
-    default of single pictures replaces a light-field network.
+    `auto` takes the default light-field network where `TIERS` says so and nothing speaks against it, elsewhere the
+    default network of single pictures; both are int8 networks where the processor supports them. For a light-field
+    network a mesh's neighbouring views are rendered: `auto` has that done where the whole job is predicted to take at
+    most `job.neighbour_time` longer. Where views can't help each other, the default of single pictures replaces a
+    light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)
-    networks = {entry.name: entry for entry in catalogue.list_entries() if entry.is_light_field}
-    default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
-    neighbours = _count_neighbours(job)
+    networks = {entry.name: entry for entry in catalogue.list_entries()}
     if job.model == AUTO:
-        reason = _reason_against(light_field, networks.get(light_field), job, neighbours)
-        if reason:
-            return Selection(
-                default, reasons=(f"model auto: {default}, view by view, as {reason}{_precision(default)}",)
-            )
-        chosen = f"model auto: {light_field}, as {_views(job)} help each other{_precision(light_field)}"
-        return Selection(light_field, True, (chosen,))
-    if job.model not in networks:
+        return _select_automatically(job, networks)
+    if not networks[job.model].is_light_field:
         return Selection(job.model)
+    default = catalogue.default_name()
     if reason := _no_light_field(job):
-        return Selection(default, reasons=(f"{default}, view by view, in place of {job.model}, as {reason}",))
+        replaced = f"{default}, view by view, in place of {job.model}, as {reason}"
+        return Selection(default, reasons=(replaced,), note=replaced)
+    neighbours = _count_neighbours(job)
     rendered = f"{job.model}: views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.model, True, (rendered,) if neighbours else ())
+    note = f"{job.model}: {wrong}" if (wrong := _describe_wrong_order(job)) else ""
+    return Selection(job.model, True, (rendered,) if neighbours else (), note)
 
 
-def _precision(name: str) -> str:
-    """Why `auto` takes the network `name` in its precision."""
-    card = next(entry.card for entry in catalogue.list_entries() if entry.name == name)
-    if card is not None and card.precision == "int8":
+def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
+    """The model that `auto` takes, of the installed `networks` by name."""
+    default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
+    reason, note = _reason_against(light_field, networks.get(light_field), job), ""
+    if not reason and (reason := _describe_wrong_order(job)):
+        note = f"{default}, view by view, in place of {light_field}, as {reason}"
+    rendered = ""
+    if not reason and job.mesh is not None:
+        reason, rendered = _judge_neighbours(job, job.mesh, networks[light_field], networks[default])
+    if reason:
+        precision = _describe_precision(networks[default])
+        return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",), note=note)
+    precision = _describe_precision(networks[light_field])
+    return Selection(
+        light_field, True, (f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}",)
+    )
+
+
+def _describe_precision(network: Entry) -> str:
+    """Why `auto` takes `network` in its precision."""
+    if network.card is not None and network.card.precision == "int8":
         return "; in int8, which this processor supports"
     against = processor.int8_unsupported_reason()
     return f"; in float, as {against}" if against else ""
@@ -78,19 +108,53 @@ def _no_light_field(job: Job) -> str:
     return ""
 
 
+def _describe_wrong_order(job: Job) -> str:
+    """Why views in a certainly wrong order can't help each other; empty where they are not in one."""
+    order = job.order
+    if order is None or not order.is_wrong:
+        return ""
+    return (
+        f"the views seem to be {order.order}: {order.votes} of {order.of} textured tiles fit so, and views in a wrong "
+        "order can't help each other; put them in order, or give order given if they are"
+    )
+
+
 def _count_neighbours(job: Job) -> int:
     """How many views of a mesh would be rendered only to help those that are wanted."""
     return len(set(list_required_views(job.wanted, job.grid)) - set(job.wanted)) if job.mesh is not None else 0
 
 
-def _reason_against(name: str, network: Entry | None, job: Job, neighbours: int) -> str:
-    """Why `auto` doesn't take `network`, the model `name`; empty where it does."""
+def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[str, str]:
+    """Why the views around those of `mesh` that are wanted are not rendered for `light_field`, empty where they are;
+    and what that costs, empty where there are none.
+    """
+    neighbours = _count_neighbours(job)
+    if not neighbours:
+        return "", ""
+    if over := _count_excess(job, neighbours):
+        return f"{light_field.name} would need {neighbours} more views rendered, {over:,} samples over the limit", ""
+    bound = 1000 * job.neighbour_time
+    extra = predict_extra(job, mesh, light_field, single, bound=bound)
+    times = f"it should take about {extra:.0f} ms more than {single.name}, where the neighbour time allows {bound:.0f}"
+    if extra > bound or bound == 0:
+        return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
+    return "", f"; {neighbours} more are rendered around those asked for: {times}"
+
+
+def _count_excess(job: Job, neighbours: int) -> int:
+    """Samples by which the views that are wanted and so many more are over the job's limit; 0 where they aren't."""
+    samples = (len(job.wanted) + neighbours) * job.array.rows * job.array.cols * job.samples**2
+    return 0 if job.max_pixels is None else max(0, samples - job.max_pixels)
+
+
+def _reason_against(name: str, network: Entry | None, job: Job) -> str:
+    """Why `auto` doesn't take `network`, the light-field model `name`, for such views; empty where it may."""
     if network is None:
         return f"{name} is not installed"
     if reason := _no_light_field(job):
         return reason
     if job.scale not in network.scales:
         return f"{name} upscales by {', '.join(map(str, network.scales))} only"
-    if neighbours:
-        return f"{name} would need {neighbours} more views rendered around those asked for; name it for more accuracy"
-    return ""
+    kind = "pictures" if job.mesh is None else job.sampling
+    least = max(side for side in TIERS[kind] if side <= min(job.grid))
+    return "" if TIERS[kind][least] == "light field" else f"{name} is not more accurate for {_views(job)}"

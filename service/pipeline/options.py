@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
-from ciir.renderer.light_field import Pickup
+from ciir.renderer.light_field import OrderCheck, Pickup
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Skip = Literal["exact", "none"]
 AUTO, NO_MODEL = "auto", "none"
 """Values of `model` beside the names of the catalogue: select the model; write views as they were made."""
 AUTO_MODEL = (
-    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: where all are wanted), else {DEFAULT}; "
+    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: within the neighbour time), else {DEFAULT}; "
     "their int8 twins where the processor supports them"
 )
 """The rule of `auto` in words; `service.pipeline.model_selection` applies it."""
@@ -35,9 +35,11 @@ _CHOICES: dict[str, tuple[str, ...]] = {
     "backend": get_args(Backend),
     "sampling": get_args(Sampling),
     "pickup": get_args(Pickup),
+    "order": get_args(OrderCheck),
     "skip": get_args(Skip),
 }
 _LENGTHS = (1e-9, 1e9)
+MAX_NEIGHBOUR_TIME = 1e6
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,13 @@ class Options:
     views: str = "center"
     model: str = AUTO
     scale: int = 2
+    neighbour_time: float = 1.0
+    """Seconds."""
     strategy: Strategy = "upscale"
     backend: Backend = "auto"
     sampling: Sampling = "pinhole"
     pickup: Pickup = "virtual"
+    order: OrderCheck = "auto"
     skip: Skip = "exact"
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255."""
@@ -68,6 +73,8 @@ class Options:
                 raise InvalidOption(f"{name}: {getattr(self, name)[:40]!r} is not known; give {' or '.join(allowed)}")
         if not 1 <= self.scale <= MAX_SCALE:
             raise InvalidOption(f"scale: {self.scale} is out of range; give 1 to {MAX_SCALE}")
+        if not 0 <= self.neighbour_time <= MAX_NEIGHBOUR_TIME:  # nan is neither
+            raise InvalidOption(f"neighbour_time: {self.neighbour_time} is out of range; give seconds, from 0 to 1e6")
         for name in ("pitch", "delta"):
             length = getattr(self, name)
             if length is not None and not (math.isfinite(length) and _LENGTHS[0] <= length <= _LENGTHS[1]):
@@ -105,6 +112,10 @@ HELP: dict[str, tuple[str, str]] = {
         f"a model that `ciir models` lists, none to write views as they are, or auto: {AUTO_MODEL} (default auto)",
     ),
     "scale": ("S", "output pixels for each view pixel along a side, 1 to 8 (default 2)"),
+    "neighbour_time": (
+        "SECONDS",
+        "for a mesh: by how much the views around may prolong the job, as model auto predicts; 0: never (default 1)",
+    ),
     "strategy": (
         "NAME",
         "upscale: upscale the views; direct: render a mesh at the larger size; auto: the faster one (default upscale)",
@@ -115,6 +126,10 @@ HELP: dict[str, tuple[str, str]] = {
         "how a lens sees a mesh: pinhole, one point; lenslet, the mean over its pitch (default pinhole)",
     ),
     "pickup": ("NAME", "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)"),
+    "order": (
+        "NAME",
+        "auto: put a set of views right whose order is certainly wrong; given: keep the order (default auto)",
+    ),
     "skip": (
         "NAME",
         "exact: skip triangles and pixels that can't change the result; none: compute everything (default exact)",
@@ -170,6 +185,7 @@ _CONVERTERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     ),
     "pitch": (float, "a number such as 0.5"),
     "delta": (float, "a number such as 0.5"),
+    "neighbour_time": (float, "seconds such as 0.5"),
     "skip": (lambda value: ("none", "exact")[index(value)], "True or False"),
 }
 """Option -> what converts a value that is no text, and an example of one."""
@@ -218,5 +234,6 @@ _PARSERS: dict[str, Callable[[str, str], Any]] = {
     "background": _colour,
     "pitch": _number,
     "delta": _number,
+    "neighbour_time": _number,
 }
 """Those of options that are more than text."""

@@ -56,7 +56,7 @@ class Input:
         """The mesh or the light field. Raises `InputError`."""
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
-            return self._source
+            return replace(self._source, is_ordered=True) if options.order == "given" else self._source
         if isinstance(self._source, Scene):
             return self._source
         if isinstance(self._source, str):
@@ -65,7 +65,9 @@ class Input:
             return load_scene(self._source)
         from ciir.renderer.readers import inputs
 
-        content = inputs.read(self._source, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup)
+        content = inputs.read(
+            self._source, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup, order=options.order
+        )
         if self._source.main is None and not isinstance(content, Scene):
             self._check_views(content, options)
         return content

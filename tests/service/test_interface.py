@@ -6,6 +6,7 @@ from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
 from tests.support.inputs import EIA, EIA_PNG, make_picture
+from tests.support.light_fields import make_views, write_views
 
 SMALL = {"lenses": (12, 10), "pixels": (3, 4), "backend": "raytrace"}
 
@@ -142,3 +143,24 @@ def test_errors_are_one_line_with_the_remedy(tmp_path, cube_file, eia_file, call
     with pytest.raises(ciir.Error, match=words) as caught:
         call(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_the_order_of_views_is_checked_where_it_is_not_known(stand_in, tmp_path):
+    views = make_views(channels=3)
+    (tmp_path / "views").mkdir()
+    for name, data in write_views(views, lambda v, u: f"{u}_{v}.png").items():
+        (tmp_path / "views" / name).write_bytes(data)
+    field = ciir.open(tmp_path / "views")
+    assert field.is_ordered
+    assert "taken as the column" in field.notes[0]
+    assert np.array_equal(field.views, views)
+    assert np.array_equal(ciir.open(tmp_path / "views", order="given").views, views.transpose(1, 0, 2, 3, 4))
+    for content, model in (
+        (field, "field"),
+        (ciir.LightField(views[::-1]), "fast"),
+        (ciir.LightField(views[::-1], is_ordered=True), "field"),
+    ):
+        result = ciir.reconstruct(content, views="center")
+        assert result.report["plan"]["model"] == model
+        assert any("seem to be reversed" in note for note in result.report["notes"]) == (model == "fast")
+    assert ciir.reconstruct(ciir.LightField(views[::-1]), order="given").report["plan"]["model"] == "field"

@@ -15,7 +15,9 @@ def make_mesh_job(*, grid=(15, 15), wanted=None, name="vase", max_pixels=None, *
     return resolve_job("a.glb", load_scene(name), asked, max_views=10_000, max_pixels=max_pixels)
 
 
-def make_light_field_job(*, grid=(2, 9), is_transparent=False, **options):
+def make_light_field_job(*, grid=(2, 9), is_transparent=False, is_ordered=False, **options):
     """A job for black views of one pixel."""
     views = np.zeros((*grid, 1, 1, 4 if is_transparent else 3), np.uint8)
-    return resolve_job("a.png", LightField(views), Options(**{"views": "0,0"} | options), max_views=10_000)
+    return resolve_job(
+        "a.png", LightField(views, is_ordered=is_ordered), Options(**{"views": "0,0"} | options), max_views=10_000
+    )

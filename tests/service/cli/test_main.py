@@ -16,6 +16,7 @@ from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
 from ciir.service.settings import Settings
 from tests.support.inputs import BAD_INPUTS, EIA, contains_all, make_picture
+from tests.support.light_fields import make_views, write_views
 from tests.support.paths import ROOT
 from tests.support.servers import run_python
 
@@ -328,6 +329,21 @@ def test_notes_are_printed(tmp_path, capsys):
         assert main([command, str(tmp_path / "a.obj"), "-o", str(tmp_path / "a.png"), *small]) == 0
         lines = capsys.readouterr().err.splitlines()
         assert [line for line in lines if line.startswith("ciir: note: ") and "gone.mtl" in line]
+
+
+def test_views_in_a_wrong_order_are_put_right_with_a_note(tmp_path, capsys):
+    views = make_views(channels=3)
+    (tmp_path / "views").mkdir()
+    for name, data in write_views(views, lambda v, u: f"{u}_{v}.png").items():
+        (tmp_path / "views" / name).write_bytes(data)
+    for options, is_noted in (([], True), (["--order", "given"], False)):
+        argv = [str(tmp_path / "views"), "-o", str(tmp_path / "out.npz"), "--views", "0,4", "--model", "none", *options]
+        assert main(["reconstruct", *argv]) == 0
+        assert (
+            capsys.readouterr().err.startswith("ciir: note: order: the first index is taken as the column") == is_noted
+        )
+        written = np.load(tmp_path / "out.npz")["views"][0]
+        assert np.array_equal(written, views[0, 4] if is_noted else views[4, 0])
 
 
 def test_upscale_says_what_it_takes(tmp_path, capsys):

@@ -13,7 +13,7 @@ from ciir.models.single import skipping
 from ciir.renderer import backends
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.scenes import load_scene
-from ciir.service.pipeline import cache_folder, cost, plan
+from ciir.service.pipeline import cache_folder, cost, plan, prediction
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
@@ -211,7 +211,7 @@ class Prices:
 @pytest.fixture
 def prices(monkeypatch, instant):
     """What makes `Prices` the costs of this process; nothing is measured or skipped, and no OpenGL is started."""
-    monkeypatch.setattr(plan, "_predict_share", lambda *_: 1.0)
+    monkeypatch.setattr(prediction, "_predict_share", lambda *_: 1.0)
     monkeypatch.setattr(backends.selection, "_open", {})
     monkeypatch.setattr(backends.selection, "_refused", {})
 
@@ -222,7 +222,7 @@ def prices(monkeypatch, instant):
 
     def put(**given):
         made = Prices(**given)
-        monkeypatch.setattr(cost, "costs", lambda: made)
+        monkeypatch.setattr(cost, "costs", lambda *, measure=True: made)
         return made
 
     return put
@@ -230,7 +230,8 @@ def prices(monkeypatch, instant):
 
 def select(limit=None, wanted=((7, 7),), name="vase", **options):
     """The strategy that `auto` takes for a mesh, and the reason that the report gives."""
-    job = make_mesh_job(wanted=wanted, name=name, max_pixels=limit, strategy="auto", **options)
+    asked = {"strategy": "auto", "neighbour_time": 0.0} | options
+    job = make_mesh_job(wanted=wanted, name=name, max_pixels=limit, **asked)
     made = plan.make_plan(job)
     return made.strategy, made.reasons[0].removeprefix("strategy auto: ")
 
@@ -266,11 +267,11 @@ def test_the_share_that_a_network_works_on(name, model, lenses):
     views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
     _, boxes = skipping.find_boxes(next(iter(views))[..., :3], card.radius)
     share = sum(skipping.count_pixels(box.region) for box in boxes) / lenses**2
-    assert plan._predict_share(mesh, array, card) == pytest.approx(share, abs=0.1)
+    assert prediction._predict_share(mesh, array, card) == pytest.approx(share, abs=0.1)
 
 
 def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
-    monkeypatch.setattr(plan, "_predict_share", lambda *_: 0.25)
+    monkeypatch.setattr(prediction, "_predict_share", lambda *_: 0.25)
     for options, pixels in (({}, 100), ({"skip": "none"}, 400)):
         costs = prices()
         select(model="fast", lenses=(20, 20), **options)
@@ -311,6 +312,36 @@ def test_a_strategy_that_is_not_possible_is_not_taken(prices):
     assert select(limit=10 * 100 * 100 * 64, wanted=views)[0] == "direct"
     assert select(limit=10 * 100 * 100 * 64 - 1, wanted=views)[0] == "upscale"
     assert select(scale=3, lenses=(2000, 2000))[0] == "upscale"  # neither is possible; the pipeline reports why
+
+
+@pytest.mark.parametrize(
+    ("bound", "measured"),
+    [(0.0, [False]), (7.0, [False]), (10.0, [False, True]), (70.0, [False, True]), (80.0, [False])],
+)
+def test_what_a_light_field_network_costs_more_is_measured_only_where_it_is_close(prices, monkeypatch, bound, measured):
+    typical, here, asked = prices(pixel=1e-3), Prices(pixel=2e-3), []
+    monkeypatch.setattr(cost, "costs", lambda *, measure=True: asked.append(measure) or (here if measure else typical))
+    job = make_mesh_job(backend="raytrace")
+    networks = {entry.name: entry for entry in catalogue.list_entries()}
+    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], bound=bound)
+    assert extra == pytest.approx(24.0)  # 24 views of 10,000 rays; the networks cost the same here
+    assert asked == measured
+
+
+def test_typical_costs_are_taken_where_nothing_is_measured(path, measured):
+    costs = Costs(path, measure=False)
+    networks = {entry.name: entry.card for entry in catalogue.list_entries()}
+    ms = {}
+    for name in ("fast", "field", "fast-int8", "bicubic"):
+        ms[name] = costs.upscaling(name, 2, pixels=1000, views=1, batches=0).views / (1000 + cost.VIEW_PIXELS)
+    assert ms["bicubic"] == cost.TYPICAL_INTERPOLATION_MS
+    assert ms["field"] == pytest.approx(4 * networks["field"].macs_per_output_pixel * cost.TYPICAL_MAC_MS["float32"])
+    assert ms["fast-int8"] < ms["fast"] < ms["field"]
+    some = Rendering("raytrace", triangles=1000, rays=100, views=2)
+    assert costs.rendering(some) == some.typical()
+    assert not path.exists()
+    kept = write(path, INTERPOLATION)
+    assert bicubic(Costs(path, measure=False)) == bicubic(kept) == pytest.approx(0.5)
 
 
 def test_costs_that_cannot_be_kept_are_reported(prices):

@@ -14,7 +14,13 @@ def test_an_unknown_model_is_an_error_with_every_strategy(strategy):
 
 @pytest.mark.parametrize(
     "options",
-    [{"strategy": "direct"}, {"backend": "raster"}, {"sampling": "lenslet"}, {"background": (1, 2, 3)}],
+    [
+        {"strategy": "direct"},
+        {"backend": "raster"},
+        {"sampling": "lenslet"},
+        {"background": (1, 2, 3)},
+        {"neighbour_time": 0.0},
+    ],
 )
 def test_options_of_meshes_are_refused_for_pictures(options):
     with pytest.raises(InvalidOption, match=rf"{next(iter(options))}.*a\.png"):
@@ -24,6 +30,17 @@ def test_options_of_meshes_are_refused_for_pictures(options):
 def test_pickup_is_refused_for_a_mesh():
     with pytest.raises(InvalidOption, match="pickup"):
         make_mesh_job(pickup="optical")
+
+
+def test_an_order_is_refused_for_a_mesh():
+    with pytest.raises(InvalidOption, match=r"order.*a\.glb is a mesh"):
+        make_mesh_job(order="given")
+
+
+def test_the_order_of_views_is_looked_for_only_where_it_is_not_known():
+    assert make_mesh_job().order is None
+    assert make_light_field_job().order.order == "as given"
+    assert make_light_field_job(is_ordered=True).order is None
 
 
 def test_too_many_views():

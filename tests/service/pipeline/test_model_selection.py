@@ -4,7 +4,13 @@ import pytest
 
 from ciir.models import catalogue, processor
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.renderer.light_field import LightField
+from ciir.renderer.view_order import ORDERS
+from ciir.service.pipeline import model_selection
+from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.model_selection import select_model
+from ciir.service.pipeline.options import Options
+from tests.support.light_fields import make_views, put_in
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 ALL = [(v, u) for v in range(4) for u in range(5)]
@@ -54,9 +60,74 @@ def test_a_mesh_whose_views_are_all_wanted(stand_in):
     assert mesh(wanted=ALL[::-1]).model == LIGHT_FIELD_DEFAULT
 
 
-def test_auto_renders_no_views_that_nobody_asked_for(stand_in):
-    assert goes_one_by_one(mesh(wanted=[(0, 0)]), "8 more views rendered", "name it")
-    assert goes_one_by_one(mesh(wanted=ALL[1:]), "1 more views rendered")
+@pytest.fixture
+def extra(monkeypatch):
+    """Sets the milliseconds that the views around take, as predicted."""
+
+    def put(ms):
+        monkeypatch.setattr(model_selection, "predict_extra", lambda *_, bound: ms)
+
+    return put
+
+
+@pytest.mark.parametrize("sampling", ["pinhole", "lenslet"])
+def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling):
+    extra(82.4)
+    choice = mesh(wanted=[(0, 0)], sampling=sampling)
+    assert (choice.model, choice.is_light_field, choice.note) == (LIGHT_FIELD_DEFAULT, True, "")
+    assert choice.reasons[0].startswith(
+        "model auto: field, as the 4x5 views help each other; 8 more are rendered around those asked for: it should "
+        "take about 82 ms more than fast, where the neighbour time allows 1000"
+    )
+    assert "1 more are rendered" in mesh(wanted=ALL[1:], sampling=sampling).reasons[0]
+
+
+def test_auto_renders_none_where_that_takes_longer_than_the_neighbour_time(stand_in, extra):
+    extra(1000.6)
+    words = "8 more views rendered", "about 1001 ms more than fast", "allows 1000"
+    assert goes_one_by_one(mesh(wanted=[(0, 0)]), *words)
+    assert mesh(wanted=[(0, 0)], neighbour_time=1.1).is_light_field
+    extra(0.0)
+    assert mesh(wanted=[(0, 0)]).is_light_field
+    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "8 more views", "allows 0")
+    assert mesh(neighbour_time=0.0).is_light_field  # all are wanted
+
+
+def test_auto_keeps_to_the_limit_on_samples(stand_in, extra):
+    extra(0.0)
+    limit = {"wanted": [(0, 0)], "lenses": (10, 10), "max_pixels": 900}
+    assert mesh(**limit).is_light_field
+    assert goes_one_by_one(mesh(**limit | {"max_pixels": 899}), "8 more views", "1 samples over the limit")
+
+
+def test_the_table_says_which_grids_and_kinds_have_a_light_field_network(stand_in, extra, monkeypatch):
+    extra(0.0)
+    monkeypatch.setitem(model_selection.TIERS, "pinhole", {3: "single", 5: "light field"})
+    assert goes_one_by_one(mesh(grid=(9, 4), wanted=[(0, 0)]), "not more accurate for the 9x4 views")
+    assert mesh(grid=(9, 5), wanted=[(0, 0)]).is_light_field
+    assert mesh(grid=(9, 4), wanted=[(0, 0)], sampling="lenslet").is_light_field
+    assert pictures().is_light_field
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_views_in_a_wrong_order_go_one_by_one(stand_in, order):
+    views = put_in(order, make_views())
+
+    def choose(model="auto", *, is_ordered=False):
+        content = LightField(views, is_ordered=is_ordered)
+        return select_model(resolve_job("a.png", content, Options(model=model), max_views=25))
+
+    if order == "as given":
+        assert choose().is_light_field
+    else:
+        assert goes_one_by_one(choose(), f"the views seem to be {order}: ", "order given")
+        assert choose().note.startswith("fast, view by view, in place of field, as the views seem to be ")
+        named = choose(LIGHT_FIELD_DEFAULT)
+        assert named.is_light_field
+        assert named.note.startswith("field: the views seem to be ")
+    assert (choose("bicubic").model, choose("bicubic").note) == ("bicubic", "")
+    assert choose(is_ordered=True).is_light_field
+    assert choose(LIGHT_FIELD_DEFAULT, is_ordered=True).note == ""
 
 
 def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand_in):
@@ -84,7 +155,7 @@ def test_auto_takes_the_int8_twins_where_the_processor_is_made_for_them(monkeypa
     for choice, model in (
         (pictures(), LIGHT_FIELD_DEFAULT),
         (pictures(grid=(2, 2)), DEFAULT),
-        (mesh(wanted=[(0, 0)]), DEFAULT),
+        (mesh(wanted=[(0, 0)], neighbour_time=0.0), DEFAULT),
     ):
         assert choice.model == model + twin
         assert choice.reasons[0].startswith(f"model auto: {model}{twin}, ")

@@ -1,4 +1,4 @@
-from ciir.models.catalogue import default_name
+from ciir.models.catalogue import default_name, light_field_default_name
 from ciir.service.pipeline.plan import make_plan
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
@@ -12,9 +12,12 @@ def pictures(**options):
 
 
 def test_upscaling_is_the_default():
-    for made in (mesh(), pictures()):
+    for made in (mesh(neighbour_time=0.0), pictures()):
         assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", default_name(), 2, 1)
         assert not made.is_light_field
+    made = mesh()
+    assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", light_field_default_name(), 2, 1)
+    assert made.is_light_field
 
 
 def test_direct_averages_over_cells_and_needs_no_model():

@@ -1,0 +1,102 @@
+"""Predicts how long a job takes by each strategy and network."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.models.light_field.views import list_required_views
+from ciir.renderer import backends
+from ciir.renderer.framing import CLEARANCE, FILL
+from ciir.service.pipeline import cost
+from ciir.service.pipeline.stages.schedule import batch_size
+
+if TYPE_CHECKING:
+    from ciir.models.cards import Card
+    from ciir.models.catalogue import Entry
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.scene import Scene
+    from ciir.service.pipeline.cost import Costs
+    from ciir.service.pipeline.job import Job
+    from ciir.service.pipeline.limits import Strategy
+
+UNSURE = 3.0
+"""Within this factor of a bound, typical costs don't decide, and this machine is measured."""
+
+
+def predict_times(job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int]) -> dict[Strategy, float]:
+    """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
+    costs, wanted = cost.costs(), len(job.wanted)
+    return {
+        "upscale": _predict_upscaling(job, mesh, model, rays["upscale"], costs),
+        "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)]),
+    }
+
+
+def predict_extra(job: Job, mesh: Scene, light_field: Entry, single: Entry, *, bound: float) -> float:
+    """Milliseconds that the views of `mesh` take longer by the network `light_field`, the views around them rendered,
+    than by `single`. Typical costs are taken where they leave no question whether that is over `bound` milliseconds:
+    they need no measurement.
+    """
+    rays = job.array.rows * job.array.cols * job.samples**2
+    extra = 0.0
+    for measure in (False, True):
+        costs = cost.costs(measure=measure)
+        taken = (_predict_upscaling(job, mesh, model, rays, costs) for model in (light_field, single))
+        extra = next(taken) - next(taken)
+        if not bound / UNSURE < extra < bound * UNSURE:
+            break
+    return max(0.0, extra)
+
+
+def _predict_upscaling(job: Job, mesh: Scene, model: Entry, rays: int, costs: Costs) -> float:
+    """Milliseconds of the job where `model` upscales its views."""
+    pixels, wanted = job.array.rows * job.array.cols, len(job.wanted)
+    seen = round(pixels * _predict_share(mesh, job.array, model.card)) if model.card and job.skip else pixels
+    upscaling = costs.upscaling(model.name, job.scale, pixels=seen, views=wanted, batches=_count_batches(job))
+    rendered = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else wanted
+    return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling])
+
+
+def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Costs) -> cost.Stage:
+    textures = [(part.texture, len(part.faces)) for part in mesh.parts if part.texture]
+    return costs.rendering(
+        cost.Rendering(
+            backends.predict_backend(job.backend, triangles=mesh.triangles, rays=rays),
+            triangles=mesh.triangles,
+            rays=rays,
+            views=views,
+            texels=sum(texture.pixels[..., 0].size for texture, _ in textures),
+            textured=sum(triangles for _, triangles in textures) / mesh.triangles,
+            culls=job.skip,
+        )
+    )
+
+
+def _total(job: Job, stages: list[cost.Stage]) -> float:
+    """Milliseconds of the job with such stages before its views are written."""
+    return cost.total(stages, len(job.wanted) * _count_written(job), _count_batches(job))
+
+
+def _count_written(job: Job) -> int:
+    """Pixels of a view that is written."""
+    return job.array.rows * job.array.cols * job.scale**2
+
+
+def _count_batches(job: Job) -> int:
+    return math.ceil(len(job.wanted) / batch_size(_count_written(job)))
+
+
+def _predict_share(mesh: Scene, array: LensArray, card: Card) -> float:
+    """The share of a view's pixels that a network has to compute, roughly: the box around the framed object, the pixels
+    that it changes, and those that they need.
+    """
+    low, high = mesh.bounds()
+    sides, lenses = high - low, np.array([array.cols, array.rows])
+    reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
+    middle = sides[2] / 2 + CLEARANCE * sides.max()  # its distance, as `frame_scene` places the object
+    swept = sides[:2] + 2 * reach * middle
+    scale = (FILL * lenses / np.maximum(swept, 1e-300)).min()
+    return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())
