@@ -1,5 +1,5 @@
 """Parts of a light field's views whose upscaled result needs no network: where a view and all views of its window are
-uniform (see `models.single.skipping`), and views whose windows repeat.
+uniform (see `models.single.skipping`), views whose windows repeat, and parts that another shift computes.
 """
 
 from __future__ import annotations
@@ -12,17 +12,16 @@ import numpy as np
 from ciir.models.light_field.disparity import convert_to_float, crop_luma, crop_with_margin, shift_part
 from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
 from ciir.models.single import skipping
+from ciir.models.tiles import Tile
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from ciir.models.light_field.disparity import Pixels
     from ciir.models.light_field.network import LightFieldNetwork
     from ciir.models.light_field.windows import View
-    from ciir.models.single.skipping import SkipStatistics
-    from ciir.models.tiles import Tile
 
 
 def find_background(network: LightFieldNetwork, view: Pixels) -> Pixels | None:
@@ -58,9 +57,9 @@ class TileDifferences:
         self._views, self._grid, self._tile, self._shift = views, grid, tile, shift
         self._found: dict[tuple[View, bytes], NDArray[np.bool_]] = {}
 
-    def find_boxes(self, view: View, background: Pixels, radius: int, statistics: SkipStatistics) -> list[Tile]:
+    def find_boxes(self, view: View, background: Pixels, radius: int) -> list[Tile]:
         """Boxes of the tile to compute for a view whose window is `background` `(C,)` elsewhere; `radius`: the
-        network's. The pixels that are skipped are added to `statistics`.
+        network's.
         """
         tile = self._tile
         own = shift_part(self._find_differences(view, background), self._shift, (0, 0))
@@ -73,8 +72,6 @@ class TileDifferences:
         boxes = skipping.cover_with_boxes(np.logical_or.reduce(differs), radius)
         if boxes is None:
             return [tile]
-        computed = sum(skipping.count_pixels(box.region) for box in boxes)
-        statistics.uniform += max(0, skipping.count_pixels(tile.kept) - computed)
         return [part for part in (box.clip_to(tile) for box in boxes) if skipping.count_pixels(part.kept)]
 
     def _find_differences(self, view: View, background: Pixels) -> NDArray[np.bool_]:
@@ -83,6 +80,44 @@ class TileDifferences:
             part = crop_with_margin(self._views[view], self._tile.region, self._shift)
             self._found[key] = skipping.find_differences(part, background)
         return self._found[key]
+
+
+def split_by_mask(
+    network: LightFieldNetwork, boxes: Sequence[Tile], mask: NDArray[np.bool_], tile: Tile
+) -> Iterator[tuple[Tile, NDArray[np.bool_] | None]]:
+    """Boxes that keep the pixels of `boxes`, parts of `tile`, where `mask` is true, `(h, w)` of the part that `tile`
+    keeps; and the part of the mask for each box, None where it is true everywhere.
+    """
+    for box in boxes:
+        own = mask[Tile(box.kept, box.kept).region_in(tile.kept)]
+        if own.all():
+            yield box, None
+        elif own.any():
+            for part in _split_box(network, box, own):
+                yield part, mask[Tile(part.kept, part.kept).region_in(tile.kept)]
+
+
+def count_skipped(parts: Sequence[Tile], mask: NDArray[np.bool_]) -> int:
+    """At least how many of the pixels where `mask` is true are computed in none of the `parts`."""
+    return max(0, int(np.count_nonzero(mask)) - sum(skipping.count_pixels(part.region) for part in parts))
+
+
+def _split_box(network: LightFieldNetwork, box: Tile, mask: NDArray[np.bool_]) -> list[Tile]:
+    """Boxes around where `mask` `(h, w)` of the part that `box` keeps is true; `box` itself where they save nothing."""
+    if not skipping.can_skip(network):
+        return [box]
+    parts = []
+    for kept in skipping.split_differences(mask, network.radius, (box.kept[0].start, box.kept[1].start)):
+        rows, cols = (
+            slice(max(around.start, side.start - network.radius), min(around.stop, side.stop + network.radius))
+            for side, around in zip(kept, box.region, strict=True)
+        )
+        parts.append(Tile((rows, cols), kept))
+    return (
+        parts
+        if sum(skipping.count_pixels(part.region) for part in parts) < skipping.count_pixels(box.region)
+        else [box]
+    )
 
 
 def make_pattern(

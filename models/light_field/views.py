@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from ciir.errors import InvalidImage
-from ciir.models.light_field.disparity import convert_to_float, crop_luma, measure_disparity, shift_part
-from ciir.models.light_field.skipping import TileDifferences, find_background, find_repeats, make_pattern
+from ciir.models.light_field.disparity import (
+    convert_to_float,
+    crop_luma,
+    measure_shifts,
+    select_shifted,
+    shift_part,
+)
+from ciir.models.light_field.skipping import (
+    TileDifferences,
+    count_skipped,
+    find_background,
+    find_repeats,
+    make_pattern,
+    split_by_mask,
+)
 from ciir.models.light_field.windows import list_window, select_axis
 from ciir.models.parallel import is_parallel_faster, run_each
 from ciir.models.sessions import BATCH_PIXELS, TILE_PIXELS
@@ -64,9 +77,9 @@ def upscale_views(
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
     noise, or disparities beyond the network's planes. From `CONFIDENT` to `UNCERTAIN` the two are blended, in views of
     which more than `MINIMUM_FALLBACK_SHARE` has low confidence. Where content moves by more than a pixel from one view
-    to the next, views are first shifted back by whole pixels (`models.light_field.disparity`). The result for a view
-    doesn't depend on which others are wanted. Large views are upscaled in tiles, all views of one tile after another,
-    to save memory.
+    to the next, the views around are first shifted back by whole pixels (`models.light_field.disparity`): the network
+    runs once for each shift, on boxes around the parts that have it. The result for a view doesn't depend on which
+    others are wanted. Large views are upscaled in tiles, all views of one tile after another, to save memory.
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
@@ -93,6 +106,16 @@ class _Job(NamedTuple):
     statistics: SkipStatistics
 
 
+class _Part(NamedTuple):
+    """A part of a view that is upscaled in one run."""
+
+    number: int
+    """The view's."""
+    tile: Tile
+    mask: NDArray[np.bool_] | None = None
+    """Which of the pixels that `tile` keeps are written, `(h, w)`; None: all of them."""
+
+
 class _Output(NamedTuple):
     """The arrays that runs of the network fill, by the numbers of views."""
 
@@ -100,6 +123,8 @@ class _Output(NamedTuple):
     """`(n, scale*H, scale*W, C)`."""
     uncertainty: NDArray[np.float32]
     """`(n, H, W, 1)`."""
+    shifts: Sequence[NDArray[np.int64]]
+    """`(R, C)` each, from `measure_shifts`: which run fills which part."""
 
 
 def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> tuple[Pixels, NDArray[np.float64]]:
@@ -109,10 +134,12 @@ def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> 
     output = _Output(
         np.empty((len(wanted), height * scale, width * scale, channels), first.dtype),
         np.empty((len(wanted), height, width, 1), np.float32),
+        [measure_shifts(job.views, view, job.grid) for view in wanted],
     )
     by_shift: dict[int, dict[int, View]] = {}
     for number, view in enumerate(wanted):
-        by_shift.setdefault(measure_disparity(job.views, view, job.grid), {})[number] = view
+        for shift in np.unique(output.shifts[number]).tolist():
+            by_shift.setdefault(shift, {})[number] = view
     backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
     for shift, group in by_shift.items():
         _run_network(job, group, backgrounds, shift, output)
@@ -140,22 +167,31 @@ def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pix
 
 
 def _run_network(
-    job: _Job, group: Mapping[int, View], backgrounds: Mapping[int, Pixels | None], shift: int, output: _Output
+    job: _Job,
+    group: Mapping[int, View],
+    backgrounds: Mapping[int, Pixels | None],
+    shift: int,
+    output: _Output,
 ) -> None:
-    """Upscales the views of `group` into `output`, except for their `backgrounds`, all by their numbers. The views
-    around are shifted by `shift`.
+    """Upscales the parts of the views of `group` that have `shift` into `output`, except for their `backgrounds`, all
+    by their numbers. The views around are shifted by `shift`.
     """
     network, views, grid = job[:3]
-    required = list_required_views(list(group.values()), grid)
-    height, width = views[required[0]].shape[:2]
+    height, width = views[next(iter(group.values()))].shape[:2]
     for tile in split_picture(height, width, radius=network.radius, tile_pixels=TILE_PIXELS):
+        masks = {number: select_shifted(output.shifts[number], shift, tile.kept) for number in group}
+        here = {number: view for number, view in group.items() if masks[number].any()}
+        required = list_required_views(list(here.values()), grid)
         lumas = {view: crop_luma(views[view], tile.region, shift) for view in required}
         differences = TileDifferences(views, grid, tile, shift)
-        parts: list[tuple[int, Tile]] = []
-        for number, view in group.items():
+        parts: list[_Part] = []
+        for number, view in here.items():
             colour = backgrounds[number]
-            boxes = [tile] if colour is None else differences.find_boxes(view, colour, network.radius, job.statistics)
-            parts += [(number, box) for box in boxes]
+            boxes = [tile] if colour is None else differences.find_boxes(view, colour, network.radius)
+            some = [_Part(number, *part) for part in split_by_mask(network, boxes, masks[number], tile)]
+            if colour is not None:
+                job.statistics.uniform += count_skipped([part.tile for part in some], masks[number])
+            parts += some
         batches = list(_make_batches(parts, group, grid))
         is_parallel = is_parallel_faster(len(batches), network.threads)
         runner = _TileRunner(job, group, tile, lumas, shift, output, cores=1 if is_parallel else network.threads)
@@ -175,23 +211,33 @@ class _TileRunner(NamedTuple):
     output: _Output
     cores: int
 
-    def run_batch(self, batch: tuple[Axis, Axis, Sequence[tuple[int, Tile]]]) -> None:
+    def run_batch(self, batch: tuple[Axis, Axis, Sequence[_Part]]) -> None:
         """Upscales parts of one size, of views by their numbers, whose windows have the same rows and columns."""
         network, views, _ = self.job[:3]
         rows, cols, parts = batch
-        image = np.stack([_convert_to_planes(views[self.group[number]][part.region]) for number, part in parts])
-        around = np.stack([self._stack_window(part, self.group[number]) for number, part in parts])
+        image = np.stack([_convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
+        around = np.stack([self._stack_window(part.tile, self.group[part.number]) for part in parts])
         results = network(image, around, rows.present, cols.present, cores=self.cores)
         large, uncertainty = (result.transpose(0, 2, 3, 1) for result in results)
-        for (number, part), picture, uncertain in zip(parts, large, uncertainty, strict=True):
-            kept = _round_levels(picture[part.kept_in_tile(network.scale)], self.output.pictures)
-            self.output.pictures[number][part.kept_in_picture(network.scale)] = kept
-            self.output.uncertainty[number][part.kept] = uncertain[part.kept_in_tile(1)]
+        for (number, tile, mask), picture, uncertain in zip(parts, large, uncertainty, strict=True):
+            kept = _round_levels(picture[tile.kept_in_tile(network.scale)], self.output.pictures)
+            _write(self.output.pictures[number][tile.kept_in_picture(network.scale)], kept, mask)
+            _write(self.output.uncertainty[number][tile.kept], uncertain[tile.kept_in_tile(1)], mask)
 
     def _stack_window(self, part: Tile, view: View) -> NDArray[np.float32]:
         """The luma of a part of the window around `view`, `(25, h, w)`."""
         region, window = part.region_in(self.tile.region), list_window(view, self.job.grid)
         return np.stack([shift_part(self.lumas[other], self.shift, offset)[region] for other, offset in window])
+
+
+def _write(target: NDArray[Any], values: NDArray[np.float32], mask: NDArray[np.bool_] | None) -> None:
+    """Sets `target` `(k*h, k*w, C)` to values of its shape where `mask` `(h, w)` is true, or everywhere."""
+    if mask is None:
+        target[...] = values
+    else:
+        scale = len(target) // len(mask)
+        where = mask.repeat(scale, axis=0).repeat(scale, axis=1)[..., np.newaxis]
+        np.copyto(target, values, casting="unsafe", where=where)
 
 
 def _round_levels(picture: NDArray[np.float32], like: Pixels) -> NDArray[np.float32]:
@@ -235,20 +281,20 @@ def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[Vi
 
 
 def _make_batches(
-    parts: Sequence[tuple[int, Tile]], group: Mapping[int, View], grid: tuple[int, int]
-) -> Iterator[tuple[Axis, Axis, Sequence[tuple[int, Tile]]]]:
+    parts: Sequence[_Part], group: Mapping[int, View], grid: tuple[int, int]
+) -> Iterator[tuple[Axis, Axis, Sequence[_Part]]]:
     """Batches of parts of one size, of views whose windows have the same rows and columns present, of up to
     `BATCH_PIXELS` pixels.
     """
-    alike: dict[tuple[object, ...], list[tuple[int, Tile]]] = {}
-    for number, part in parts:
-        v, u = group[number]
+    alike: dict[tuple[object, ...], list[_Part]] = {}
+    for part in parts:
+        v, u = group[part.number]
         present = select_axis(v, grid[0]).present.tobytes() + select_axis(u, grid[1]).present.tobytes()
-        rows, cols = part.region
-        alike.setdefault((present, rows.stop - rows.start, cols.stop - cols.start), []).append((number, part))
+        rows, cols = part.tile.region
+        alike.setdefault((present, rows.stop - rows.start, cols.stop - cols.start), []).append(part)
     for some in alike.values():
-        v, u = group[some[0][0]]
-        count = max(1, BATCH_PIXELS // count_pixels(some[0][1].region))
+        v, u = group[some[0].number]
+        count = max(1, BATCH_PIXELS // count_pixels(some[0].tile.region))
         for begin in range(0, len(some), count):
             yield select_axis(v, grid[0]), select_axis(u, grid[1]), some[begin : begin + count]
 

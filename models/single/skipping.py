@@ -108,7 +108,7 @@ def cover_with_boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | No
     than what differs, and reads `radius` more than that; boxes may overlap.
     """
     height, width = differs.shape
-    parts = _split_differences(differs, 2 * radius)
+    parts = split_differences(differs, 2 * radius)
     boxes = [
         Tile(_grow_span(part, 2 * radius, differs.shape), _grow_span(part, radius, differs.shape)) for part in parts
     ]
@@ -128,14 +128,8 @@ def fill_with_pattern(result: NDArray[Any], pattern: NDArray[Any], radius: int, 
         result[edge + phase : height - edge : scale] = rows[edge + phase]
 
 
-def count_pixels(part: Span) -> int:
-    """The number of pixels in rows and columns."""
-    rows, cols = part
-    return int((rows.stop - rows.start) * (cols.stop - cols.start))
-
-
-def _split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 0)) -> list[Span]:
-    """Boxes, without halo, around everything that `differs`; `origin`: position of `differs` in the picture.
+def split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 0)) -> list[Span]:
+    """Boxes, without halo, around everything that `differs`, `(H, W)`; `origin`: its position in the picture.
 
     One box, or two in its place where that saves enough pixels, and so on for each of them.
     """
@@ -155,7 +149,13 @@ def _split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int,
         parts = (inner[:cut], (down, across)), (inner[cut:], (down + cut, across))
     else:
         parts = (inner[:, :cut], (down, across)), (inner[:, cut:], (down, across + cut))
-    return [span for part, place in parts for span in _split_differences(part, halo, place)]
+    return [span for part, place in parts for span in split_differences(part, halo, place)]
+
+
+def count_pixels(part: Span) -> int:
+    """The number of pixels in rows and columns."""
+    rows, cols = part
+    return int((rows.stop - rows.start) * (cols.stop - cols.start))
 
 
 def _find_cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:

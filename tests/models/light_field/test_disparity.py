@@ -5,36 +5,82 @@ from hypothesis import strategies as st
 
 from ciir.models.light_field.disparity import (
     MAXIMUM_DISPARITY,
+    SHIFT_STEP,
+    SHIFT_TILE,
     UNSHIFTED_DISPARITY,
     crop_luma,
     crop_with_margin,
-    estimate_disparity,
+    measure_shifts,
+    select_shifted,
 )
 
-PICTURE = np.random.default_rng(0).random((90, 80), dtype=np.float32)
-OFFSETS = [(0, 1), (1, 0), (0, -1), (-1, 0)]
+PICTURE = np.random.default_rng(0).integers(0, 256, (90, 80, 1)).astype(np.uint8)
+GRIDS = [((3, 3), (1, 1)), ((1, 3), (0, 1)), ((2, 2), (0, 0)), ((2, 3), (1, 2))]
 
 
-def shift_picture(disparity, offsets):
-    return {at: np.roll(PICTURE, (disparity * at[0], disparity * at[1]), (0, 1)) for at in offsets}
+def shift_picture(disparity, grid, view):
+    return {
+        (v, u): np.roll(PICTURE, (disparity * (v - view[0]), disparity * (u - view[1])), (0, 1))
+        for v in range(grid[0])
+        for u in range(grid[1])
+    }
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)
-@given(st.integers(-MAXIMUM_DISPARITY, MAXIMUM_DISPARITY), st.lists(st.sampled_from(OFFSETS), min_size=1, unique=True))
-def test_a_whole_disparity_is_found_beyond_what_networks_search(disparity, offsets):
-    found = estimate_disparity(PICTURE, shift_picture(disparity, offsets))
-    assert found == (disparity if abs(disparity) > UNSHIFTED_DISPARITY else 0)
+@given(st.integers(-MAXIMUM_DISPARITY, MAXIMUM_DISPARITY), st.sampled_from(GRIDS))
+def test_a_disparity_is_found_to_a_pixel_beyond_what_networks_search(disparity, case):
+    grid, view = case
+    found = measure_shifts(shift_picture(disparity, grid, view), view, grid)
+    assert found.shape == (12, 10)
+    assert not (found % SHIFT_STEP).any()
+    inner = found[2:-2, 2:-2]  # content at the edges has left some neighbours
+    assert np.abs(inner - disparity).max() <= 1
+    assert inner.any() == (abs(disparity) > UNSHIFTED_DISPARITY)
+
+
+@pytest.mark.parametrize("disparity", [-1, 0, 1])
+def test_small_disparities_are_left_to_the_network_up_to_the_edge(disparity):
+    for grid, view in GRIDS:
+        assert not measure_shifts(shift_picture(disparity, grid, view), view, grid).any()
 
 
 def test_views_that_do_not_match_are_not_shifted():
-    other = np.random.default_rng(1).random((90, 80), dtype=np.float32)
-    assert estimate_disparity(PICTURE, dict.fromkeys(OFFSETS, other)) == 0
+    random = np.random.default_rng(1)
+    views = {view: random.integers(0, 256, (90, 80, 3)).astype(np.uint8) for view in np.ndindex(3, 3)}
+    assert not measure_shifts(views, (1, 1), (3, 3)).any()
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (8, 8)])
+@pytest.mark.parametrize("shape", [(1, 1, 3), (3, 40, 1), (8, 8, 3), (30, 31, 1)])
 def test_small_and_flat_views_are_not_shifted(shape):
-    flat = np.full(shape, 0.5, np.float32)
-    assert estimate_disparity(flat, dict.fromkeys(OFFSETS, flat)) == 0
+    shifts = measure_shifts(dict.fromkeys(np.ndindex(3, 3), np.full(shape, 99, np.uint8)), (1, 1), (3, 3))
+    assert shifts.shape == (-(-shape[0] // SHIFT_TILE), -(-shape[1] // SHIFT_TILE))
+    assert not shifts.any()
+
+
+def test_few_tiles_are_not_shifted_for_themselves(monkeypatch):
+    """A square moves by 6 pixels per view, before one colour."""
+    views = {}
+    for v, u in np.ndindex(3, 3):
+        views[v, u] = np.full((100, 100, 1), 50, np.uint8)
+        views[v, u][24 + 6 * v :, 24 + 6 * u :][:40, :40] = PICTURE[:40, :40]
+    shifts = measure_shifts(views, (1, 1), (3, 3))
+    assert {0, 6} <= set(np.unique(shifts))
+    monkeypatch.setattr("ciir.models.light_field.disparity.MINIMUM_TILES", np.count_nonzero(shifts) + 1)
+    assert not measure_shifts(views, (1, 1), (3, 3)).any()
+
+
+def test_large_views_are_compared_in_strips(monkeypatch):
+    views = shift_picture(6, (3, 3), (1, 1))
+    whole = measure_shifts(views, (1, 1), (3, 3))
+    monkeypatch.setattr("ciir.models.light_field.disparity.STRIP_VALUES", 1)
+    np.testing.assert_array_equal(measure_shifts(views, (1, 1), (3, 3)), whole)
+
+
+def test_each_pixel_of_a_part_has_the_shift_of_its_tile():
+    shifts = np.array([[0, 3, 0], [3, 0, 0]])
+    got = select_shifted(shifts, 3, (slice(2, 11), slice(6, 20)))
+    want = (shifts == 3).repeat(SHIFT_TILE, axis=0).repeat(SHIFT_TILE, axis=1)
+    np.testing.assert_array_equal(got, want[2:11, 6:20])
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)

@@ -44,6 +44,27 @@ def upscale_both_ways(network, views, wanted, grid, statistics=None):
     return skipped, whole
 
 
+@pytest.mark.parametrize("tile_pixels", [40 * 40, 65536])
+def test_views_of_many_disparities_are_the_same_with_skipping_in_tiles_and_alone(monkeypatch, tile_pixels):
+    """Two squares that move by 6 and -9 pixels per view before one colour: three shifts, each on its own boxes."""
+    near, far = (
+        make_light_field((5, 5), (120, 130, 1), moves=moves, at=at, size=32)
+        for moves, at in ((6, (20, 24)), (-9, (62, 70)))
+    )
+    views = {view: np.where(near[view] != near[view][0, 64], near[view], far[view]) for view in near}
+    views = {view: np.where(far[view] != far[view][0, 64], far[view], views[view]) for view in near}
+    wanted = [(2, 2), (1, 3), (0, 2)]
+    assert {-9, 0, 6} <= set(np.unique(disparity.measure_shifts(views, (2, 2), (5, 5))))
+    network, fallback = IntegerLightFieldNetwork(), IntegerNetwork()
+    alone = [upscale_views(network, fallback, views, [view], (5, 5), skip=False)[0][0] for view in wanted]
+    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
+    for skip in (True, False):
+        statistics = SkipStatistics()
+        got, _ = upscale_views(network, fallback, views, wanted, (5, 5), skip=skip, statistics=statistics)
+        np.testing.assert_array_equal(got, alone)
+        assert (0 < statistics.uniform < statistics.pixels) == skip
+
+
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(
     st.data(),
@@ -79,9 +100,10 @@ def test_a_radius_that_is_too_small_shows():
 @pytest.mark.parametrize("tile_pixels", [20 * 20, 65536])
 @pytest.mark.parametrize("moves", [1, 5])
 def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, moves, tile_pixels):
-    views = make_light_field((7, 7), (60, 64, 3), moves=moves, at=(28, 28), size=12)
+    views = make_light_field((7, 7), (60, 64, 3), moves=moves, at=(24, 24), size=20)
     wanted = [(3, 3), (0, 0), (6, 2), (3, 4)]
-    assert disparity.measure_disparity(views, (3, 3), (7, 7)) == (moves if moves > 1 else 0)
+    shifts = disparity.measure_shifts(views, (3, 3), (7, 7))
+    assert set(np.unique(shifts)) == ({0, 6} if moves > 1 else {0})
     whole = [
         upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, [at], (7, 7), skip=False)[0][0]
         for at in wanted

@@ -199,13 +199,40 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, til
     assert 0 < share < 1
 
 
-@pytest.mark.parametrize("shift", [-5, 0, 3])
+@pytest.mark.parametrize("shift", [-6, 0, 3])
 def test_views_are_shifted_by_their_whole_disparity_first(shift):
-    """The network then gets equal views, except beyond their edges."""
-    picture = np.random.default_rng(3).integers(0, 256, (60, 50, 3)).astype(np.uint8)
+    """The network then gets equal views, except near their edges."""
+    picture = np.random.default_rng(3).integers(0, 256, (72, 80, 3)).astype(np.uint8)
     views = {(v, u): np.roll(picture, (shift * (v - 2), shift * (u - 2)), (0, 1)) for v in range(5) for u in range(5)}
     network = Repeating()
     upscale_views(network, fallback, views, [(2, 2)], (5, 5))
-    ((_, around, _, _),) = network.calls
-    inner = around[0][:, 12:-12, 12:-12]
+    around = next(around for _, around, _, _ in network.calls if np.ptp(around[0, :, 36, 40]) == 0)
+    inner = around[0][:, 16:-16, 16:-16]
     np.testing.assert_array_equal(inner, np.broadcast_to(inner[12], inner.shape))
+
+
+class ShowingDifferences(Repeating):
+    """Its picture is white where the views around differ, and black elsewhere."""
+
+    radius = 4
+
+    def __call__(self, image, around, rows, cols, *, cores=None):
+        large, uncertainty = super().__call__(image, around, rows, cols, cores=cores)
+        differs = np.ptp(around, axis=1, keepdims=True) > 0
+        return large * 0 + differs.repeat(2, axis=2).repeat(2, axis=3), uncertainty
+
+
+def test_each_part_of_a_view_has_its_own_shift():
+    """The left half moves by 3 pixels per view, the right half by -6: all views agree but for edges."""
+    halves = np.random.default_rng(3).integers(0, 256, (2, 96, 96, 3)).astype(np.uint8)
+    views = {}
+    for v in range(5):
+        for u in range(5):
+            left, right = (
+                np.roll(half, (shift * (v - 2), shift * (u - 2)), (0, 1))
+                for half, shift in zip(halves, (3, -6), strict=True)
+            )
+            views[v, u] = np.concatenate([left, right], axis=1)
+    (got,), _ = upscale_views(ShowingDifferences(), fallback, views, [(2, 2)], (5, 5))
+    assert not got[48:-48, 48 : 2 * 96 - 48].any()
+    assert not got[48:-48, 2 * 96 + 48 : -48].any()
