@@ -123,7 +123,7 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     command.add_argument("--json", action="store_true", help="list everything about each model, as JSON")
 
     command = add_command(
-        "demo", "make pictures of the shipped scenes, from mesh to upscaled view, and a table of timings"
+        "demo", "make pictures of the shipped scenes, from mesh to upscaled views, with timings and accuracy"
     )
     command.add_argument(
         "-o", "--out", default="demo-out", metavar="DIR", help="folder for the pictures (default demo-out)"

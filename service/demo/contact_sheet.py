@@ -1,4 +1,4 @@
-"""Draws the contact sheet: one view of each scene in four ways, side by side."""
+"""Draws the contact sheet: the centre view of each scene in five ways, side by side, and all its views in a grid."""
 
 from __future__ import annotations
 
@@ -7,68 +7,137 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.service.demo.scores import Score, compare
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont, ImageFont
 
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
 
 ZOOM = 2
 """Each pixel of a finished picture is shown as `ZOOM x ZOOM`."""
-MARGIN, HEAD, LABEL, TEXT = 16, 52, 34, 22
-"""Pixels: between pictures, above the columns, below each picture; and the size of the text."""
-PAPER, INK, FAINT = (250, 250, 248), (24, 24, 28), (110, 110, 118)
-BORDER = 2
-"""Pixels cut on each side before a picture is compared with the truth, as the published protocol does at x2."""
+MARGIN, TEXT, LINE = 20, 28, 38
+"""Pixels: between pictures; the size of the text; from a line of text to the next."""
+HEAD, TITLE = 2 * MARGIN + 2 * LINE, LINE + 12
+"""Pixels above the rows, and above the pictures of a row."""
+CAPTION = LINE + 6
+"""Pixels for the text below a picture."""
+GAP = 0.05
+"""Between the views of the grid, of their width."""
+PAPER, INK, FAINT, LINES = (250, 250, 248), (24, 24, 28), (96, 96, 104), (84, 84, 90)
+"""Colours; `LINES` are between the views of the grid."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A scene's view, `(H, W, 3)` 8 bit: as mapped, at half the size; and made large in three ways."""
+    """What was made of a scene. Pictures are `(H, W, 3)`, 8 bit."""
 
     scene: str
     mapped: Pixels
+    """The centre view as mapped, at half the size."""
     bicubic: Pixels
-    network: Pixels
-    truth: Pixels
+    single: Pixels
+    """The centre view upscaled by the default network of single pictures."""
+    views: Mapping[View, Pixels]
+    """All views of the elemental image array, upscaled by what `auto` takes."""
+    truth: Mapping[View, Pixels]
+    """The corner view (0, 0) and the centre view, rendered at the larger size."""
+    single_model: str
+    """Names of models: of the network of single pictures, and of what `auto` took."""
+    default_model: str
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of views."""
+        last = max(self.views)
+        return last[0] + 1, last[1] + 1
+
+    @property
+    def centre(self) -> View:
+        """The view that is shown large."""
+        return self.grid[0] // 2, self.grid[1] // 2
+
+    def list_pictures(self) -> list[Pixels]:
+        """The centre view in each way, as large as the truth: mapped, bicubic, single, default, truth."""
+        large = self.mapped.repeat(2, 0).repeat(2, 1)
+        return [large, self.bicubic, self.single, self.views[self.centre], self.truth[self.centre]]
+
+    def score_all(self) -> list[Score]:
+        """Of `list_pictures` but the last, which is the truth."""
+        *made, truth = self.list_pictures()
+        return [compare(picture, truth) for picture in made]
 
 
-def draw(rows: Sequence[Row], *, network: str) -> Pixels:
-    """The sheet, `(H, W, 3)`: a row for each scene; below each picture its Y-PSNR against the one rendered directly."""
+def draw(rows: Sequence[Row]) -> Pixels:
+    """The sheet, `(H, W, 3)`: a row for each scene; below each picture its Y-PSNR and SSIM against the truth."""
     from PIL import Image, ImageDraw, ImageFont
 
-    height, width = rows[0].truth.shape[:2]
-    cell_w, cell_h = width * ZOOM + MARGIN, height * ZOOM + LABEL + MARGIN
-    sheet = Image.new("RGB", (4 * cell_w + MARGIN, HEAD + len(rows) * cell_h), PAPER)
+    height, width = rows[0].bicubic.shape[:2]
+    shown = width * ZOOM, height * ZOOM
+    cell_w, cell_h = shown[0] + MARGIN, TITLE + shown[1] + CAPTION + MARGIN
+    heads = _list_heads(rows)
+    sheet = Image.new("RGB", (len(heads) * cell_w + MARGIN, HEAD + len(rows) * cell_h), PAPER)
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(TEXT)
-    heads = (
-        f"mapped (lenslet), {width // 2}x{height // 2}",
-        f"bicubic, {width}x{height}",
-        f"network '{network}', {width}x{height}",
-        f"rendered directly, {width}x{height}",
-    )
-    for column, head in enumerate(heads):
-        pen.text((MARGIN + column * cell_w, MARGIN), head, INK, font)
+
+    def write(left: int, top: int, text: str, colour: tuple[int, int, int]) -> None:
+        pen.text((left, top), text, colour, _fit(font, text, shown[0]))
+
+    for column, lines in enumerate(heads):
+        for line, text in enumerate(lines):
+            write(MARGIN + column * cell_w, MARGIN + line * LINE, text, FAINT if line else INK)
     for number, row in enumerate(rows):
         top = HEAD + number * cell_h
-        for column, picture in enumerate((row.mapped, row.bicubic, row.network, row.truth)):
-            left = MARGIN + column * cell_w
-            large = picture.repeat(height * ZOOM // len(picture), 0).repeat(width * ZOOM // picture.shape[1], 1)
-            sheet.paste(Image.fromarray(large.astype(np.uint8)), (left, top))
-            pen.text((left, top + height * ZOOM + 4), _caption(row, column), FAINT, font)
+        write(MARGIN, top + 6, row.scene, INK)
+        pictures = [Image.fromarray(picture).resize(shown, Image.Resampling.NEAREST) for picture in row.list_pictures()]
+        for column, picture in enumerate([*pictures, _draw_grid(row, shown)]):
+            sheet.paste(picture, (MARGIN + column * cell_w, top + TITLE))
+        for column, text in enumerate(_list_captions(row)):
+            write(MARGIN + column * cell_w, top + TITLE + shown[1] + 4, text, FAINT)
     return np.asarray(sheet)
 
 
-def _caption(row: Row, column: int) -> str:
-    if column == 0:
-        return f"{row.scene}, the centre view"
-    if column == 3:
-        return "the truth that PSNR refers to"
-    picture = row.bicubic if column == 1 else row.network
-    return f"PSNR {_compute_luma_psnr(picture, row.truth):.2f} dB"
+def _list_heads(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Two lines above each column."""
+    row = rows[0]
+    height, width = row.bicubic.shape[:2]
+    single = " or ".join(dict.fromkeys(row.single_model for row in rows))
+    default = " or ".join(dict.fromkeys(row.default_model for row in rows))
+    return [
+        ("nearest", f"view as mapped, {width // 2}x{height // 2}"),
+        ("bicubic", f"interpolation, {width}x{height}"),
+        (single, "from this view alone"),
+        (f"default: {default}", "with the views around"),
+        ("truth", f"rendered at {width}x{height}"),
+        ("the whole array by the default", "{}x{} views of {}x{}".format(*row.grid, width, height)),
+    ]
 
 
-def _compute_luma_psnr(picture: Pixels, truth: Pixels) -> float:
-    """Y-PSNR in dB as `training.evaluation.metrics` computes it, which needs packages that the core has not."""
-    inside = np.s_[BORDER:-BORDER, BORDER:-BORDER]
-    error = (picture[inside].astype(float) - truth[inside]) @ np.array([65.481, 128.553, 24.966]) / 255
-    return float(20 * np.log10(255) - 10 * np.log10(np.mean(error**2)))
+def _list_captions(row: Row) -> list[str]:
+    """The text below each picture."""
+    corner = compare(row.views[0, 0], row.truth[0, 0])
+    return [*map(str, row.score_all()), "the centre view", f"corner: {corner}"]
+
+
+def _draw_grid(row: Row, size: tuple[int, int]) -> Image:
+    """All views in their order, reduced to `size`, width and height."""
+    from PIL import Image
+
+    height, width = row.bicubic.shape[:2]
+    gap = max(1, round(GAP * width))
+    rows, cols = row.grid
+    grid = Image.new("RGB", (cols * (width + gap) - gap, rows * (height + gap) - gap), LINES)
+    for (v, u), picture in row.views.items():
+        grid.paste(Image.fromarray(picture), (u * (width + gap), v * (height + gap)))
+    return grid.resize(size, Image.Resampling.BOX)
+
+
+def _fit(font: FreeTypeFont | ImageFont, text: str, width: int) -> FreeTypeFont | ImageFont:
+    """`font`, or a smaller one where `text` would be wider than `width` pixels."""
+    from PIL import ImageFont
+
+    length = font.getlength(text)
+    return font if length <= width else ImageFont.load_default(max(1, int(TEXT * width / length)))

@@ -1,10 +1,8 @@
-"""Makes the demo: the shipped scenes from mesh to upscaled view, with the time of each stage."""
+"""Makes the demo: the shipped scenes from mesh to upscaled views, with the time of each stage."""
 
 from __future__ import annotations
 
-import io
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +11,9 @@ from ciir.models import catalogue
 from ciir.renderer import scenes
 from ciir.renderer.backends import open_backend
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.pictures import decode
 from ciir.renderer.sampling import LENSLET_SAMPLES
-from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.demo import contact_sheet
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import STAGES
@@ -26,13 +23,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+    from ciir.service.demo.contact_sheet import Row
     from ciir.service.pipeline.options import Backend
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
 
 SCENES = ("vase", "globe", "hamburger")
 """Of rising complexity; the pictures of single steps are of the last."""
-LENSES, PIXELS = (100, 100), (15, 15)
+LENSES, PIXELS = (100, 100), (9, 9)
 COLUMNS = (*STAGES, "total")
 WIDTH = 46
 
@@ -46,46 +45,82 @@ class Step:
     report: Report
 
 
-def run_demo(write: Callable[[str, bytes], None], backend: Backend, report_step: Callable[[Step], None]) -> None:
-    """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`.
+class PngWriter(MemoryWriter):
+    """Keeps each view's pixels, and encodes them as PNG into `files`, so that the time of that counts."""
 
-    `report_step` is called after each step. Scenes, backend and network are loaded before the first step is timed.
+    def __init__(self) -> None:
+        super().__init__()
+        self.files: dict[View, bytes] = {}
+
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Encodes and keeps the view."""
+        self.files[view] = encode_png(pixels)
+        return super().write(view, pixels)
+
+
+def run_demo(
+    write: Callable[[str, bytes], None], backend: Backend, report_step: Callable[[Step], None]
+) -> tuple[Row, ...]:
+    """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`, and
+    returns what was made of each scene.
+
+    `report_step` is called after each step. Scenes, backend and networks are loaded before the first step is timed.
     """
-    upscaler = catalogue.load_upscaler(catalogue.DEFAULT)
-    upscaler(np.zeros((1, 3, *LENSES), np.float32))
+    single = catalogue.load_upscaler(catalogue.default_name())
+    single(np.zeros((1, 3, *LENSES), np.float32))
+    catalogue.load_light_field_network(catalogue.light_field_default_name())
     open_backend(backend, rays=LENSES[0] * LENSES[1] * LENSLET_SAMPLES**2)
-    mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
-    rows = []
     for scene in SCENES:
         scenes.load_scene(scene)
-        eias: list[bytes] = []
-        made = render_eia(scene, mesh, partial(_keep_png, eias))
-        report_step(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
-        picture = Bundle.from_upload(f"{scene}.png", eias[0])
-        views = {}
-        for model in ("none", "bicubic", catalogue.DEFAULT):
-            views[model], report = _view(picture, Options(lenses=LENSES, model=model))
-        report_step(Step(scene, "EIA to view, upscaled", report))
-        truth, report = _view(scene, replace(mesh, sampling="pinhole", strategy="direct"))
-        report_step(Step(scene, "mesh to view, direct", report))
-        pixels = [decode(png, name=scene) for png in (*views.values(), truth)]
-        rows.append(contact_sheet.Row(scene, *pixels))  # mapped, bicubic, network, truth
-    write("eia.png", eias[0])
-    write("view_before.png", views["none"])
-    write("view_after.png", views[catalogue.DEFAULT])
-    write("contact_sheet.png", encode_png(contact_sheet.draw(rows, network=catalogue.DEFAULT)))
+    rows = []
+    for scene in SCENES:
+        row, files = _make(scene, backend, report_step)
+        rows.append(row)
+    for name, data in files.items():
+        write(name, data)
+    write("contact_sheet.png", encode_png(contact_sheet.draw(rows)))
+    return tuple(rows)
 
 
-def _keep_png(kept: list[bytes], pixels: Pixels) -> None:
-    kept.append(encode_png(pixels))
+def _make(scene: str, backend: Backend, report_step: Callable[[Step], None]) -> tuple[Row, dict[str, bytes]]:
+    """What is made of a scene, and its pictures of single steps by file name."""
+    mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
+    eias: list[bytes] = []
+    made = render_eia(scene, mesh, lambda pixels: eias.append(encode_png(pixels)))
+    report_step(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
+    eia = Bundle.from_upload(f"{scene}.png", eias[0])
+    centre = PIXELS[0] // 2, PIXELS[1] // 2
+    single_model = catalogue.default_name()
+    mapped, _ = _reconstruct(eia, Options(lenses=LENSES, model="none"))
+    bicubic, _ = _reconstruct(eia, Options(lenses=LENSES, model="bicubic"))
+    single, report = _reconstruct(eia, Options(lenses=LENSES, model=single_model))
+    report_step(Step(scene, f"EIA to view by {single_model}", report))
+    views, report = _reconstruct(eia, Options(lenses=LENSES, views="all"))
+    default_model = report["plan"]["model"]
+    report_step(Step(scene, f"EIA to {len(views.views)} views by {default_model}", report))
+    shown = Options(
+        lenses=LENSES, pixels=PIXELS, backend=backend, strategy="direct", views=f"0,0;{centre[0]},{centre[1]}"
+    )
+    truth, report = _reconstruct(scene, shown)
+    report_step(Step(scene, f"mesh to {len(truth.views)} views, direct", report))
+    row = contact_sheet.Row(
+        scene,
+        mapped=mapped.views[centre],
+        bicubic=bicubic.views[centre],
+        single=single.views[centre],
+        views=views.views,
+        truth=truth.views,
+        single_model=single_model,
+        default_model=default_model,
+    )
+    return row, {"eia.png": eias[0], "view_before.png": mapped.files[centre], "view_after.png": views.files[centre]}
 
 
-def _view(source: Source, options: Options) -> tuple[bytes, Report]:
-    """The centre view as a PNG, and the report."""
-    file = io.BytesIO()
-    with FileWriter(file, "png") as writer:
+def _reconstruct(source: Source, options: Options) -> tuple[PngWriter, Report]:
+    """The views, and the report."""
+    with PngWriter() as writer:
         report = reconstruct(source, options, writer)
-    return file.getvalue(), report
+    return writer, report
 
 
 def format_header() -> str:
@@ -98,3 +133,13 @@ def format_step(step: Step) -> str:
     timings = step.report["timings_ms"]
     cells = (f"{timings[column]:>9.1f}" if column in timings else f"{'':>9}" for column in COLUMNS)
     return f"{step.scene + ': ' + step.work:<{WIDTH}}" + "".join(cells)
+
+
+def format_result(row: Row) -> str:
+    """A line on a scene: which model made what, and its Y-PSNR against the other ways."""
+    _, bicubic, single, default = row.score_all()
+    return (
+        f"{row.scene}: {len(row.views)} views by {row.default_model}, the centre one {default}: "
+        f"{default.psnr - bicubic.psnr:+.2f} dB against bicubic, {default.psnr - single.psnr:+.2f} dB against "
+        f"{row.single_model}"
+    )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes the pictures, and prints where the time went."""
+    """Writes the pictures, and prints where the time went and how good the views are."""
     options = common.parse_options(args)
     staged = Staged(output_path.resolve_folder(args.out, what="the demo's pictures"))
     names: list[str] = []
@@ -27,9 +27,11 @@ def run(args: argparse.Namespace) -> None:
 
     common.print_line(demo.format_header())
     try:
-        demo.run_demo(write, options.backend, print_step)
+        rows = demo.run_demo(write, options.backend, print_step)
         staged.commit()
     finally:
         staged.discard()
+    for row in rows:
+        common.print_line(demo.format_result(row))
     *single, sheet = names
     common.print_line(f"{args.out}: {', '.join(single)} of the {demo.SCENES[-1]}; {sheet} of all scenes")

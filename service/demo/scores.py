@@ -1,0 +1,69 @@
+"""PSNR and SSIM of a view, with numpy alone: `training.evaluation.metrics` needs packages that the core has not.
+
+Both compare luma (ITU-R BT.601, levels from 16 to 235) inside a border, by the published protocol for x2. A test
+compares the values with `training.evaluation.metrics`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
+
+BORDER = 2
+"""Pixels cut on each side before a picture is compared."""
+PEAK = 255
+RADIUS, SIGMA = 5, 1.5
+"""Of SSIM's Gaussian window, pixels."""
+_GAUSSIAN = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / SIGMA) ** 2)
+_WINDOW = _GAUSSIAN / _GAUSSIAN.sum()
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of a picture against the truth."""
+
+    psnr: float
+    """dB; inf where both are equal."""
+    ssim: float
+    """At most 1."""
+
+    def __str__(self) -> str:
+        return f"{self.psnr:.2f} dB, SSIM {self.ssim:.3f}"
+
+
+def compare(picture: Pixels, truth: Pixels) -> Score:
+    """The score of `picture`, `(H, W, 3)` 8-bit RGB like `truth`, at least 15 pixels along each side."""
+    one, other = _luma(picture), _luma(truth)
+    with np.errstate(divide="ignore"):
+        psnr = float(20 * np.log10(PEAK) - 10 * np.log10(np.mean((one - other) ** 2)))
+    return Score(psnr, _compute_ssim(one, other))
+
+
+def _luma(picture: Pixels) -> NDArray[np.float64]:
+    """Y inside the border, `(H-4, W-4)`."""
+    inside = picture[BORDER:-BORDER, BORDER:-BORDER].astype(np.float64)
+    return np.asarray(16.0 + inside @ np.array([65.481, 128.553, 24.966]) / 255)
+
+
+def _compute_ssim(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Mean of the similarity map (Wang et al. 2004, equation 13) over the windows that stay inside the picture."""
+    mean_one, mean_other = _average(one), _average(other)
+    variances = _average(one**2) - mean_one**2 + _average(other**2) - mean_other**2
+    covariance = _average(one * other) - mean_one * mean_other
+    c1, c2 = (0.01 * PEAK) ** 2, (0.03 * PEAK) ** 2
+    likeness = (2 * mean_one * mean_other + c1) * (2 * covariance + c2)
+    return float(np.mean(likeness / ((mean_one**2 + mean_other**2 + c1) * (variances + c2))))
+
+
+def _average(plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weighted means over the window, `(H, W)` -> `(H-10, W-10)`."""
+    size = 2 * RADIUS + 1
+    return np.asarray(sliding_window_view(sliding_window_view(plane, size, 0) @ _WINDOW, size, 1) @ _WINDOW)
