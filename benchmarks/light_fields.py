@@ -20,7 +20,8 @@ from ciir.benchmarks.parallax import estimate_disparities
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
-from ciir.training.data import downscale, light_fields
+from ciir.training.data import downscale
+from ciir.training.data.light_field.views import degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -64,10 +65,10 @@ def average_psnr(model: str, low: Views, truths: Truths) -> float:
 def list_captured(folder: Path) -> Iterator[Row]:
     """A captured light field, downsampled: the middle of the grid, and its corners."""
     for count in GRIDS:
-        views = light_fields.read_views(folder, grid=(count, count))
+        views = read_views(folder, grid=(count, count))
         middle, last = (count // 2, count // 2), count - 1
         for kind in downscale.KINDS:
-            low, high = light_fields.degrade_views(views, kind, 2)
+            low, high = degrade_views(views, kind, 2)
             corners = {at: high[at] for at in ((0, 0), (0, last), (last, last))}
             yield f"{folder.name} {count}x{count} {kind}, inner", low, {middle: high[middle]}
             yield f"{folder.name} {count}x{count} {kind}, corners", low, corners
@@ -75,10 +76,10 @@ def list_captured(folder: Path) -> Iterator[Row]:
 
 def list_harmful(folder: Path) -> Iterator[Row]:
     """Inputs that must not mislead a network; the truth is the middle view."""
-    views = light_fields.read_views(folder, grid=(5, 5))
+    views = read_views(folder, grid=(5, 5))
     random = np.random.default_rng(0)
     for kind in ("bicubic", "point"):
-        low, high = light_fields.degrade_views(views, kind, 2)
+        low, high = degrade_views(views, kind, 2)
         truth = {(2, 2): high[2, 2]}
         other = np.ascontiguousarray(low[:, :, ::-1, ::-1])
         mixed = other.copy()
@@ -92,7 +93,7 @@ def list_harmful(folder: Path) -> Iterator[Row]:
         for sigma in SIGMAS:
             noisy = np.clip(low + random.normal(0, sigma, low.shape), 0, 255).round().astype(np.uint8)
             yield f"{kind}, noise of {sigma} levels", noisy, truth
-    low, high = light_fields.degrade_views(random.integers(0, 256, views.shape).astype(np.uint8), "bicubic", 2)
+    low, high = degrade_views(random.integers(0, 256, views.shape).astype(np.uint8), "bicubic", 2)
     yield "nothing but noise", low, {(2, 2): high[2, 2]}
 
 
@@ -117,9 +118,9 @@ def print_psnr(rows: Iterable[Row], models: Sequence[str]) -> None:
 
 def print_parallax(folder: Path, models: Sequence[str]) -> None:
     """Median and 90 % quantile of the disparity's error over textured patches, right and down of the middle."""
-    views = light_fields.read_views(folder, grid=(7, 7))
+    views = read_views(folder, grid=(7, 7))
     for kind in downscale.KINDS:
-        low, high = light_fields.degrade_views(views, kind, 2)
+        low, high = degrade_views(views, kind, 2)
         for model in models:
             errors: list[NDArray[np.float64]] = []
             for axis, other in ((0, (4, 3)), (1, (3, 4))):

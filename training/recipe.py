@@ -47,7 +47,7 @@ class Recipe:
     options: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the network's constructor."""
     initial: str = ""
-    """Checkpoint whose weights the run starts from; empty: random weights."""
+    """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty: random weights."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
     """Degradation -> its share of the crops: see `training.data.crops`."""
@@ -55,6 +55,10 @@ class Recipe:
     """Number of random scenes that are rendered as training pairs (see `training.data.rendered`)."""
     meshes: list[Any] = field(default_factory=list)
     """Mesh files whose views are training pairs too."""
+    labelled: str = ""
+    """Folder of pairs that a stronger network labelled (`training.data.labels`), for the degradation `labelled`."""
+    corrupted: float = 1.0
+    """Share of the crops that `noise`, `blur` and `jpeg` act on."""
     noise: float = 0.0
     """Largest standard deviation of Gaussian noise on LR, in 8-bit levels; each crop draws its own up to it."""
     blur: float = 0.0
@@ -63,11 +67,11 @@ class Recipe:
     """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own quality; 0: no JPEG."""
     light_field: bool = False
     """Whether the network takes the views around a view too: `train` then has the textures of layered scenes
-    (`training.data.light_field_crops`) and `validate` the views of a light field; `scenes`, `noise`, `blur` and `jpeg`
-    are ignored."""
+    (`training.data.light_field.crops`) and `validate` the views of a light field; `scenes` are of solids only, and
+    `noise`, `blur`, `jpeg`, `corrupted` and `labelled` are ignored."""
     eased: int = 0
-    """Steps over which corrupted crops and windows at the border reach their shares, for a light-field network: see
-    `training.data.light_field_crops`."""
+    """Steps over which changed crops and windows of small grids reach their shares, for a light-field network: see
+    `training.data.light_field.crops`."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
@@ -124,6 +128,8 @@ class Recipe:
             raise ValueError(f"learning_rate is {self.learning_rate}; give more than 0")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema is {self.ema}; give 0 or more and less than 1")
+        if not 0 <= self.corrupted <= 1:
+            raise ValueError(f"corrupted is {self.corrupted}; give a share of 0 to 1")
         if not 0 <= self.jpeg <= 100:
             raise ValueError(f"jpeg is {self.jpeg}; give a quality of 1 to 100, or 0 for none")
         if self.device not in DEVICES:

@@ -26,7 +26,7 @@ from ciir.renderer.light_field import LightField
 from ciir.service.pipeline.options import Options
 from ciir.training.data import downscale
 from ciir.training.data.corrupt import compress_jpeg
-from ciir.training.data.light_fields import degrade_views
+from ciir.training.data.light_field.views import degrade_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

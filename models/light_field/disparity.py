@@ -153,7 +153,7 @@ def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:
     """
     if not shift:
         return picture[part]
-    margin = abs(shift) * (WINDOW_SIDE // 2)
+    margin = abs(shift) * (WINDOW_SIDE - 1)
     rows, cols = (
         np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
         for side, length in zip(part, picture.shape[:2], strict=True)
@@ -164,7 +164,7 @@ def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:
 
 def shift_part(plane: NDArray[Value], shift: int, offset: tuple[int, int]) -> NDArray[Value]:
     """A part `(H, W)` without its margin, shifted by `shift` pixels for each view of its `offset` (down, right)."""
-    margin = abs(shift) * (WINDOW_SIDE // 2)
+    margin = abs(shift) * (WINDOW_SIDE - 1)
     rows, cols = (
         slice(margin + shift * step, length - margin + shift * step)
         for step, length in zip(offset, plane.shape, strict=True)

@@ -1,4 +1,4 @@
-"""Windows: the views of a light field that help to upscale one of them, 5x5 of the grid around it."""
+"""Windows: the views of a light field that help to upscale one of them, 5x5 of the grid."""
 
 from __future__ import annotations
 
@@ -19,26 +19,25 @@ MINIMUM_GRID = 3
 
 
 class Axis(NamedTuple):
-    """The rows, or the columns, of a window."""
+    """The rows, or the columns, of a window, in order."""
 
     views: tuple[int, ...]
-    """`WINDOW_SIDE` numbers in the grid; beyond its border the centre's own number."""
+    """`WINDOW_SIDE` numbers in the grid; in a smaller grid the last ones are the view's own number again."""
     present: NDArray[np.float32]
-    """`(WINDOW_SIDE,)`: 1, or 0 beyond the border."""
+    """`(WINDOW_SIDE,)`: 1 for the view itself, 0.5 for another, 0 where the grid has no more."""
 
 
 def select_axis(position: int, count: int) -> Axis:
-    """The window around row or column `position` of `count`: two to each side, as far as the grid reaches.
-
-    It isn't moved inwards at the border: views further away see the scene too differently to help.
+    """The window around row or column `position` of `count`: two to each side; at the border it is moved inwards.
 
     Raises `ValueError` where `position` is outside the grid.
     """
     if not 0 <= position < count:
         raise ValueError(f"view {position} of {count}: give 0 to {count - 1}")
-    offsets = range(-(WINDOW_SIDE // 2), WINDOW_SIDE // 2 + 1)
-    present = [0 <= position + offset < count for offset in offsets]
-    views = tuple(position + offset * is_present for offset, is_present in zip(offsets, present, strict=True))
+    first = max(0, min(position - WINDOW_SIDE // 2, count - WINDOW_SIDE))
+    numbers = range(first, first + WINDOW_SIDE)
+    views = tuple(number if number < count else position for number in numbers)
+    present = [(1.0 if number == position else 0.5) * (number < count) for number in numbers]
     return Axis(views, np.array(present, np.float32))
 
 

@@ -39,7 +39,7 @@ _CHOICES: dict[str, tuple[str, ...]] = {
     "skip": get_args(Skip),
 }
 _LENGTHS = (1e-9, 1e9)
-MAX_NEIGHBOUR_TIME = 1e6
+_LONGEST_NEIGHBOUR_TIME = 1e6
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Options:
                 raise InvalidOption(f"{name}: {getattr(self, name)[:40]!r} is not known; give {' or '.join(allowed)}")
         if not 1 <= self.scale <= MAX_SCALE:
             raise InvalidOption(f"scale: {self.scale} is out of range; give 1 to {MAX_SCALE}")
-        if not 0 <= self.neighbour_time <= MAX_NEIGHBOUR_TIME:  # nan is neither
+        if not 0 <= self.neighbour_time <= _LONGEST_NEIGHBOUR_TIME:  # nan is neither
             raise InvalidOption(f"neighbour_time: {self.neighbour_time} is out of range; give seconds, from 0 to 1e6")
         for name in ("pitch", "delta"):
             length = getattr(self, name)

@@ -17,7 +17,7 @@ class StandIn:
     uncertainty = 0.3
 
     def __call__(self, image, around, rows, cols, *, cores=None):
-        there = np.outer(rows, cols).reshape(1, -1, 1, 1)
+        there = np.outer(rows > 0, cols > 0).reshape(1, -1, 1, 1)
         mean = (around * there).sum(1, keepdims=True) / there.sum()
         return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3), np.full_like(mean, self.uncertainty)
 
@@ -25,12 +25,8 @@ class StandIn:
 def upscale_as_stand_in(views, view):
     """The picture that `StandIn` makes of `view` in views `(V, U, H, W, C)`, not rounded."""
     weights = [0.299, 0.587, 0.114] if views.shape[4] == 3 else [1.0]
-    window = [
-        views[v, u] @ weights
-        for v in range(view[0] - 2, view[0] + 3)
-        for u in range(view[1] - 2, view[1] + 3)
-        if 0 <= v < views.shape[0] and 0 <= u < views.shape[1]
-    ]
+    top, left = (max(0, min(at - 2, count - 5)) for at, count in zip(view, views.shape[:2], strict=True))
+    window = views[top : top + 5, left : left + 5].reshape(-1, *views.shape[2:]) @ weights
     large = (views[view] + np.mean(window, axis=0)[..., None]) / 2
     return large.repeat(2, axis=0).repeat(2, axis=1)
 

@@ -1,1 +1,1 @@
-"""Training data: pictures, degradations, crops, layered scenes and rendered views."""
+"""Training data: pictures, degradations, crops, labels and rendered views; `light_field` for light-field networks."""

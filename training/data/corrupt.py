@@ -75,5 +75,13 @@ def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]
         return np.array(image)
 
 
+def compress_jpeg_grey(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """Encodes and decodes 8-bit grey `(H, W)` as a JPEG of this quality, 1 to 100."""
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "JPEG", quality=quality)
+    with JpegImageFile(io.BytesIO(file.getvalue())) as image:
+        return np.array(image)
+
+
 def _radius(sigma: float) -> int:
     return math.ceil(3 * sigma)

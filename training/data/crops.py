@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from ciir.training.data import degrade, downscale
 from ciir.training.data.corrupt import Corruption
+from ciir.training.data.labels import read_labelled
 from ciir.training.data.pictures import MEMORY, Pictures
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from ciir.training.data.pictures import Picture
     from ciir.training.data.rendered import ViewPair
 
+LABELLED = "labelled"
+"""Bicubic LR with what a stronger network makes of it as the truth: see `labels`."""
 RENDERED = ("pinhole", "lenslet")
 """Views of random scenes and of meshes by each kind of array: see `rendered` and `mesh_views`."""
 BICUBIC_VIEW = "bicubic-view"
@@ -90,26 +93,31 @@ class Crops:
         degradations: Mapping[str, float] = MappingProxyType({"bicubic": 1.0}),
         scenes: int = 0,
         meshes: Sequence[str | Path] = (),
+        labelled: Path | None = None,
         noise: float = 0.0,
         blur: float = 0.0,
         jpeg: int = 0,
+        corrupted: float = 1.0,
         memory: int = MEMORY,
     ) -> None:
         """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
         `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of
-        `training.data.downscale.KINDS` and,
-        with `scenes` random scenes or `meshes` (files), of `RENDERED` and `BICUBIC_VIEW`. `noise`, `blur`, `jpeg`: see
-        `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed only.
+        `training.data.downscale.KINDS` and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and
+        `BICUBIC_VIEW`; with `labelled`, a folder (`training.data.labels`), of `LABELLED`. `noise`, `blur`, `jpeg`,
+        `corrupted`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed
+        only.
 
         Raises `ValueError` where one of these or the folder is wrong.
         """
         known: tuple[str, ...] = downscale.KINDS
         if scenes or meshes:
             known = (*known, *RENDERED, BICUBIC_VIEW)
+        if labelled is not None:
+            known = (*known, LABELLED)
         check_degradations(crop, scale, degradations, known)
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
-        self.corruption = Corruption(noise, blur, jpeg)
+        self.corruption, self.corrupted = Corruption(noise, blur, jpeg), corrupted
         photographs = Pictures(folder, memory=memory)
         pairs: dict[str, Sequence[Pair]] = {
             kind: [Photograph(photographs, index, kind, scale) for index in range(len(photographs))]
@@ -121,6 +129,8 @@ class Crops:
             pairs |= {kind: [Rendered(of[i]) for of in seen] for i, kind in enumerate(RENDERED)}
             if BICUBIC_VIEW in degradations:
                 pairs[BICUBIC_VIEW] = [Rendered(_degrade_truth(truth, scale)) for (_, truth), _ in seen]
+        if LABELLED in degradations and labelled is not None:
+            pairs[LABELLED] = [Rendered(pair) for pair in read_labelled(labelled)]
         self.groups = [_drop_small(folder, kind, pairs[kind], crop, scale) for kind in degradations]
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
@@ -148,7 +158,7 @@ class Crops:
     def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
         """Returns the crop whose first LR sample is `(y, x)`, with LR corrupted."""
         side, margin = self.crop // self.scale, self.corruption.margin
-        if not self.corruption:
+        if not self.corruption or random.random() >= self.corrupted:
             return pair.crop(slice(y, y + side), slice(x, x + side))
         top, left = max(0, y - margin), max(0, x - margin)
         rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)

@@ -22,8 +22,9 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import MeshFormat
-from ciir.training.data.layered_scenes import LUMA
+from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.rendered import SAMPLES, SIDE, render_views
+from ciir.training.data.solids import draw_background
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,13 +49,14 @@ TILT = 0.6
 class MeshLightField(NamedTuple):
     """A light field of a mesh with its truth, 8 bit.
 
-    `views` and `colours` have an entry for each kind of array: the luma of all views of a window `(25, h, w)`, and the
-    middle view in colour `(3, h, w)`. `high` is the truth of the middle view, `(3, 2*h, 2*w)`.
+    `views` and `colours` have an entry for each kind of array: the luma of all views of a window `(25, h, w)`, and one
+    of them in colour `(3, h, w)`. `high` is the truth of that one, `(3, 2*h, 2*w)`, and `own` its row and column.
     """
 
     views: dict[str, Tensor]
     colours: dict[str, Tensor]
     high: Tensor
+    own: tuple[int, int]
 
 
 def read_mesh(path: str | Path) -> Scene:
@@ -100,15 +102,16 @@ def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Vie
     array = LensArray(side, side, PIXELS, PIXELS)
     placed = _place_mesh(random, mesh, array)
     views = [(int(v), int(u)) for v, u in random.integers(0, PIXELS, (across**2, 2))]
-    red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
-    all_seen = render_views(placed, array, views, background=(red, green, blue), scale=scale)
+    all_seen = render_views(placed, array, views, background=draw_background(random), scale=scale)
     pinhole, lenslet, truth = (_join_views(np.stack(of)) for of in zip(*all_seen, strict=True))
     return (pinhole, truth), (lenslet, truth)
 
 
-def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
+def render_window(
+    mesh: Scene, *, seed: int, index: int, own: tuple[int, int] = (WINDOW_SIDE // 2, WINDOW_SIDE // 2)
+) -> MeshLightField:
     """Renders light field number `index` of a mesh: 5x5 neighbouring views of an array of 48x48 or 96x96 lenses, and
-    the truth of the middle one.
+    the truth of the one at row and column `own` of them.
     """
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]
@@ -116,20 +119,18 @@ def render_window(mesh: Scene, *, seed: int, index: int) -> MeshLightField:
     placed = _place_mesh(random, mesh, array)
     top, left = (int(number) for number in random.integers(0, PIXELS - WINDOW_SIDE + 1, 2))
     views = [(top + v, left + u) for v in range(WINDOW_SIDE) for u in range(WINDOW_SIDE)]
-    red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
-    middle = len(views) // 2
+    background = draw_background(random)
+    middle = own[0] * WINDOW_SIDE + own[1]
     colours, lumas = {}, {}
     backend = RaytraceBackend()
     for kind, samples in (("pinhole", 1), ("lenslet", SAMPLES)):
-        made = backend.render_views(placed, array, views, samples=samples, background=(red, green, blue))
+        made = backend.render_views(placed, array, views, samples=samples, background=background)
         pictures = np.stack([view[..., :3] for view in made])
         colours[kind] = torch.from_numpy(pictures[middle].copy()).permute(2, 0, 1)
         lumas[kind] = torch.from_numpy(np.rint(pictures @ np.array(LUMA)).astype(np.uint8))
-    fine = backend.render_views(
-        placed, array.refine(2), [views[middle]], samples=SAMPLES, background=(red, green, blue)
-    )
+    fine = backend.render_views(placed, array.refine(2), [views[middle]], samples=SAMPLES, background=background)
     high = torch.from_numpy(next(fine)[..., :3].copy()).permute(2, 0, 1)
-    return MeshLightField(lumas, colours, high)
+    return MeshLightField(lumas, colours, high, own)
 
 
 def _join_views(views: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 """Rendered views of random scenes as training pairs: views of a lens array and clean pictures at a finer pitch.
 
-Tilted and overlapping polygons, textured or plain, are ray traced: LR is one ray for each lens (pinhole) or the mean
-over the lens (lenslet), and the truth of both is the area average over cells of `pitch / scale`.
+Tilted and overlapping polygons, or solids (`solids`), textured or plain, are ray traced: LR is one ray for each lens
+(pinhole) or the mean over the lens (lenslet), and the truth of both is the area average over cells of `pitch / scale`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene, Texture
+from ciir.training.data.solids import draw_background, make_solids
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 SIDE = 96
 """Lenses along each side of the array, and so the LR picture's side."""
 SAMPLES = 4
+SOLID = 0.6
+"""Share of scenes of solids; the others are of polygons."""
 PLAIN = 0.35
 """Share of polygons without a texture."""
 TEXELS = (0.4, 4.0)
@@ -58,6 +61,13 @@ def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pi
     return Part(vertices, faces, colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
 
 
+def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> list[Part]:
+    """Draws the parts of a scene: many polygons, or a few solids."""
+    if random.random() < SOLID:
+        return make_solids(random, pictures, extent=SIDE, count=int(random.integers(1, 7)))
+    return [make_polygon(random, pictures) for _ in range(random.integers(8, 28))]
+
+
 def render_pairs(
     pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
 ) -> tuple[ViewPair, ViewPair]:
@@ -66,10 +76,10 @@ def render_pairs(
     `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
     """
     random = np.random.default_rng((seed, index))
-    scene = Scene(tuple(make_polygon(random, pictures) for _ in range(random.integers(8, 28))))
-    red, green, blue = (0, 0, 0) if random.random() < 0.5 else random.integers(0, 256, 3).tolist()
+    scene = Scene(tuple(draw_parts(random, pictures)))
     array = LensArray(SIDE, SIDE, 1, 1)
-    ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=(red, green, blue), scale=scale)
+    background = draw_background(random)
+    ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=background, scale=scale)
     return (pinhole, truth), (lenslet, truth)
 
 

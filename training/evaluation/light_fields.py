@@ -16,7 +16,7 @@ from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
-from ciir.training.data import light_fields
+from ciir.training.data.light_field.views import degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def score(
             f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
             "those, or another model"
         )
-    low, high = light_fields.degrade_views(light_fields.read_views(folder, grid=grid), degradation, network.scale)
+    low, high = degrade_views(read_views(folder, grid=grid), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
     psnrs, ssims = [], []

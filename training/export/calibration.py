@@ -9,8 +9,8 @@ import torch
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
-from ciir.training.data import degrade, downscale, light_field_crops, mesh_views, pictures
-from ciir.training.data.light_field_crops import Inputs
+from ciir.training.data import degrade, downscale, mesh_views, pictures
+from ciir.training.data.light_field.crops import STEPS_PER_BLOCK, Inputs, LightFieldCrops
 from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
 
 if TYPE_CHECKING:
@@ -74,16 +74,16 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
     """Makes examples for a light-field network: layered scenes of each folder's pictures, as late in training, some
     at the border of the grid, and views of built-in scenes.
 
-    Raises `ValueError` as `training.data.light_field_crops.LightFieldCrops` does.
+    Raises `ValueError` as `training.data.light_field.crops.LightFieldCrops` does.
     """
     found: list[Example] = []
     for folder in folders:
         kinds = dict.fromkeys(downscale.KINDS, 1.0)
-        crops = light_field_crops.LightFieldCrops(
+        crops = LightFieldCrops(
             folder, crop=SIDE * scale, scale=scale, batch=SCENES_PER_BATCH, seed=0, degradations=kinds
         )
         for number in range(BATCHES):
-            inputs, high = crops.make_batch(number * light_field_crops.STEPS_PER_BLOCK)
+            inputs, high = crops.make_batch(number * STEPS_PER_BLOCK)
             found.extend(_split_batch(inputs, high))
     for name in SCENES:
         for index in range(LIGHT_FIELDS):

@@ -162,8 +162,10 @@ class _GraphRewriter:
 
     def add_padding(self, name: str, channels: int) -> str:
         """`name` with more channels, of zeros, after a QDQ pair."""
-        pads = self.add_constant(f"{name}_pads", np.array([0, 0, 0, 0, 0, channels, 0, 0], np.int64))
-        wide = self.add_node("Pad", [self.source(name), pads], f"{name}_wide")
+        wide = f"{name}_wide"
+        if wide not in self.read_as:  # two convolutions may read it
+            pads = self.add_constant(f"{name}_pads", np.array([0, 0, 0, 0, 0, channels, 0, 0], np.int64))
+            self.add_node("Pad", [self.source(name), pads], wide)
         return self.add_pair(wide, grid=self.grids[name])
 
     def source(self, name: str) -> str:

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 
 from ciir.models.light_field.windows import select_axis
-from ciir.training.data import light_fields
 from ciir.training.data.downscale import KINDS
-from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_crops import Inputs
+from ciir.training.data.light_field.crops import Inputs
+from ciir.training.data.light_field.layered_scenes import LUMA
+from ciir.training.data.light_field.views import degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
-    from ciir.training.data.light_fields import Pair
+    from ciir.training.data.light_field.views import Pair
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
     """Reads the light field in `folder`, degraded in each way of `KINDS`.
 
-    Raises `ValueError` as `light_fields.read_views` does.
+    Raises `ValueError` as `read_views` does.
     """
-    views = light_fields.read_views(folder)
+    views = read_views(folder)
     middle = tuple(slice(max(0, count // 2 - 2), count // 2 + 3) for count in views.shape[:2])
-    return [light_fields.degrade_views(views[middle], kind, scale) for kind in KINDS]
+    return [degrade_views(views[middle], kind, scale) for kind in KINDS]
 
 
 def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:

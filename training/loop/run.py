@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from ciir.training import recipe as recipes
 from ciir.training.loop import checkpoints
+from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.losses.objective import Objective
 from ciir.training.networks import make_network
 
@@ -132,6 +133,10 @@ class Run:
         Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
         network loads the checkpoint of a single-picture generator into the generator that it contains.
         """
+        if path.suffix == ".onnx":
+            load_onnx_weights(self.network, path)
+            self.average.load_state_dict(self.network.state_dict())
+            return
         try:
             state = checkpoints.read_checkpoint(path)
         except (OSError, ValueError) as error:

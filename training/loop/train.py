@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from ciir.training.data.crops import Crops
-from ciir.training.data.light_field_crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops
+from ciir.training.data.light_field.crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops
 from ciir.training.loop import light_field_validation, validation
 from ciir.training.loop.interrupt import Stopped, catch_signals
 from ciir.training.loop.logs import Log, Means
@@ -134,9 +134,10 @@ def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[
     }
     if recipe.light_field:
         fields = light_field_validation.read_light_field(Path(recipe.validate), recipe.scale)
-        views = LightFieldCrops(Path(recipe.train), **common, eased=recipe.eased)
+        views = LightFieldCrops(Path(recipe.train), **common, scenes=recipe.scenes, eased=recipe.eased)
         return lambda network: light_field_validation.validate_network(network, fields), views.make_batch
     pairs = validation.read_pairs(Path(recipe.validate), recipe.scale)
-    corruption = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg")}
-    crops = Crops(Path(recipe.train), **common, **corruption)
+    corruption = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg", "corrupted")}
+    labelled = Path(recipe.labelled) if recipe.labelled else None
+    crops = Crops(Path(recipe.train), **common, **corruption, labelled=labelled)
     return lambda network: validation.validate_network(network, pairs, recipe.scale), crops.make_batch

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ciir.training.networks.collapsible import CollapsibleConv
+from ciir.training.networks.guard import limit_change
 from ciir.training.networks.interpolation import Bicubic
 
 if TYPE_CHECKING:
@@ -23,15 +24,22 @@ class CompactGenerator(nn.Module):
     ::
 
         x_i   = LeakyReLU(conv_i(x_{i-1})),   x_0 = image          `widths[i]` channels
-        image = PixelShuffle(conv(x_last) + bicubic(image))
+        image = PixelShuffle(limit(conv(x_last)) + bicubic(image))
     """
 
     def __init__(
-        self, widths: Sequence[int] = (32, 48, 48, 48, 48, 48, 48), scale: int = 2, slope: float = 0.125
+        self,
+        widths: Sequence[int] = (32, 48, 48, 48, 48, 48, 48),
+        scale: int = 2,
+        slope: float = 0.125,
+        *,
+        guard: bool = False,
     ) -> None:
-        """`slope`: of the LeakyReLU below zero. 0 makes it a ReLU, which onnxruntime fuses into int8 convolutions."""
+        """`slope`: of the LeakyReLU below zero. 0 makes it a ReLU, which onnxruntime fuses into int8 convolutions.
+        `guard`: whether the change is limited (`guard.limit_change`).
+        """
         super().__init__()
-        self.scale = scale
+        self.scale, self.guard = scale, guard
         self.body = nn.Sequential()
         inputs = 3
         for width in widths:
@@ -45,4 +53,6 @@ class CompactGenerator(nn.Module):
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
         change: Tensor = self.tail(self.body(image))
+        if self.guard:
+            change = limit_change(change, image)
         return functional.pixel_shuffle(change + self.base(image), self.scale)

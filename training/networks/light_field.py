@@ -14,7 +14,8 @@ from torch.nn import functional
 
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.compact import CompactGenerator
-from ciir.training.networks.plane_sweep import PlaneSweep
+from ciir.training.networks.guard import limit_change
+from ciir.training.networks.plane_sweep import PlaneSweep, count_sides
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,9 +40,9 @@ class LightFieldGenerator(nn.Module):
     """Upscales one view of a light field by 2 with the views around it.
 
     `image`: the view, RGB in [0, 1], `(N, 3, H, W)`. `around`: luma (BT.601, full range) of a window of 5x5 views, row
-    by row, the view itself in the middle, `(N, 25, H, W)`. `rows` and `cols`, `(5,)` each: 1 for each row and column of
-    the window inside the grid, 0 for those beyond its border, whose values in `around` are ignored; the view's own row
-    and column must be inside.
+    by row, with the view itself anywhere in it, `(N, 25, H, W)`. `rows` and `cols`, `(5,)` each: 1 for the view's own
+    row and column in the window, 0.5 for the others, and 0 for the last ones where the grid has fewer than 5, whose
+    values in `around` are ignored (`models.light_field.windows.Axis.present`).
 
     Content moves by `disparity * offset` pixels towards larger coordinates from `image` to a view. Returns RGB,
     nominally in [0, 1], `(N, 3, 2*H, 2*W)`.
@@ -53,18 +54,20 @@ class LightFieldGenerator(nn.Module):
         self,
         widths: Sequence[int] = (32, 48, 48, 48, 48, 48, 48),
         slope: float = 0.0,
-        planes: int = 17,
         width: int = 32,
         depth: int = 3,
+        *,
+        guard: bool = False,
     ) -> None:
-        """`widths`, `slope`: of the single-picture generator. `width`, `depth`: channels, and layers after the first,
-        of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane.
+        """`widths`, `slope`, `guard`: of the single-picture generator. `width`, `depth`: channels, and layers after the
+        first, of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane.
         """
         super().__init__()
         self.scale = 2
-        self.single = CompactGenerator(widths, self.scale, slope)
+        self.single = CompactGenerator(widths, self.scale, slope, guard=guard)
         """May start from a trained one: see `training.loop.run.Run.start_from`."""
-        self.sweep = PlaneSweep(planes)
+        self.sweep = PlaneSweep()
+        planes = self.sweep.planes
         self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + SIDES, width), nn.ReLU())
         for layer in range(depth):
             last = width - CHOSEN if layer == depth - 1 else width
@@ -73,8 +76,10 @@ class LightFieldGenerator(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor(SHARPNESS))
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
         self.factors = FACTORS
+        self.detail: nn.Conv2d | None = None
+        """The part of `inform` that sees the selected plane, once exported for int8: see `split_layers`."""
         self.merged: nn.Conv2d | None = None
-        """`inform` and the single-picture generator's second layer as one, once exported: see `merge_layers`."""
+        """`inform` and the single-picture generator's second layer as one, as exported in float: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
@@ -111,27 +116,29 @@ class LightFieldGenerator(nn.Module):
         likely = (likely - likely.amax(1, keepdim=True)).exp()
         chosen = likely / _sum_channels(likely)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]
-        gain = (
-            _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
-        )  # (N, 4, H, W): chosen less interpolated
+        # (N, 4, H, W): chosen less interpolated
+        gain = _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
         spread = _sum_channels(planes * spread)
-        informed = torch.cat([compared, _multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
+        selected = torch.cat([_multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
         features = activation(first(image))
-        if self.merged is None:
-            features = activation(second(features) + self.inform(informed))
+        if self.merged is not None:
+            features = activation(self.merged(torch.cat([features, compared, selected], 1)))
+        elif self.detail is not None:
+            features = activation(second(features) + self.inform(compared) + self.detail(selected))
         else:
-            features = activation(self.merged(torch.cat([features, informed], 1)))
+            features = activation(second(features) + self.inform(torch.cat([compared, selected], 1)))
         for layer in rest[1:]:
             features = layer(features)
-        change = self.single.tail(features).float() + base + gain.repeat(1, 3, 1, 1)
-        return functional.pixel_shuffle(change, self.scale), uncertainty
+        change = self.single.tail(features).float()
+        if self.single.guard:
+            change = limit_change(change, image, gain.abs().amax(1, keepdim=True))
+        return functional.pixel_shuffle(change + gain.repeat(1, 3, 1, 1) + base, self.scale), uncertainty
 
 
 def _count_views(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
-    """Share of views inside the grid above, below, left and right, `(N, SIDES, H, W)`: few views agree by chance."""
-    half = len(rows) // 2
-    shares = torch.stack([part.mean() for there in (rows, cols) for part in (there[:half], there[half + 1 :])])
+    """Half the number of views above, below, left and right, `(N, SIDES, H, W)`: few views agree by chance."""
+    shares = torch.stack([side for there in (rows, cols) for side in count_sides(there)]).to(like.dtype) / 2
     return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
 
 
@@ -169,21 +176,42 @@ def _multiply(factor: float, x: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def merge_layers(network: LightFieldGenerator) -> None:
-    """Merges two added convolutions of a collapsed network in place, and moves factors on inputs into weights."""
+def fold_factors(network: LightFieldGenerator) -> None:
+    """Moves the factors on inputs of a collapsed network into weights, in place."""
     by_fine, by_spread = network.factors
-    plain = (network.compare[0], network.inform, network.single.body[2])
-    head, inform, second = (cast("nn.Conv2d", layer) for layer in plain)
-    planes = len(network.sweep.weights)
+    head, inform = (cast("nn.Conv2d", layer) for layer in (network.compare[0], network.inform))
+    planes = network.sweep.planes
     head.weight[:, : 4 * planes] *= by_fine
     head.weight[:, 4 * planes : 5 * planes] *= by_spread
-    weight = inform.weight.clone()
-    weight[:, -CHOSEN:-1] *= by_fine
-    weight[:, -1] *= by_spread
+    inform.weight[:, -CHOSEN:-1] *= by_fine
+    inform.weight[:, -1] *= by_spread
     network.factors = (1.0, 1.0)
-    both = torch.cat([second.weight, weight], 1)
+
+
+@torch.no_grad()
+def merge_layers(network: LightFieldGenerator) -> None:
+    """Merges two added convolutions of a collapsed network in place: quicker in float."""
+    second, inform = (cast("nn.Conv2d", layer) for layer in (network.single.body[2], network.inform))
+    both = torch.cat([second.weight, inform.weight], 1)
     network.merged = nn.Conv2d(both.shape[1], both.shape[0], kernel_size=3, padding=1)
     network.merged.weight.copy_(both)
     cast("Tensor", network.merged.bias).copy_(cast("Tensor", second.bias) + cast("Tensor", inform.bias))
     del network.inform
     network.single.body[2] = nn.Identity()
+
+
+@torch.no_grad()
+def split_layers(network: LightFieldGenerator) -> None:
+    """Splits the convolution that sees the selected plane off a collapsed network's `inform`, in place: in int8 their
+    inputs need grids of their own, as most of the plane's differences are smaller than a step of one for both.
+    """
+    whole = cast("nn.Conv2d", network.inform)
+    parts = [
+        nn.Conv2d(inputs, len(whole.weight), kernel_size=3, padding=1)
+        for inputs in (whole.weight.shape[1] - CHOSEN, CHOSEN)
+    ]
+    parts[0].weight.copy_(whole.weight[:, :-CHOSEN])
+    parts[1].weight.copy_(whole.weight[:, -CHOSEN:])
+    cast("Tensor", parts[0].bias).copy_(cast("Tensor", whole.bias))
+    nn.init.zeros_(cast("Tensor", parts[1].bias))
+    network.inform, network.detail = parts  # type: ignore[assignment]

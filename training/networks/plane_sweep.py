@@ -1,29 +1,34 @@
 """A plane sweep that keeps sub-pixel detail: combines neighbouring views into a fine picture for each disparity.
 
-For each hypothesis of a disparity the samples of all views are shifted to their places in the middle view, on a grid
-twice as fine ("shift and add", Ur and Gross, CVGIP 54(2), 1992; space sweep: Collins, CVPR 1996). At the right
-hypothesis the samples of all views interleave to a finer picture and agree; at a wrong one they scatter. The sweep
-returns the mean and the deviation.
+For each hypothesis of a disparity the samples of all views lie at known places of the view to be upscaled (space sweep:
+Collins, CVPR 1996). `view_filters` combines them into a picture twice as fine; where the hypothesis is right, samples
+that lie close together agree, and the sweep also returns by how much they don't.
 
-Columns and rows are shifted one after the other. Weights depend on which rows and columns of views are inside the grid.
+Columns and rows are filtered one after the other. Filters depend on which rows and columns of views the grid has.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ciir.training.networks.view_filters import make_filters
+
 SIDE = 5
 """Views along each side of the window."""
-MOST = 2.0
-"""Largest disparity of the sweep, LR pixels from one view to the next."""
-REACH = 4
-"""Taps to each side of a pixel: the largest shift, of views two away."""
+PLANES = (0.12, 0.25, 0.4, 0.6, 0.85, 1.15, 1.55, 2.0)
+"""Disparities of the planes, LR pixels from one view to the next, beside zero and the same below it: they are dense
+around zero, as most captured views are close together."""
+REACH = 5
+"""Taps to each side of a pixel. At large disparities the outer views of a window lie beyond and don't count."""
 PHASE = 0.25
 """Distance of a fine sample from its coarse sample, in LR pixels, at scale 2."""
-NEAR = 0.5
-"""Distance in LR pixels at which the weight of a view's sample falls to zero, linearly: each view has one sample."""
+NEAR = 1.6
+"""Distance in LR pixels up to which a view's samples are used for the fine picture."""
+CLOSE = 0.6
+"""Distance in LR pixels at which the weight of a sample for the deviation falls to zero, linearly."""
 SINGLE = 0.03
 """Assumed standard deviation of a single sample."""
 SURE = 0.01
@@ -32,69 +37,77 @@ LEAST = 1e-6
 
 
 class PlaneSweep(nn.Module):
-    """Luma of a window of views -> a fine picture for each plane, and the deviation of the views from it."""
+    """Luma of a window of views -> a fine picture for each plane, and the deviation of the views from each other."""
 
+    filters: Tensor
     weights: Tensor
-    samples: Tensor
-    counts: Tensor
 
-    def __init__(self, planes: int) -> None:
-        """`planes`: disparities from -`MOST` to `MOST`, evenly."""
+    def __init__(self) -> None:
         super().__init__()
-        taps = torch.arange(-REACH, REACH + 1) - torch.tensor([-PHASE, PHASE])[:, None, None]
-        moved = torch.linspace(-MOST, MOST, planes)[:, None, None, None] * torch.arange(SIDE).sub(SIDE // 2)[:, None]
-        self.register_buffer("weights", (1 - (taps - moved).abs() / NEAR).clamp(min=0), persistent=False)
-        used = [plane.amax(0).nonzero().tolist() for plane in self.weights]
-        most = max(len(plane) for plane in used)
-        # Of each plane, the row or column of views and the tap of those samples that count at all: (planes, most, 2).
-        samples = torch.tensor([plane + plane[:1] * (most - len(plane)) for plane in used])
-        self.register_buffer("samples", samples, persistent=False)
-        counts = torch.arange(most) < torch.tensor([[len(plane)] for plane in used])
-        self.register_buffer("counts", counts.float(), persistent=False)  # 0 where others have more samples
-
-    def kernel(self, there: Tensor) -> Tensor:
-        """`there`: `(SIDE,)`, see `LightFieldGenerator` -> `(planes, 2, SIDE, 2*REACH+1)`, which adds up to 1 for each
-        plane and phase: how much each view's samples around a pixel count."""
-        weight = self.weights * there[:, None]
-        return weight / weight.sum((2, 3), keepdim=True)
+        taps = np.arange(-REACH, REACH + 1)
+        disparities = np.array([*(-d for d in reversed(PLANES)), 0.0, *PLANES])
+        self.planes = len(disparities)
+        widths = np.gradient(disparities)
+        filters = np.zeros((SIDE, SIDE, self.planes, 2, SIDE, len(taps)), np.float32)
+        weights = np.zeros((SIDE, self.planes, SIDE, len(taps)), np.float32)
+        for before in range(SIDE):
+            offsets = np.arange(SIDE) - before
+            place = taps - disparities[:, None, None] * offsets[:, None]  # (planes, SIDE, taps)
+            weights[before] = np.clip(1 - np.abs(place) / CLOSE, 0, None)
+            for after in range(SIDE - before):
+                there = slice(0, before + after + 1)
+                made = make_filters(disparities, widths, offsets[there], taps, reach=NEAR, phase=PHASE)
+                filters[before, after][:, :, there] = made
+        # Flat, as `to(memory_format=...)` takes tensors of four or five axes for pictures.
+        self.register_buffer("filters", torch.from_numpy(filters).flatten(0, 1).flatten(1), persistent=False)
+        """By the number of views before and after: `(SIDE^2, planes * 2 * SIDE * taps)`."""
+        self.register_buffer("weights", torch.from_numpy(weights).flatten(1), persistent=False)
+        """By the number of views before: `(SIDE, planes * SIDE * taps)`."""
 
     def forward(self, views: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
-        """`views`: `(N, SIDE*SIDE, H, W)`, row by row. Returns the mean `(N, planes, 4, H, W)`, phases row by row, and
-        the standard deviation about it `(N, planes, H, W)`, root mean square over the phases.
+        """`views`: `(N, SIDE*SIDE, H, W)`, row by row. Returns the fine pictures `(N, planes, 4, H, W)`, phases row by
+        row, and the standard deviation of samples that are close together `(N, planes, H, W)`.
         """
         count, _, height, width = views.shape
-        planes = len(self.weights)
-        down, across = self.kernel(rows), self.kernel(cols)
+        planes = self.planes
         around = functional.pad(views, (REACH, REACH, REACH, REACH), mode="replicate")
-        # Rows of views become pictures of a batch: they are all shifted across in the same way.
+        # Rows of views become pictures of a batch: they are all filtered across in the same way.
         lines = around.reshape(count * SIDE, SIDE, height + 2 * REACH, width + 2 * REACH)
-        mean = self._shifted(lines, down, across)
-        square = self._shifted(lines * lines, down.mean(1, keepdim=True), across.mean(1, keepdim=True))
-        mean = mean.reshape(count, planes, 4, height, width)
-        variance = (square.reshape(count, planes, height, width) - (mean * mean).mean(2)).clamp(min=0)
+        fine = _filter(lines, self._select(rows), self._select(cols)).reshape(count, planes, 4, height, width)
+        down, across = self._weigh(rows), self._weigh(cols)
+        mean, square = (_filter(part, down, across) for part in (lines, lines * lines))
+        variance = (square - mean * mean).clamp(min=0)
         # Few samples agree by chance, and one with itself for certain.
-        few = ((down**2).sum((2, 3)).mean(1) * (across**2).sum((2, 3)).mean(1))[:, None, None]
+        few = ((down**2).sum((1, 2, 3)) * (across**2).sum((1, 2, 3)))[:, None, None]
         variance = (variance + few * SINGLE**2) / (1 - few + SURE)
-        return mean, (variance + LEAST).sqrt()
+        return fine, (variance + LEAST).sqrt()
 
-    def _shifted(self, lines: Tensor, down: Tensor, across: Tensor) -> Tensor:
-        """`(N*SIDE, SIDE, tall, wide)` by kernels `(planes, phases, SIDE, taps)` -> `(N, planes*phases^2, H, W)`."""
-        planes, phases, _, taps = down.shape
-        moved = functional.conv2d(lines, across.reshape(planes * phases, SIDE, 1, taps))
-        tall, width = moved.shape[-2:]
-        height = tall - taps + 1
-        # One of nine taps counts: a convolution would take all of them, and three times as long. Rows of pixels are
-        # picked in one step: a slice for each sample takes twice as long, and the network five times as long to load.
-        view, tap = self.samples.unbind(2)  # (planes, most)
-        plane, phase = torch.arange(planes, device=view.device)[:, None, None], torch.arange(phases, device=view.device)
-        channel = (view[..., None] * planes + plane) * phases + phase  # (planes, most, phases)
-        first = channel * tall + tap[..., None]
-        picked = (first.reshape(-1, 1) + torch.arange(height, device=view.device)).reshape(-1)
-        samples = moved.reshape(-1, SIDE * planes * phases * tall, width).index_select(1, picked)
-        weights = (
-            down.reshape(planes, phases, SIDE * taps).gather(2, (view * taps + tap)[:, None].expand(-1, phases, -1))
-            * self.counts[:, None]
-        )  # (planes, phases, most)
-        every = weights[:, :, None, :, None] * torch.eye(phases, device=weights.device)[:, None, :]
-        kernels = every.reshape(planes * phases**2, -1, 1, 1)
-        return functional.conv2d(samples.reshape(len(samples), -1, height, width), kernels, groups=planes)
+    def _select(self, there: Tensor) -> Tensor:
+        """The filters `(planes, 2, SIDE, taps)` for the views that are `there`, see `LightFieldGenerator`."""
+        before, after = count_sides(there)
+        return self.filters.index_select(0, (before * SIDE + after).reshape(1)).reshape(self.planes, 2, SIDE, -1)
+
+    def _weigh(self, there: Tensor) -> Tensor:
+        """The weights of samples in the deviation `(planes, 1, SIDE, taps)`, which add up to 1 for each plane."""
+        before = count_sides(there)[0].reshape(1)
+        weight = self.weights.index_select(0, before).reshape(self.planes, SIDE, -1) * (there > 0)[:, None]
+        return (weight / weight.sum((1, 2), keepdim=True))[:, None]
+
+
+def count_sides(there: Tensor) -> tuple[Tensor, Tensor]:
+    """How many views are before the view itself, and how many after it: whole numbers."""
+    before = there.argmax()
+    return before, (there > 0).sum() - 1 - before
+
+
+def _filter(lines: Tensor, down: Tensor, across: Tensor) -> Tensor:
+    """`(N*SIDE, SIDE, tall, wide)` by filters `(planes, phases, SIDE, taps)` -> `(N, planes*phases^2, H, W)`."""
+    planes, phases, _, taps = down.shape
+    moved = functional.conv2d(lines, across.reshape(planes * phases, SIDE, 1, taps))
+    tall, wide = moved.shape[-2:]
+    # (N, row of views, planes, phase across, tall, W) -> phases across in the batch, a group of rows for each plane
+    moved = moved.reshape(-1, SIDE, planes, phases, tall, wide).permute(0, 3, 2, 1, 4, 5)
+    moved = moved.reshape(-1, planes * SIDE, tall, wide)
+    made = functional.conv2d(moved, down.reshape(planes * phases, SIDE, taps, 1), groups=planes)
+    made = made.reshape(-1, phases, planes, phases, tall - taps + 1, wide).permute(0, 2, 3, 1, 4, 5)
+    return made.reshape(len(made), planes * phases**2, tall - taps + 1, wide)

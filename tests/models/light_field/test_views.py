@@ -45,7 +45,7 @@ def make_light_field(grid, shape=(3, 4, 3), dtype=np.uint8):
 
 def test_a_view_requires_its_window():
     assert list_required_views([(4, 4)], (9, 9)) == [(v, u) for v in range(2, 7) for u in range(2, 7)]
-    assert list_required_views([(0, 8)], (9, 9)) == [(v, u) for v in range(3) for u in range(6, 9)]
+    assert list_required_views([(0, 7)], (9, 9)) == [(v, u) for v in range(5) for u in range(4, 9)]
     assert list_required_views([(1, 1)], (3, 3)) == [(v, u) for v in range(3) for u in range(3)]
 
 
@@ -69,8 +69,8 @@ def test_the_network_gets_the_luma_of_the_window_row_by_row():
     upscale_views(network, fallback, views, [(0, 3)], (6, 7))
     ((image, around, rows, cols),) = network.calls
     np.testing.assert_allclose(image[0], views[0, 3].transpose(2, 0, 1) / 255, atol=1e-7)
-    np.testing.assert_array_equal(rows, [0, 0, 1, 1, 1])
-    np.testing.assert_array_equal(cols, [1, 1, 1, 1, 1])
+    np.testing.assert_array_equal(rows, [1, 0.5, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(cols, [0.5, 0.5, 1, 0.5, 0.5])
     for slot, (v, u) in enumerate((v, u) for v in select_axis(0, 6).views for u in select_axis(3, 7).views):
         wanted = views[v, u] @ np.array([0.299, 0.587, 0.114]) / 255
         np.testing.assert_allclose(around[0, slot], wanted, atol=1e-6)  # float32
@@ -165,7 +165,7 @@ def test_many_batches_run_in_parallel_and_few_get_all_cores():
 def test_an_error_in_one_of_many_batches_is_raised():
     class Broken(RepeatingOnThreeCores):
         def __call__(self, image, around, rows, cols, *, cores=None):
-            if not rows[0] and not cols[0]:
+            if rows[0] == cols[0] == 1:
                 raise InvalidImage("the corner")
             return super().__call__(image, around, rows, cols, cores=cores)
 
@@ -179,7 +179,8 @@ class UncertainWhereBright(Repeating):
 
     def __call__(self, image, around, rows, cols, *, cores=None):
         large, uncertainty = super().__call__(image, around, rows, cols, cores=cores)
-        return large, uncertainty * 0 + (around[:, 12:13] > 0.6)
+        own = rows.argmax() * WINDOW_SIDE + cols.argmax()
+        return large, uncertainty * 0 + (around[:, own : own + 1] > 0.6)
 
 
 @pytest.mark.parametrize("tile_pixels", [100, 65536])
@@ -199,15 +200,16 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, til
     assert 0 < share < 1
 
 
+@pytest.mark.parametrize("view", [(2, 2), (0, 4), (3, 1)])
 @pytest.mark.parametrize("shift", [-6, 0, 3])
-def test_views_are_shifted_by_their_whole_disparity_first(shift):
-    """The network then gets equal views, except near their edges."""
-    picture = np.random.default_rng(3).integers(0, 256, (72, 80, 3)).astype(np.uint8)
+def test_views_are_shifted_by_their_whole_disparity_first(shift, view):
+    """The network then gets equal views, except near their edges; at the border up to 4 views away."""
+    picture = np.random.default_rng(3).integers(0, 256, (104, 112, 3)).astype(np.uint8)
     views = {(v, u): np.roll(picture, (shift * (v - 2), shift * (u - 2)), (0, 1)) for v in range(5) for u in range(5)}
     network = Repeating()
-    upscale_views(network, fallback, views, [(2, 2)], (5, 5))
-    around = next(around for _, around, _, _ in network.calls if np.ptp(around[0, :, 36, 40]) == 0)
-    inner = around[0][:, 16:-16, 16:-16]
+    upscale_views(network, fallback, views, [view], (5, 5))
+    around = next(around for _, around, _, _ in network.calls if np.ptp(around[0, :, 52, 56]) == 0)
+    inner = around[0][:, 30:-30, 30:-30]
     np.testing.assert_array_equal(inner, np.broadcast_to(inner[12], inner.shape))
 
 

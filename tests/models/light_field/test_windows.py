@@ -1,10 +1,12 @@
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
 
 
+@settings(derandomize=True, deadline=None)
 @given(st.integers(1, 40).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
 def test_a_window_holds_the_view_and_its_neighbours_inside_the_grid(place):
     position, count = place
@@ -12,10 +14,35 @@ def test_a_window_holds_the_view_and_its_neighbours_inside_the_grid(place):
     assert len(views) == WINDOW_SIDE
     assert all(0 <= view < count for view in views)
     inside = [view for view, is_present in zip(views, present, strict=True) if is_present]
-    assert inside == [view for view in range(count) if abs(view - position) <= 2]
-    assert views[WINDOW_SIDE // 2] == position
-    assert present[WINDOW_SIDE // 2]
-    assert {view for view, is_present in zip(views, present, strict=True) if not is_present} <= {position}
+    # As many as fit, without a gap: no other such row of views is nearer to the view.
+    assert inside == list(range(inside[0], inside[0] + min(count, WINDOW_SIDE)))
+    assert abs(inside[0] + inside[-1] - 2 * position) == min(
+        abs(2 * first + len(inside) - 1 - 2 * position) for first in range(count - len(inside) + 1)
+    )
+    assert [view for view, share in zip(views, present, strict=True) if share == 1] == [position]
+    others = len(inside) - 1
+    assert sorted(present) == [0] * (WINDOW_SIDE - 1 - others) + [0.5] * others + [1]
+    assert views[len(inside) :] == (position,) * (WINDOW_SIDE - len(inside))
+    assert not present[len(inside) :].any()
+
+
+@pytest.mark.parametrize(
+    ("position", "count", "views", "present"),
+    [
+        (4, 9, (2, 3, 4, 5, 6), [0.5, 0.5, 1, 0.5, 0.5]),
+        (0, 9, (0, 1, 2, 3, 4), [1, 0.5, 0.5, 0.5, 0.5]),
+        (1, 5, (0, 1, 2, 3, 4), [0.5, 1, 0.5, 0.5, 0.5]),
+        (8, 9, (4, 5, 6, 7, 8), [0.5, 0.5, 0.5, 0.5, 1]),
+        (1, 3, (0, 1, 2, 1, 1), [0.5, 1, 0.5, 0, 0]),
+        (2, 3, (0, 1, 2, 2, 2), [0.5, 0.5, 1, 0, 0]),
+        (0, 1, (0, 0, 0, 0, 0), [1, 0, 0, 0, 0]),
+    ],
+)
+def test_windows_are_moved_inwards_and_end_where_a_small_grid_does(position, count, views, present):
+    found = select_axis(position, count)
+    assert found.views == views
+    assert found.present.tolist() == present
+    assert found.present.dtype == np.float32
 
 
 @pytest.mark.parametrize("position", [-1, 3])
@@ -28,4 +55,5 @@ def test_views_and_offsets_are_listed_row_by_row():
     found = list_window((0, 3), (6, 7))
     assert [view for view, _ in found] == [(v, u) for v in select_axis(0, 6).views for u in select_axis(3, 7).views]
     assert all((v - 0, u - 3) == offset for (v, u), offset in found)
-    assert found[0] == ((0, 1), (0, -2))  # two rows above are beyond the border
+    assert found[0] == ((0, 1), (0, -2))  # no row is above
+    assert found[-1] == ((4, 5), (4, 2))

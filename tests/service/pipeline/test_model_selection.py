@@ -76,7 +76,7 @@ def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling
     choice = mesh(wanted=[(0, 0)], sampling=sampling)
     assert (choice.model, choice.is_light_field, choice.note) == (LIGHT_FIELD_DEFAULT, True, "")
     assert choice.reasons[0].startswith(
-        "model auto: field, as the 4x5 views help each other; 8 more are rendered around those asked for: it should "
+        "model auto: field, as the 4x5 views help each other; 19 more are rendered around those asked for: it should "
         "take about 82 ms more than fast, where the neighbour time allows 1000"
     )
     assert "1 more are rendered" in mesh(wanted=ALL[1:], sampling=sampling).reasons[0]
@@ -84,20 +84,20 @@ def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling
 
 def test_auto_renders_none_where_that_takes_longer_than_the_neighbour_time(stand_in, extra):
     extra(1000.6)
-    words = "8 more views rendered", "about 1001 ms more than fast", "allows 1000"
+    words = "19 more views rendered", "about 1001 ms more than fast", "allows 1000"
     assert goes_one_by_one(mesh(wanted=[(0, 0)]), *words)
     assert mesh(wanted=[(0, 0)], neighbour_time=1.1).is_light_field
     extra(0.0)
     assert mesh(wanted=[(0, 0)]).is_light_field
-    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "8 more views", "allows 0")
+    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "19 more views", "allows 0")
     assert mesh(neighbour_time=0.0).is_light_field  # all are wanted
 
 
 def test_auto_keeps_to_the_limit_on_samples(stand_in, extra):
     extra(0.0)
-    limit = {"wanted": [(0, 0)], "lenses": (10, 10), "max_pixels": 900}
+    limit = {"wanted": [(0, 0)], "lenses": (10, 10), "max_pixels": 2000}
     assert mesh(**limit).is_light_field
-    assert goes_one_by_one(mesh(**limit | {"max_pixels": 899}), "8 more views", "1 samples over the limit")
+    assert goes_one_by_one(mesh(**limit | {"max_pixels": 1999}), "19 more views", "1 samples over the limit")
 
 
 def test_the_table_says_which_grids_and_kinds_have_a_light_field_network(stand_in, extra, monkeypatch):
@@ -133,7 +133,7 @@ def test_views_in_a_wrong_order_go_one_by_one(stand_in, order):
 def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand_in):
     choice = mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0), (0, 1)])
     assert (choice.model, choice.is_light_field) == (LIGHT_FIELD_DEFAULT, True)
-    assert "10 of them" in choice.reasons[0]
+    assert "18 of them" in choice.reasons[0]
     assert mesh(LIGHT_FIELD_DEFAULT).reasons == pictures(LIGHT_FIELD_DEFAULT).reasons == ()
 
 

@@ -99,6 +99,22 @@ def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, spoil):
     assert not torch.equal(low - clean, spoilt.make_batch(6)[0] - crops.make_batch(6)[0])
 
 
+def test_a_share_of_crops_is_corrupted(recipe, crops):
+    """The others are the clean ones to the bit, at the same places."""
+    given = {"crop": 24, "scale": 2, "batch": 4, "seed": 9, "noise": 20.0}
+    parts = [Crops(Path(recipe.train), **given, corrupted=share) for share in (0.0, 0.3, 1.0)]
+    changed = []
+    for pair in parts[0].groups[0]:
+        for seed in range(60):
+            none, some, every = (part._corrupt_crop(pair, 1, 2, np.random.default_rng(seed)) for part in parts)
+            assert all(torch.equal(one[1], none[1]) for one in (some, every))
+            changed.append([not torch.equal(one[0], none[0]) for one in (some, every)])
+            assert torch.equal(some[0], every[0] if changed[-1][0] else none[0])
+    few, most = np.mean(changed, axis=0)
+    assert 0.2 < few < 0.4
+    assert most > 0.95  # the strength of noise is drawn too
+
+
 def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
     """A crop of the blurred picture, not a blurred crop: inside the picture every crop of a ramp is a ramp."""
     crops = Crops(Path(recipe.train), crop=8, scale=2, batch=1, seed=1, blur=1.0)

@@ -73,11 +73,11 @@ def test_views_outside_the_grid_are_ignored(tmp_path):
     score(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
     assert len(network.windows) == 9
     (around, rows, cols), middle = network.windows[0], network.windows[4]
-    np.testing.assert_array_equal(rows, [0, 0, 1, 1, 1])
+    np.testing.assert_array_equal(rows, [1, 0.5, 0.5, 0, 0])
     np.testing.assert_array_equal(cols, rows)
-    np.testing.assert_array_equal(middle[1], [0, 1, 1, 1, 0])
+    np.testing.assert_array_equal(middle[1], [0.5, 1, 0.5, 0, 0])
     luma = views[1, 1][::2, ::2] @ np.array([0.299, 0.587, 0.114]) / 255
-    np.testing.assert_allclose(around[0, 12], luma, atol=1e-6)
+    np.testing.assert_allclose(around[0, 0], luma, atol=1e-6)
 
 
 def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):

@@ -83,7 +83,7 @@ def test_the_radius_of_a_light_field_network_is_exact(place):
     to the one that is upscaled are shifted by half as much, so that less is seen of a window that has only those.
     """
     torch.manual_seed(2)
-    network = collapse(LightFieldGenerator(widths=(8, 16, 8), planes=5, width=16, depth=1)).double()
+    network = collapse(LightFieldGenerator(widths=(8, 16, 8), width=16, depth=1)).double()
     radius = measure.find_receptive_radius(network, 2)
     assert radius == REACH + 2 + 1 + 1 + 1 + 1
     side, middle = 2 * radius + 11, radius + 5

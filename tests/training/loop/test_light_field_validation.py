@@ -9,23 +9,25 @@ from PIL import Image
 from torch import nn
 
 from ciir.training.data.downscale import KINDS
-from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_fields import Pair, degrade_views
+from ciir.training.data.light_field.layered_scenes import LUMA
+from ciir.training.data.light_field.views import Pair, degrade_views
 from ciir.training.loop import light_field_validation
 
 
 @pytest.mark.parametrize(("grid", "at"), [((5, 5), (2, 2)), ((7, 3), (0, 2)), ((3, 6), (1, 4))])
 def test_a_window_holds_the_views_around(grid, at):
-    """Each in the slot of its offset, row by row; beyond the border the view itself, marked by a 0."""
+    """Row by row, the nearest 5 of the grid; where it has fewer the view itself, marked by a 0."""
     low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
     image, around, rows, cols = light_field_validation.make_inputs(low, *at)
     assert (image.shape, around.shape, rows.shape, cols.shape) == ((1, 3, 6, 8), (1, 25, 6, 8), (5,), (5,))
     np.testing.assert_allclose(image[0].permute(1, 2, 0) * 255, low[at], atol=1e-4)
     for slot, luma in enumerate(around[0]):
-        v, u = slot // 5, slot % 5
-        row, col = at[0] + v - 2, at[1] + u - 2
-        assert (rows[v], cols[u]) == (0 <= row < grid[0], 0 <= col < grid[1])
-        seen = low[row if rows[v] else at[0], col if cols[u] else at[1]]
+        place = []
+        for number, of, own, present in zip(divmod(slot, 5), grid, at, (rows, cols), strict=True):
+            seen = max(0, min(own - 2, of - 5)) + number
+            assert present[number] == (0 if seen >= of else 1 if seen == own else 0.5)
+            place.append(seen if seen < of else own)
+        seen = low[tuple(place)]
         np.testing.assert_allclose(luma * 255, seen @ np.array(LUMA), atol=1e-3)  # float32 of numbers up to 255
 
 

@@ -13,14 +13,14 @@ from ciir.service.cli.commands.training import OVERRIDES
 from ciir.service.cli.main import main
 from ciir.service.cli.parser import parse_arguments
 from ciir.training.data.crops import Crops
-from ciir.training.data.layered_scenes import TEXTURE
-from ciir.training.data.light_field_crops import LightFieldCrops
+from ciir.training.data.light_field.crops import LightFieldCrops
+from ciir.training.data.light_field.layered_scenes import TEXTURE
 from ciir.training.loop import logs, train
 from ciir.training.loop.interrupt import Stopped
 from ciir.training.recipe import Recipe
 
 STEPS = 5
-SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "planes": 3, "width": 8, "depth": 1}}
+SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "width": 8, "depth": 1}}
 GAN = {"perceptual": "discriminator", "perceptual_weight": 0.1, "adversarial": "bce", "bfloat16": True, "ema": 0.9}
 
 

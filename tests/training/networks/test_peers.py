@@ -29,6 +29,7 @@ SMALL = {
 """Options for small networks."""
 CASES = [
     *((name, {**options, "scale": scale}) for name, options in SMALL.items() if name != "lite" for scale in (2, 4)),
+    ("compact", {**SMALL["compact"], "guard": True}),
     ("lite", SMALL["lite"]),
     ("lite", {**SMALL["lite"], "batch_norm": True}),
 ]
@@ -131,6 +132,7 @@ def test_the_papers_generator_keeps_its_weights_names(blocks):
 
 @pytest.mark.parametrize(("name", "options"), [("lite", {"batch_norm": True}), ("srgan", {})])
 def test_folding_leaves_plain_convolutions_that_compute_the_same(name, options):
+    torch.manual_seed(0)
     network = settled(make_network(name, {"blocks": 2, "channels": 8, **options}))
     plain = fold_batch_norm(network)
     assert not any(isinstance(module, nn.BatchNorm2d) for module in plain.modules())

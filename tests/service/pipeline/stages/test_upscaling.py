@@ -105,7 +105,7 @@ def test_views_are_dropped(cube, stand_in, monkeypatch):
     for model in ("auto", "bicubic"):
         run(cube, views="all", model=model, **MESH)
     assert len(kept) == 2 * 30
-    assert kept[29] == 9
+    assert kept[29] == 25
     assert set(kept[30:]) == {1}
 
 
@@ -117,12 +117,12 @@ def test_of_a_mesh_only_the_views_around_are_rendered(cube, stand_in, monkeypatc
     )
     _, report = run(cube, views="0,5", neighbour_time=0.0, **MESH)
     assert report["plan"]["model"] == "fast"
-    assert "8 more views rendered" in report["plan"]["reasons"][0]
+    assert "24 more views rendered" in report["plan"]["reasons"][0]
     assert rendered == [(0, 5)]
-    for model, words in (("auto", "8 more are rendered"), ("field", "8 of them")):
+    for model, words in (("auto", "24 more are rendered"), ("field", "24 of them")):
         rendered.clear()
         views, report = run(cube, views="0,5", model=model, **MESH)
-        assert sorted(rendered) == [(v, u) for v in range(3) for u in range(3, 6)]
+        assert sorted(rendered) == [(v, u) for v in range(5) for u in range(1, 6)]
         assert words in report["plan"]["reasons"][0]
     assert [(view["v"], view["u"]) for view in report["views"]] == [(0, 5)] == list(views)
     plain, _ = run(cube, views="all", model="none", **MESH)
@@ -131,9 +131,9 @@ def test_of_a_mesh_only_the_views_around_are_rendered(cube, stand_in, monkeypatc
 
 def test_views_that_only_help_count_for_the_limit(cube, stand_in):
     options = Options(views="0,5", model="field", **MESH)
-    reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120)
-    with pytest.raises(TooLarge, match="9 views of 120 samples each, 8 of them around"):
-        reconstruct(cube, options, MemoryWriter(), max_pixels=9 * 120 - 1)
+    reconstruct(cube, options, MemoryWriter(), max_pixels=25 * 120)
+    with pytest.raises(TooLarge, match="25 views of 120 samples each, 24 of them around"):
+        reconstruct(cube, options, MemoryWriter(), max_pixels=25 * 120 - 1)
 
 
 def test_other_scales_and_single_pictures_are_refused(stand_in):

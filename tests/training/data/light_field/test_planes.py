@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from ciir.training.data import planes
+from ciir.training.data.light_field import planes
 
 OFFSETS = np.array([(v, u) for v in (-2, 0, 1) for u in (-1, 0, 2)], float)
 ALONG = torch.linspace(-10, 10, 41, dtype=torch.float64)

@@ -11,16 +11,17 @@ import torch
 from PIL import Image
 
 from ciir.models.light_field.windows import select_axis
-from ciir.training.data import degrade, layered_scenes, light_field_crops, mesh_views
+from ciir.training.data import degrade, mesh_views
 from ciir.training.data.downscale import KINDS
-from ciir.training.data.layered_scenes import LUMA
-from ciir.training.data.light_field_crops import STEPS_PER_BLOCK, LightFieldCrops, Window
+from ciir.training.data.light_field import camera_differences, layered_scenes
+from ciir.training.data.light_field import crops as data
+from ciir.training.data.light_field.crops import OWN, STEPS_PER_BLOCK, LightFieldCrops
+from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.loop.prefetch import prefetch_batches
-from ciir.training.networks.plane_sweep import MOST, SIDE, PlaneSweep
+from ciir.training.networks.plane_sweep import PLANES, SIDE, PlaneSweep
 
-DISPARITY, PLANES = 0.75, 17
-RIGHT = round((DISPARITY + MOST) / (2 * MOST) * (PLANES - 1))
-OWN = SIDE**2 // 2
+DISPARITY = 0.85
+RIGHT = len(PLANES) + 1 + PLANES.index(DISPARITY)
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
@@ -50,8 +51,8 @@ def flat(monkeypatch):
 
 @pytest.fixture
 def clean(monkeypatch):
-    for name, value in (("MISMATCHED", 0.0), ("NOISE", (0.0, 0.0)), ("GRAIN", (0.0, 0.0))):
-        monkeypatch.setattr(light_field_crops, name, value)
+    """Views that differ by nothing but their place."""
+    monkeypatch.setattr(data, "differ", lambda random, image, around, own, ease: (image, around))
 
 
 def crops_of(folder, **given):
@@ -70,8 +71,17 @@ def same(one, other):
 
 def planes(around, rows, cols):
     """The plane about which the views of each light field differ least."""
-    _, spread = PlaneSweep(PLANES)(around, rows, cols)
+    _, spread = PlaneSweep()(around, rows, cols)
     return spread[:, :, 5:-5, 5:-5].mean((2, 3)).argmin(1).tolist()
+
+
+def get_own(around, rows, cols):
+    """The luma of the view itself."""
+    return around[:, int(rows.argmax()) * SIDE + int(cols.argmax())]
+
+
+def seeded():
+    return np.random.default_rng(0)
 
 
 class Drawn:
@@ -81,6 +91,10 @@ class Drawn:
         self.values = list(values)
 
     def random(self):
+        return self.values.pop(0)
+
+    def integers(self, most):
+        assert self.values[0] < most
         return self.values.pop(0)
 
 
@@ -94,25 +108,44 @@ def test_a_batch_depends_only_on_seed_and_step(folder):
     assert not same(crops_of(folder, seed=2).make_batch(20), wanted)
 
 
-@pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
-def test_all_parts_are_flipped_in_the_same_way(flat, turns):
-    """The sweep finds the layer at its disparity; missing views, which hold noise, stay missing."""
+def make_parts(own):
+    """Two scenes of a flat layer: `image`, `around` and `high`."""
     picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
-    views, colours = layered_scenes.make_scenes(np.random.default_rng(0), [picture], 2, side=24, window=SIDE)
-    image, around, high = degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
-    window = Window(*(torch.from_numpy(select_axis(*at).present) for at in ((1, 9), (7, 9))))
-    missing = ~(window.rows[:, None] * window.cols).bool().flatten()
-    around[:, missing] = torch.rand(2, 9, 24, 24, generator=torch.Generator().manual_seed(1))
-    assert planes(around, *window) == [RIGHT] * 2
-    (image, around, rows, cols), high = light_field_crops._augment(Drawn(*turns), image, around, high, window)
+    views, colours = layered_scenes.make_scenes(seeded(), [picture], 2, side=24, window=SIDE, own=own)
+    return degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
+
+
+@pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
+def test_all_parts_are_flipped_in_the_same_way(flat, turns):
+    """The sweep finds the layer at its disparity, and the view itself is where rows and columns say."""
+    own = (1, 4)
+    image, around, high = make_parts(own)
+    (image, around, rows, cols), high = data._augment(Drawn(*turns), image, around, high, own, is_small=False)
     assert planes(around, rows, cols) == [RIGHT] * 2
-    torch.testing.assert_close(luma(image), around[:, OWN], atol=1 / 255, rtol=0)  # each is rounded to 8 bits
-    torch.testing.assert_close(degrade.box(high, 2), image, atol=1.01 / 255, rtol=0)
+    torch.testing.assert_close(luma(image), get_own(around, rows, cols), atol=1 / 255, rtol=0)
+    torch.testing.assert_close(degrade.box(high, 2), image, atol=1.01 / 255, rtol=0)  # each is rounded to 8 bits
     down, right, swapped = (turn < 0.5 for turn in turns)
-    first, last = [0, 1, 1, 1, 1], [1, 1, 1, 1, 0]
-    ends = [last if down else first, first if right else last]
-    assert [rows.tolist(), cols.tolist()] == (ends[::-1] if swapped else ends)
+    places = [3 if down else 1, 0 if right else 4]
+    wanted = [select_axis(at, SIDE).present.tolist() for at in (places[::-1] if swapped else places)]
+    assert [rows.tolist(), cols.tolist()] == wanted
+
+
+@pytest.mark.parametrize("own", [(0, 4), (1, 2), (2, 0)])
+@pytest.mark.parametrize("shifts", [(0, 0), (1, 2), (2, 1)])
+def test_windows_of_small_grids_are_views_around(flat, own, shifts):
+    """3x3 views, with the view itself in them; nothing else is left."""
+    image, around, high = make_parts(own)
+    drawn = Drawn(0.9, 0.9, 0.9, *shifts)
+    (_, small, rows, cols), _ = data._augment(drawn, image, around, high, own, is_small=True)
+    for present in (rows, cols):
+        assert present.tolist() in [select_axis(at, 3).present.tolist() for at in range(3)]
+    assert planes(small, rows, cols) == [RIGHT] * 2
+    assert torch.equal(get_own(small, rows, cols), around[:, own[0] * SIDE + own[1]])
+    grid = small.unflatten(1, (SIDE, SIDE))
+    assert not grid[:, 3:].any()
+    assert not grid[:, :, 3:].any()
+    assert grid[:, :3, :3].flatten(3).any(3).all()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -132,60 +165,53 @@ def test_low_is_the_degraded_truth_after_augmentation(folder, clean, kind):
 def test_views_around_are_degraded_in_phase_with_the_view(folder):
     crops = crops_of(folder, degradations=dict.fromkeys(KINDS, 1))
     for step in range(6):
-        image, around, _ = crops._crop_scenes(np.random.default_rng(step), step)
+        own, (image, around, _) = crops._crop_scenes(np.random.default_rng(step), step)
         # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights
         # add up to 1.5 without their signs. Where it overshoots colours are cut off one by one.
         whole = ((image > 0) & (image < 1)).all(1)
-        assert (around[:, OWN] - luma(image))[whole].abs().max() < 4.1 / 255
+        assert (around[:, own[0] * SIDE + own[1]] - luma(image))[whole].abs().max() < 4.1 / 255
 
 
-def test_the_middle_slot_is_the_luma_of_the_corrupted_view(folder, monkeypatch):
-    monkeypatch.setattr(light_field_crops, "MISMATCHED", 0.5)
-    monkeypatch.setattr(light_field_crops, "NOISE", (0.5, 0.1))
-    monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
+def test_the_view_in_its_window_is_the_luma_of_the_changed_view(folder, monkeypatch):
+    monkeypatch.setattr(camera_differences, "MISMATCHED", 0.5)
+    monkeypatch.setattr(camera_differences, "NOISE", (0.5, 0.1))
+    monkeypatch.setattr(camera_differences, "JPEG", (0.3, 0.3, 50))
     crops = crops_of(folder)
     for step in range(8):
-        (image, around, _, _), _ = crops.make_batch(step)
-        torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
-        assert not torch.equal(around[:, OWN], around[:, 0])
+        (image, around, rows, cols), _ = crops.make_batch(step)
+        torch.testing.assert_close(get_own(around, rows, cols), luma(image), atol=1e-6, rtol=0)
 
 
-WHOLE = Window(*(torch.from_numpy(select_axis(4, 9).present),) * 2)
-OTHERS = [slot for slot in range(SIDE**2) if slot != OWN]
+def test_views_differ_more_and_more(folder, monkeypatch):
+    """The shares of changed crops grow from 0 over the eased steps."""
+    eases = []
+
+    def record(random, image, around, own, ease):
+        eases.append(ease)
+        return image, around
+
+    monkeypatch.setattr(data, "differ", record)
+    crops = crops_of(folder, eased=4)
+    for step in range(6):
+        crops.make_batch(step)
+    assert eases == [0.0, 0.25, 0.5, 0.75, 1.0, 1.0]
 
 
-def test_grain_is_independent_between_views(clean, monkeypatch):
-    monkeypatch.setattr(light_field_crops, "GRAIN", (1.0, 0.1))
-    grey = torch.full((4, 3, 40, 40), 0.5), torch.full((4, 25, 40, 40), 0.5)
-    image, around = light_field_crops._corrupt(np.random.default_rng(0), *grey, 1.0)
-    strength = image.std((1, 2, 3))
-    assert (strength.min() > 0.001, strength.max() < 0.105) == (True, True)
-    ratio = around[:, OTHERS].std((2, 3)) / strength[:, None]
-    assert (ratio / np.linalg.norm(LUMA) - 1).abs().max() < 0.15  # of 1600 samples each
-    noise = around[:, OTHERS].flatten(2) - 0.5
-    alike = torch.stack([torch.corrcoef(one) for one in noise]) - torch.eye(24)
-    assert alike.abs().max() < 0.15
-    assert all(torch.equal(a, b) for a, b in zip(grey, light_field_crops._corrupt(seeded(), *grey, 0.0), strict=True))
-
-
-def seeded():
-    return np.random.default_rng(0)
-
-
-def test_mismatched_views_are_of_another_scene(clean, monkeypatch):
-    monkeypatch.setattr(light_field_crops, "MISMATCHED", 1.0)
-    level = torch.tensor([0.2, 0.5, 0.8])[:, None, None, None]
-    image, around = light_field_crops._corrupt(seeded(), level.expand(3, 3, 4, 4), level.expand(3, 25, 4, 4), 1.0)
-    assert torch.equal(image, level.expand(3, 3, 4, 4))
-    assert torch.equal(around[:, OTHERS], level.roll(1, 0).expand(3, 24, 4, 4))
-    torch.testing.assert_close(around[:, OWN], level[:, 0].expand(3, 4, 4))
-
-
-def test_windows_at_the_border_reach_their_share_gradually(folder):
+def test_windows_of_small_grids_reach_their_share_gradually(folder):
     crops = crops_of(folder, eased=60)
-    whole = [all(part[1].all() for part in crops.make_batch(step)[0][2:]) for step in range(60)]
+    whole = [all(part.all() for part in crops.make_batch(step)[0][2:]) for step in range(60)]
     assert all(whole[:3])
     assert sum(whole[:20]) > sum(whole[40:])
+
+
+def test_the_view_is_anywhere_in_its_window():
+    """Near the middle more often; the other half of the places comes by flips."""
+    random = seeded()
+    drawn = Counter(data._draw_own(random) for _ in range(4000))
+    assert set(drawn) == set(itertools.product(range(3), repeat=2))
+    shares = dict(OWN)
+    for (row, col), number in drawn.items():
+        assert number / 4000 == pytest.approx(shares[row] * shares[col], abs=0.025)
 
 
 def test_threads_make_the_same_batches_and_each_scene_once(folder, monkeypatch):
@@ -212,20 +238,33 @@ def mesh(tmp_path_factory):
     return file
 
 
-def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
-    monkeypatch.setattr(mesh_views, "PICTURES", 2)
-    crops = crops_of(folder, meshes=[mesh], degradations={"lenslet": 1}, crop=64)
-    assert [tuple(field.high.shape) for field in crops.meshes] == [(3, 96, 96), (3, 192, 192)]
-    assert "left out" not in capsys.readouterr().err
+def check_rendered(crops):
+    """Truth, view and window show the same in batches of rendered light fields."""
     shown = 0
-    for step in range(6):
-        (image, around, _, _), high = crops.make_batch(step)
-        torch.testing.assert_close(around[:, OWN], luma(image), atol=1e-6, rtol=0)
+    for step in range(8):
+        (image, around, rows, cols), high = crops.make_batch(step)
+        torch.testing.assert_close(get_own(around, rows, cols), luma(image), atol=0.51 / 255, rtol=0)  # it is rounded
         mean, shifted = degrade.box(high, 2), degrade.box(high.roll(2, 3), 2)
         if (around.flatten(1).std(1) > 0.02).all():
             shown += 1
             assert (mean - image).abs().mean() < 0.5 * (shifted - image).abs().mean()
     assert shown
+
+
+def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
+    monkeypatch.setattr(mesh_views, "PICTURES", 2)
+    crops = crops_of(folder, meshes=[mesh], degradations={"lenslet": 1}, crop=64)
+    assert [tuple(field.high.shape) for field in crops.meshes] == [(3, 96, 96), (3, 192, 192)]
+    assert "left out" not in capsys.readouterr().err
+    check_rendered(crops)
+
+
+def test_light_fields_of_solids(folder, clean):
+    crops = crops_of(folder, scenes=3, degradations={"lenslet": 1}, crop=64)
+    assert len({field.high.numpy().tobytes() for field in crops.meshes}) == 3
+    check_rendered(crops)
+    again = crops_of(folder, scenes=3, degradations={"lenslet": 1}, crop=64)
+    assert same(crops.make_batch(2), again.make_batch(2))
 
 
 @pytest.mark.parametrize(
@@ -237,6 +276,11 @@ def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
         ({"degradations": {"pinhole": 1}}, "no 'pinhole' here"),
         ({"meshes": ["a.obj"], "degradations": {"bicubic-view": 1}}, "no 'bicubic-view' here; .*, pinhole, lenslet$"),
         ({"meshes": ["a.obj"]}, "of no use without pinhole or lenslet; add a share"),
+        ({"scenes": 2}, "of no use without pinhole or lenslet; add a share"),
+        (
+            {"scenes": 2, "degradations": {"pinhole": 1}, "crop": 200},
+            "crops of up to 192 pixels, not 200; set a smaller",
+        ),
         ({"scale": 4}, "scale is 4; light fields are upscaled by 2: give that"),
     ],
 )

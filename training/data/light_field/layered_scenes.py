@@ -1,7 +1,7 @@
 """Light fields of random layered scenes: textured layers at different distances, cut out, slanted and folded.
 
 Each view is sampled where its own rays meet the layers, twice as finely as the truth along each side, and downscaled
-afterwards. Folds (`training.data.planes`) cover everything behind their layer.
+afterwards. Folds (`training.data.light_field.planes`) cover everything behind their layer.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ciir.training.data import planes
+from ciir.training.data.light_field import planes
+from ciir.training.data.solids import draw_background
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +29,7 @@ FINE = 4
 LAYERS = (2, 5)
 MOST = 2.0
 """Largest disparity, LR pixels from one view to the next: 4 of the truth's pixels."""
-SMALLEST = 0.08
+SMALLEST = 0.03
 """By how much a scene's disparities may be smaller than that: captured views are often close together."""
 SMALL = 0.6
 """Share of scenes whose disparities are made smaller, evenly in the logarithm."""
@@ -41,12 +42,16 @@ TEXELS = (0.45, 1.6)
 FLAT = 0.12
 """Share of layers of one colour."""
 PLAIN = 0.3
-"""Share of scenes before a plain background, half of them before black, as rendered objects stand."""
+"""Share of scenes before a plain background, as rendered objects stand."""
 MASK = 24
 MASK_REACH = 0.75
 """How far a mask reaches to each side of the middle, in sides of a picture."""
 STRAIGHT = 0.35
 """Share of masks that are a straight edge."""
+STRIPED = 0.12
+"""Share of masks that are thin bars."""
+HALF_BAR = (0.05, 0.2)
+"""Half the width of a bar, over half the width of a mask."""
 STEEPNESS = (4.0, 200.0)
 """How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
@@ -61,14 +66,15 @@ def make_scenes(
     *,
     side: int,
     window: int,
+    own: tuple[int, int],
 ) -> tuple[Tensor, Tensor]:
     """Renders the views of a window of `count` scenes.
 
     `pictures`: 8-bit RGB, at least `TEXTURE` pixels a side. `side`: LR pixels along a view. `window`: views along a
-    side, odd.
+    side. `own`: row and column in the window of the view that is to be upscaled.
 
-    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the middle one in colour,
-    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the middle to a view.
+    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the own one in colour,
+    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view.
     """
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:
@@ -87,9 +93,9 @@ def make_scenes(
     threshold = uniform(-0.3, 0.6, count, most)
     steepness = torch.exp(uniform(math.log(STEEPNESS[0]), math.log(STEEPNESS[1]), count, most))
     numbers = random.integers(LAYERS[0], most + 1, count)
-    steps = torch.arange(window) - window // 2
-    offsets = torch.cartesian_prod(steps, steps).float()  # (V, 2): down, right
-    own = len(offsets) // 2
+    steps = torch.arange(window)
+    offsets = torch.cartesian_prod(steps - own[0], steps - own[1]).float()  # (V, 2): down, right
+    middle = own[0] * window + own[1]
     along = (torch.arange(side * FINE) + 0.5) / FINE - side / 2
     weights = torch.tensor(LUMA)[:, None, None]
 
@@ -102,10 +108,11 @@ def make_scenes(
             at = planes.intersect_layer(offsets, *place_of_layer)
             texture = _draw_texture(random, pictures)
             if layer == 0 and random.random() < PLAIN:
-                texture = texture.mean((1, 2), keepdim=True).expand_as(texture) * (random.random() < 0.5)
+                shade = torch.tensor(draw_background(random)).float().div(255)
+                texture = shade[:, None, None].expand_as(texture)
             place = at.compose(turn[scene, layer], begin[scene, layer]).apply(along)
             new = _sample_picture((texture * weights).sum(0, keepdim=True), place, "reflection")[:, 0]
-            new_colour = _sample_picture(texture, place[own : own + 1], "reflection")[0]
+            new_colour = _sample_picture(texture, place[middle : middle + 1], "reflection")[0]
             if layer == 0:
                 seen, colour = new, new_colour
                 continue
@@ -115,11 +122,11 @@ def make_scenes(
                 shade = _draw_texture(random, pictures).mean((1, 2))[:, None, None]
                 there = planes.make_fold(random, normal, edge).coverage(along, offsets, *place_of_layer)
                 seen = seen + there * ((shade * weights).sum() - seen)
-                colour = colour + there[own] * (shade - colour)
+                colour = colour + there[middle] * (shade - colour)
                 steepness[scene, layer] = STEEPNESS[1]
             alpha = _sample_picture(mask, at.compose(to_mask, to_mask.new_zeros(2)).apply(along), "border")[:, 0]
             alpha = ((alpha - threshold[scene, layer]) * steepness[scene, layer] + 0.5).clamp(0, 1)
-            seen, colour = seen + alpha * (new - seen), colour + alpha[own] * (new_colour - colour)
+            seen, colour = seen + alpha * (new - seen), colour + alpha[middle] * (new_colour - colour)
         views.append(seen)
         colours.append(colour)
     return torch.stack(views), torch.stack(colours)
@@ -161,10 +168,23 @@ def _draw_mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:
     """Draws smooth random values `(1, MASK, MASK)`: the layer is where they exceed a threshold. Some have a straight
     edge and are returned with its normal `(2,)`.
     """
-    if random.random() < STRAIGHT:
+    kind = random.random()
+    if kind < STRIPED:
+        return _draw_stripes(random), None
+    if kind < STRIPED + STRAIGHT:
         angle, along = random.uniform(0, 2 * math.pi), torch.linspace(-1, 1, MASK)
         normal = torch.tensor([math.cos(angle), math.sin(angle)])
         return (normal[0] * along[:, None] + normal[1] * along[None])[None], normal
     knots = int(random.integers(3, 13))
     rough = torch.from_numpy(random.uniform(-1, 1, (1, 1, knots, knots)).astype(np.float32))
     return functional.interpolate(rough, size=MASK, mode="bicubic", align_corners=True)[0], None
+
+
+def _draw_stripes(random: np.random.Generator) -> Tensor:
+    """Draws smooth values `(1, MASK, MASK)` whose highest are one or a few thin parallel bars, as legs and branches."""
+    angle, along = random.uniform(0, math.pi), torch.linspace(-1, 1, MASK)
+    across = math.cos(angle) * along[:, None] + math.sin(angle) * along[None]
+    half = float(np.exp(random.uniform(*np.log(HALF_BAR))))
+    apart = random.uniform(6 * half, 1.5)
+    distance = ((across - random.uniform(-0.5, 0.5) + apart / 2) % apart - apart / 2).abs()
+    return (1 - distance / half)[None]

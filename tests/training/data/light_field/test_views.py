@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from ciir.training.data.downscale import KINDS, downscale_picture
-from ciir.training.data.light_fields import LEAST, degrade_views, read_views
+from ciir.training.data.light_field.views import LEAST, degrade_views, read_views
 
 
 def views(down, across, height=LEAST, width=LEAST + 2):

@@ -1,0 +1,105 @@
+"""Labels pictures with a stronger network: it upscales each picture's low-resolution version, and that is the truth.
+
+    python -m ciir.training.data.labels PICTURES --network plainusr-l-x2.onnx -o LABELLED
+
+A small network learns more from what a large one makes of the same LR than from the true picture (distillation,
+Hinton et al. 2015). The folder is for a recipe's `labelled`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+from tqdm import tqdm
+
+from ciir.models.sessions import count_available_cores, open_session
+from ciir.training.data.downscale import downscale_picture
+from ciir.training.data.pictures import find_pictures, read_rgb
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ciir.training.data.pictures import Picture
+
+SCALE = 2
+LEAST = 16
+"""Smallest side of LR in pixels that is labelled."""
+LOW, HIGH = "_LR.png", "_HR.png"
+"""Suffixes of a pair's files."""
+
+
+def label_pictures(folder: Path, network: Path, out: Path, *, threads: int | None = None) -> int:
+    """Writes `NAME_LR.png`, bicubic at half size, and `NAME_HR.png`, what `network` makes of it; returns how many.
+
+    `network`: an ONNX file that takes RGB `(1, 3, H, W)` in [0, 1] and returns `(1, 3, 2*H, 2*W)`. Pairs that are in
+    `out` already are kept. Pictures smaller than `LEAST` at half size are skipped. Raises `ValueError` as
+    `find_pictures`, where two pictures differ only in the suffix, and where the network makes another size.
+    """
+    files = find_pictures(folder)
+    stems = [file.stem for file in files]
+    if len(set(stems)) < len(stems):
+        twice = next(stem for stem in stems if stems.count(stem) > 1)
+        raise ValueError(f"{folder}: two pictures are named {twice}; pairs are named without the suffix: rename one")
+    session = open_session(network.read_bytes(), threads=threads or count_available_cores())
+    name = session.get_inputs()[0].name
+    out.mkdir(parents=True, exist_ok=True)
+    written = 0
+    for file in tqdm(files, disable=None, desc="labelling", unit="picture"):
+        low_path, high_path = (out / f"{file.stem}{suffix}" for suffix in (LOW, HIGH))
+        picture = read_rgb(file)
+        if min(picture.shape[:2]) < LEAST * SCALE or high_path.exists():
+            continue
+        low = downscale_picture("bicubic", picture, SCALE).low
+        planes = np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
+        made = session.run(None, {name: planes})[0]
+        if made.shape != (1, 3, SCALE * low.shape[0], SCALE * low.shape[1]):
+            raise ValueError(
+                f"{network}: makes {made.shape} of {planes.shape}; name a network that upscales by {SCALE}"
+            )
+        high = np.floor(np.clip(made[0].transpose(1, 2, 0), 0, 1) * 255 + 0.5).astype(np.uint8)
+        Image.fromarray(low).save(low_path, compress_level=1)
+        Image.fromarray(high).save(high_path, compress_level=1)  # last: its presence says that the pair is whole
+        written += 1
+    return written
+
+
+def read_labelled(folder: Path) -> list[tuple[Picture, Picture]]:
+    """Reads the pairs `(h, w, 3)` and `(2*h, 2*w, 3)` that `label_pictures` wrote. Raises `ValueError` for others."""
+    highs = [file for file in find_pictures(folder) if file.name.endswith(HIGH)]
+    if not highs:
+        raise ValueError(f"{folder}: no pair of *{LOW} and *{HIGH} in it; make some with training.data.labels")
+    pairs = []
+    for file in tqdm(highs, disable=None, desc="reading labels", unit="picture", leave=False):
+        low, high = read_rgb(file.with_name(file.name.removesuffix(HIGH) + LOW)), read_rgb(file)
+        if high.shape != (SCALE * low.shape[0], SCALE * low.shape[1], 3):
+            raise ValueError(
+                f"{file}: {high.shape} for LR of {low.shape}; make the pair again with training.data.labels"
+            )
+        pairs.append((low, high))
+    return pairs
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("pictures", type=Path, help="folder of pictures")
+    parser.add_argument("--network", type=Path, required=True, help="ONNX file of the stronger network, scale 2")
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the pairs")
+    parser.add_argument("--threads", type=int, help="cores (default: all)")
+    given = parser.parse_args(arguments)
+    if not given.network.is_file():
+        parser.error(f"{given.network}: no such file; name an ONNX network")
+    try:
+        written = label_pictures(given.pictures, given.network, given.out, threads=given.threads)
+    except ValueError as error:
+        sys.exit(f"labels: {error}")
+    print(f"{given.out}: {written} pairs written")
+
+
+if __name__ == "__main__":
+    main()

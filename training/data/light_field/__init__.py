@@ -1,0 +1,1 @@
+"""Training data of light-field networks: layered scenes, their crops, camera differences, and folders of views."""

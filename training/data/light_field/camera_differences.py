@@ -1,0 +1,93 @@
+"""What makes captured views of one scene differ: brightness, blur, noise, and JPEG of views or of whole EIAs."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ciir.models.light_field.windows import WINDOW_SIDE
+from ciir.training.data.corrupt import compress_jpeg_grey
+from ciir.training.data.light_field.layered_scenes import LUMA
+
+MISMATCHED = 0.04
+"""Share of crops whose other views show another scene."""
+NOISE = (0.01, 0.1)
+"""Share of crops under heavy noise, different in each view, and its standard deviation."""
+GRAIN = (0.14, 6 / 255)
+"""Share of crops with camera grain in the LR views, and its largest standard deviation."""
+BRIGHTNESS = (0.35, 0.015, 0.004)
+"""Share of crops whose views differ in brightness; by which factor, at most, from one view to the next; and the
+standard deviation of the factors about that."""
+BLUR = (0.25, 0.12)
+"""Share of crops whose views differ in blur, and the largest weight of a pixel's neighbour along each axis."""
+JPEG = (0.07, 0.05, 55)
+"""Shares of crops whose elemental image array, and whose views, went through JPEG, and the lowest quality."""
+
+
+def differ(
+    random: np.random.Generator, image: Tensor, around: Tensor, own: tuple[int, int], ease: float = 1.0
+) -> tuple[Tensor, Tensor]:
+    """Changes some of the crops: `image` `(N, 3, H, W)`, and `around`, the luma of its window `(N, 25, H, W)`, which it
+    is in at row and column `own`. `ease`: factor on the shares, up to 1.
+    """
+    number = own[0] * WINDOW_SIDE + own[1]
+
+    def share(of: float) -> Tensor:
+        return torch.from_numpy(random.random(len(image)) < of * ease)[:, None, None, None]
+
+    def uniform(low: float, high: float, *shape: int) -> Tensor:
+        return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
+
+    def normal(like: Tensor) -> Tensor:
+        return torch.from_numpy(random.standard_normal(like.shape, np.float32))
+
+    around = torch.where(share(MISMATCHED), around.roll(1, 0), around)
+    offsets = torch.cartesian_prod(*(torch.arange(WINDOW_SIDE) - at for at in own)).float()  # (25, 2)
+    often, step, apart = BRIGHTNESS
+    slopes = uniform(-step, step, len(image), 2)
+    factors = 1 + slopes @ offsets.T + apart * normal(around[:, :, 0, 0])
+    around = torch.where(share(often), (around * factors[..., None, None]).clamp(0, 1), around)
+    often, most = BLUR
+    around = torch.where(share(often), _blur(around, uniform(0, most, *around.shape[:2], 1, 1)), around)
+    seldom, strong = NOISE
+    often, most = GRAIN
+    deviation = share(seldom) * strong + share(often) * uniform(0, most, len(image), 1, 1, 1)
+    image = (image + deviation * normal(image)).clamp(0, 1)
+    around = (around + deviation * sum(weight**2 for weight in LUMA) ** 0.5 * normal(around)).clamp(0, 1)
+    before = compute_luma(image)
+    around = around.clone()
+    around[:, number] = before[:, 0]
+    of_arrays, of_views, lowest = JPEG
+    kinds = random.random(len(image))
+    for crop in np.flatnonzero(kinds < (of_arrays + of_views) * ease):
+        is_array = bool(kinds[crop] < of_arrays * ease)
+        around[crop] = _compress(around[crop], int(random.integers(lowest, 96)), is_array=is_array)
+    image = (image + around[:, number : number + 1] - before).clamp(0, 1)
+    around[:, number] = compute_luma(image)[:, 0]
+    return image, around
+
+
+def compute_luma(image: Tensor) -> Tensor:
+    """`(N, 3, H, W)` -> `(N, 1, H, W)`."""
+    return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
+
+
+def _blur(around: Tensor, weight: Tensor) -> Tensor:
+    """Each picture `(N, V, H, W)` with `weight` `(N, V, 1, 1)` of each neighbour, along one axis after the other."""
+    padded = functional.pad(around, (1, 1, 1, 1), mode="replicate")
+    across = (1 - 2 * weight) * padded[..., 1:-1] + weight * (padded[..., :-2] + padded[..., 2:])
+    return (1 - 2 * weight) * across[..., 1:-1, :] + weight * (across[..., :-2, :] + across[..., 2:, :])
+
+
+def _compress(views: Tensor, quality: int, *, is_array: bool) -> Tensor:
+    """Views `(25, H, W)` as one JPEG of their elemental images, or side by side."""
+    height, width = views.shape[1:]
+    grid = views.reshape(WINDOW_SIDE, WINDOW_SIDE, height, width)
+    order = (2, 0, 3, 1) if is_array else (0, 2, 1, 3)
+    joined = grid.permute(order)
+    shape = joined.shape
+    levels = joined.reshape(shape[0] * shape[1], -1).mul(255).round().byte().numpy()
+    back = torch.from_numpy(compress_jpeg_grey(levels, quality)).float().div(255).reshape(shape)
+    return back.permute(*np.argsort(order).tolist()).reshape(views.shape)
