@@ -211,7 +211,7 @@ def simplify_network(network: nn.Module, *, merges: bool = True) -> nn.Module:
     if isinstance(network, LightFieldGenerator):
         fold_factors(network)
         (merge_layers if merges else split_layers)(network)
-    for weight in network.parameters():
+    for weight in (*network.parameters(), *network.buffers()):
         weight[weight.abs() < SMALLEST] = 0.0
     return network.eval()
 
