@@ -85,7 +85,7 @@ def _check_order(light_field: LightField) -> LightField:
             "transposed and reversed along one axis": "the first index is taken as the column, counted from the right",
         }[found.order]
         views = correct_order(views, found.order)
-        notes += (f"order: {done}, since the views move so in {tiles}; give order given to keep the names' order",)
+        notes += (f"order: {done}, which fits {tiles}; order given keeps the names' order",)
     elif found.is_likely and found.order != "as given":
         notes += (f"order: the views may be {found.order}, as {tiles} show; they are left as they are",)
     return replace(light_field, views=views, notes=notes, is_ordered=True)

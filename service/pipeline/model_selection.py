@@ -114,8 +114,8 @@ def _describe_wrong_order(job: Job) -> str:
     if order is None or not order.is_wrong:
         return ""
     return (
-        f"the views seem to be {order.order}: {order.votes} of {order.of} textured tiles fit so, and views in a wrong "
-        "order can't help each other; put them in order, or give order given if they are"
+        f"the views seem to be {order.order}, which fits {order.votes} of {order.of} textured tiles, and views in a "
+        "wrong order can't help each other; put them in order, or give order given (in Python is_ordered=True)"
     )
 
 
@@ -134,9 +134,11 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
     if over := _count_excess(job, neighbours):
         return f"{light_field.name} would need {neighbours} more views rendered, {over:,} samples over the limit", ""
     bound = 1000 * job.neighbour_time
+    if not bound:
+        return f"{light_field.name} would need {neighbours} more views rendered, and neighbour time 0 allows none", ""
     extra = predict_extra(job, mesh, light_field, single, bound=bound)
     times = f"it should take about {extra:.0f} ms more than {single.name}, where the neighbour time allows {bound:.0f}"
-    if extra > bound or bound == 0:
+    if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
     return "", f"; {neighbours} more are rendered around those asked for: {times}"
 

@@ -122,11 +122,10 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
 
 
 @pytest.mark.parametrize(
-    ("name", "mean"), [("fast", "fast-shipped-sixth"), ("quality", "quality-shipped"), ("field", "field-shipped-seventh")]
+    ("name", "mean"),
+    [("fast", "fast-shipped-sixth"), ("quality", "quality-shipped"), ("field", "field-shipped-seventh")],
 )
 def test_what_ships_is_the_mean_that_its_recipe_makes(name, mean):
     (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == name)
     averaged = card.training.recipe["averaged"]
-    assert sorted(list_runs(mean)) == sorted(
-        run for path in averaged for run in list_runs(Path(path).parent.name)
-    )
+    assert sorted(list_runs(mean)) == sorted(run for path in averaged for run in list_runs(Path(path).parent.name))

@@ -1,4 +1,4 @@
-"""Starts a network from the weights of a shipped one, an ONNX file: checkpoints of shipped networks are not kept."""
+"""Starts a network from the weights of a float network in an ONNX file, as networks ship without checkpoints."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import onnx
 import torch
+from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 from onnx import numpy_helper
 from torch import nn
 
@@ -27,19 +28,30 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     """Loads the float weights in `path` into the convolutions of `network`, whose other branches stay as they are.
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
-    difference. Raises `ValueError` where a weight is missing or of another shape.
+    difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
+    Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
+    or `network` is not made of such convolutions.
     """
-    model = onnx.load(path)
+    try:
+        model = onnx.load(path)
+    except (OSError, DecodeError) as error:
+        raise ValueError(f"initial: {path}: not an ONNX file that can be read ({error}); name another") from error
+    if any(node.op_type == "QuantizeLinear" for node in model.graph.node):
+        raise ValueError(f"initial: {path} is an int8 network; name the float one")
     found = {
         value.name.removeprefix(PREFIX): torch.from_numpy(numpy_helper.to_array(value).copy())
         for value in model.graph.initializer
     }
-    if isinstance(network, LightFieldGenerator) and f"{MERGED}.weight" in found:
-        _split_merged(network, found)
+    if isinstance(network, LightFieldGenerator):
+        if "compare.0.weight" not in found:
+            network = network.single
+        elif f"{MERGED}.weight" in found:
+            _split_merged(network, found)
+    layers = {name: layer for name, layer in network.named_modules() if isinstance(layer, CollapsibleConv)}
+    if not layers:
+        raise ValueError(f"initial: {path}: only our own generators start from an ONNX file; name a checkpoint")
     missing = []
-    for name, layer in network.named_modules():
-        if not isinstance(layer, CollapsibleConv):
-            continue
+    for name, layer in layers.items():
         weight, bias = found.get(f"{name}.weight"), found.get(f"{name}.bias")
         if weight is None or bias is None or weight.shape != layer.kernel.shape:
             missing.append(name)

@@ -89,7 +89,7 @@ def test_auto_renders_none_where_that_takes_longer_than_the_neighbour_time(stand
     assert mesh(wanted=[(0, 0)], neighbour_time=1.1).is_light_field
     extra(0.0)
     assert mesh(wanted=[(0, 0)]).is_light_field
-    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "19 more views", "allows 0")
+    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "19 more views", "neighbour time 0 allows none")
     assert mesh(neighbour_time=0.0).is_light_field  # all are wanted
 
 
