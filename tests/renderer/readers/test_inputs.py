@@ -123,7 +123,7 @@ def test_the_main_file(files: dict[str, bytes], main: str | None, expected: tupl
     ("order", "words"),
     [
         ("reversed along one axis", "rows of views are taken from the bottom up"),
-        ("transposed", "the first index is taken as the column, since"),
+        ("transposed", "the first index is taken as the column, which fits"),
         ("transposed and reversed along one axis", "the first index is taken as the column, counted from the right"),
     ],
 )
@@ -133,7 +133,7 @@ def test_views_in_a_wrong_order_are_put_right(order: str, words: str) -> None:
     field = read(files)
     (note,) = field.notes
     assert note.startswith(f"order: {words}")
-    assert "give order given" in note
+    assert "order given keeps" in note
     assert field.is_ordered
     assert is_same_light_field(field.views, views)
     kept = read(files, order="given")

@@ -120,7 +120,7 @@ def test_views_in_a_wrong_order_go_one_by_one(stand_in, order):
     if order == "as given":
         assert choose().is_light_field
     else:
-        assert goes_one_by_one(choose(), f"the views seem to be {order}: ", "order given")
+        assert goes_one_by_one(choose(), f"the views seem to be {order}, ", "order given")
         assert choose().note.startswith("fast, view by view, in place of field, as the views seem to be ")
         named = choose(LIGHT_FIELD_DEFAULT)
         assert named.is_light_field
