@@ -2,7 +2,7 @@
 
 Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
 In a wrong order no disparity explains all views around the centre view at once, so a small plane sweep on textured
-tiles tells the orders apart. Both axes reversed can't be told from none: only depth is inverted.
+tiles tells the orders apart. Reversing both axes only inverts depth, which no disparity shows.
 """
 
 from __future__ import annotations
