@@ -4,7 +4,7 @@ A sample of a view at offset `a` shows the scene at `n - d*a` of the view to be 
 is taken as a random process whose correlation falls off exponentially, and each sample as its mean over the footprint
 of a sensor element; the estimate of a pixel of twice the resolution from the samples near it is then Wiener's (as
 kriging, or Hardie, IEEE TIP 16(12), 2007, for shifted frames). Compared with adding up the nearest samples it undoes
-the blur of the footprint and of the samples' distances: 1.7 and 2.1 dB on two captured light fields, before any network.
+the blur of the footprint and of the samples' distances: by 1.7 and 2.1 dB on two captured light fields.
 """
 
 from __future__ import annotations
