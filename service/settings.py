@@ -68,6 +68,10 @@ class Settings(BaseSettings):
     429 and `Retry-After`."""
     sync_seconds: float = _number(10.0, 0.0, 3600.0)
     """Seconds that a request waits for its result; then it is answered with 202 and the job's address."""
+    max_streams: int = _number(1000, 1, 1_000_000)
+    """Maximum number of open event streams; further ones are answered with 429."""
+    max_client_streams: int = _number(100, 1, 1_000_000)
+    """Maximum number of open event streams of one client: of an API key, or of an address without keys."""
     drain_seconds: float = _number(20.0, 0.0, 3600.0)
     """Seconds that running jobs have to finish after SIGTERM; jobs that have not finished go back into the queue."""
     client_seconds: float = _number(30.0, 0.1, 3600.0)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import secrets
 import time
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any, BinaryIO
-
-from anyio import to_thread
 
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.files import INPUTS, RESULTS, Files
@@ -17,8 +14,9 @@ from ciir.service.jobs.identity import compute_id
 from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
 from ciir.service.jobs.lanes import LANES, choose_lane
 from ciir.service.jobs.lifecycle import Lifecycle
-from ciir.service.jobs.queue import POLL_SECONDS, Queue
+from ciir.service.jobs.queue import Queue
 from ciir.service.jobs.records import Records
+from ciir.service.jobs.watcher import Watcher
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,6 +64,7 @@ class Jobs:
         self.files = Files(settings.files or str(self.folder / "files"), self.folder)
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
+        self.watcher = Watcher(self.records)
         self.lifecycle = Lifecycle(self.queue, self.records, self.files)
         self._max_waiting = settings.max_waiting
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
@@ -106,22 +105,6 @@ class Jobs:
     def get(self, id_: str) -> Job | None:
         """The current state of the job; None if there is no such job."""
         return self.records.get(id_)
-
-    async def wait_for_change(self, id_: str, seen: int) -> Job:
-        """The job, as soon as it has ended or has other than `seen` events. Raises `LookupError` if it is removed."""
-        with self.records.subscribe(id_) as changed:
-            pause = POLL_SECONDS[0]
-            while True:
-                changed.clear()
-                job = await to_thread.run_sync(self.get, id_)
-                if job is None:
-                    raise LookupError(id_)
-                if len(job.events) != seen or job.state in FINAL:
-                    return job
-                with suppress(TimeoutError):
-                    async with asyncio.timeout(pause):
-                        await changed.wait()
-                pause = min(1.6 * pause, POLL_SECONDS[1])
 
     def cancel(self, id_: str) -> Job | None:
         """Cancels the job unless it has ended, and returns it; None if there is no such job. Its work stops soon."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections import defaultdict
-from contextlib import contextmanager, suppress
-from functools import partial
 from typing import TYPE_CHECKING
 
 from ciir.service.jobs.job import Job
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from ciir.service.jobs.queue import Table
 
@@ -24,7 +20,7 @@ class Records:
 
     def __init__(self, table: Table) -> None:
         self._table = table
-        self._listeners: defaultdict[str, list[Callable[[], object]]] = defaultdict(list)
+        self._listeners: list[Callable[[str], object]] = []
 
     def get(self, id_: str) -> Job | None:
         """The current record."""
@@ -46,9 +42,8 @@ class Records:
             if after is None:
                 return None
             if self._table.swap(id_, before, after.to_bytes()):
-                for notify in self._listeners.get(id_, ()):
-                    with suppress(RuntimeError):  # its event loop is closed
-                        notify()
+                for notify in self._listeners:
+                    notify(id_)
                 return after
 
     def remove(self, id_: str, condition: Callable[[Job], bool]) -> Job | None:
@@ -63,20 +58,9 @@ class Records:
             if self._table.swap(id_, before, None):
                 return job
 
-    @contextmanager
-    def subscribe(self, id_: str) -> Iterator[asyncio.Event]:
-        """An event of the running event loop, set at each update of the job through this object."""
-        changed = asyncio.Event()
-        notify = partial(asyncio.get_running_loop().call_soon_threadsafe, changed.set)
-        self._listeners[id_].append(notify)
-        try:
-            yield changed
-        finally:
-            others = [other for other in self._listeners[id_] if other is not notify]
-            if others:
-                self._listeners[id_] = others
-            else:
-                del self._listeners[id_]
+    def subscribe(self, notify: Callable[[str], object]) -> None:
+        """Calls `notify` with the id of each job that is updated through this object, in the thread that does it."""
+        self._listeners.append(notify)
 
     def _parse(self, id_: str, text: bytes | None) -> Job | None:
         if text is None:

@@ -83,7 +83,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     state: ServiceState = app.state.service
     await to_thread.run_sync(state.engine.start)
     yield
-    state.stopped.set()
+    state.engine.jobs.watcher.stop()
     await to_thread.run_sync(state.engine.close)
 
 

@@ -71,5 +71,5 @@ class DrainingServer(uvicorn.Server):
             self._state.engine.drain()
         finally:
             assert self._loop is not None  # noqa: S101 - signals are handled within `serve`
-            self._loop.call_soon_threadsafe(self._state.stopped.set)
+            self._loop.call_soon_threadsafe(self._state.engine.jobs.watcher.stop)
             self.should_exit = True

@@ -6,7 +6,7 @@ import hmac
 from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import Security
+from fastapi import Request, Security
 from fastapi.security import APIKeyHeader, HTTPAuthorizationCredentials, HTTPBearer
 from starlette.exceptions import HTTPException
 
@@ -25,13 +25,16 @@ def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
     digests = [sha256(key.encode()).digest() for key in keys]
 
     async def check(
+        request: Request,
         bearer: Annotated[HTTPAuthorizationCredentials | None, Security(_BEARER)],
         header: Annotated[str | None, Security(_HEADER)],
     ) -> None:
         sent = [key for key in (header, bearer.credentials if bearer is not None else None) if key is not None]
         sent_digests = [sha256(key.encode("latin-1")).digest() for key in sent]  # the bytes as they were sent
-        matches = [hmac.compare_digest(one, digest) for one in sent_digests for digest in digests]
-        if digests and not any(matches):
+        matches = [digest for one in sent_digests for digest in digests if hmac.compare_digest(one, digest)]
+        if matches:
+            request.state.client = matches[0].hex()
+        elif digests:
             cause = "the API key is not known" if sent else "no API key was sent"
             raise HTTPException(
                 401,
@@ -40,3 +43,9 @@ def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
             )
 
     return check
+
+
+def find_client(request: Request) -> str:
+    """The client that sent a request: the digest of its API key, else its address."""
+    address = request.client.host if request.client is not None else ""
+    return getattr(request.state, "client", address)

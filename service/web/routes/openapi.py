@@ -22,7 +22,7 @@ _ERRORS = {
     413: "over a limit on bytes, pixels, files, triangles or memory",
     415: "not multipart, or not a file of a supported type",
     422: "an option or the content of the file is invalid",
-    429: "too many jobs wait; try again after Retry-After",
+    429: "too many jobs wait, or too many event streams are open; try again after Retry-After",
     503: "the server is starting or stopping, or its queue cannot be reached; try again after Retry-After",
 }
 

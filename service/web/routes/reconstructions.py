@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import re
 import time
@@ -12,22 +11,21 @@ from typing import TYPE_CHECKING, Annotated
 import anyio
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Path, Request, Response
-from fastapi.sse import EventSourceResponse, ServerSentEvent
+from fastapi.responses import StreamingResponse
 from opentelemetry import trace
 from starlette.exceptions import HTTPException
 
 from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.job import FINAL, Job
 from ciir.service.web import multipart
+from ciir.service.web.middleware.api_keys import find_client
 from ciir.service.web.prefer import Preference
-from ciir.service.web.routes import openapi, results, upload
+from ciir.service.web.routes import events, openapi, results, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 if TYPE_CHECKING:
     from ciir.service.web.routes.upload import Upload
 
-RETRY_MILLISECONDS = 1000
-"""Time after which a client reconnects to a broken stream of events."""
 _log = logging.getLogger("ciir.jobs")
 router = APIRouter(prefix=results.ROOT)
 
@@ -118,7 +116,7 @@ async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
     """Waits for the end of `job`, but at most that time."""
     with anyio.move_on_after(seconds):
         while job.state not in FINAL:
-            later = await state.wait_for_change(job)
+            later = await state.engine.jobs.watcher.wait_for_change(job.id, len(job.events))
             if later is None:
                 break
             job = later
@@ -183,31 +181,23 @@ async def find_start(request: Request, job: FoundJob) -> tuple[Job, int]:
 Start = Annotated[tuple[Job, int], Depends(find_start)]
 
 
+async def count_stream(request: Request, state: State) -> AsyncIterator[None]:
+    """A dependency that counts the stream until it ends. Raises `HTTPException` 429 for one too many."""
+    with state.streams.count(find_client(request)):
+        yield
+
+
 @router.get(
     "/{id}/events",
     summary="Events of a job, as server-sent events",
     description="All events, or those after `Last-Event-ID`, until the job has ended. Events are numbered from 0.",
-    response_class=EventSourceResponse,
-    responses=openapi.describe_response(204, "the job has ended, and the client has all events")
-    | openapi.describe_errors(400, 401, 404, 503),
+    response_class=Response,
+    responses={200: {"description": "the events", "content": {"text/event-stream": {}}}}
+    | openapi.describe_response(204, "the job has ended, and the client has all events")
+    | openapi.describe_errors(400, 401, 404, 429, 503),
     openapi_extra={"parameters": [openapi.LAST_EVENT_ID]},
 )
-async def read_events(start: Start, state: State) -> AsyncIterator[ServerSentEvent]:
+async def read_events(start: Start, state: State, _counted: Annotated[None, Depends(count_stream)]) -> Response:
     """The events."""
-    job, sent = start
-    yield ServerSentEvent(comment=f"job {job.id}", retry=RETRY_MILLISECONDS)
-    while True:
-        sent = sent if sent <= len(job.events) else 0  # the job was submitted again, and its events begin anew
-        for number, event in enumerate(job.events[sent:], sent):
-            yield ServerSentEvent(event=event.kind, id=str(number), raw_data=json.dumps(event.data))
-        sent = len(job.events)
-        if job.state in FINAL:
-            return
-        try:
-            later = await state.wait_for_change(job)
-        except (LookupError, QueueUnavailable) as error:  # the client gets the error when it reconnects
-            _log.warning("the event stream of job %s ended: %s", job.id, error)
-            return
-        if later is None:
-            return
-        job = later
+    stream = events.stream_events(state.engine.jobs.watcher, *start)
+    return StreamingResponse(stream, headers=events.HEADERS, media_type="text/event-stream")

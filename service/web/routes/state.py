@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
-from anyio import to_thread
 from fastapi import Depends, Request
+
+from ciir.service.web.routes.events import OpenStreams
 
 if TYPE_CHECKING:
     from ciir.service.jobs.engine import Engine
-    from ciir.service.jobs.job import Job
     from ciir.service.metrics import Metrics
     from ciir.service.settings import Settings
 
@@ -23,26 +22,11 @@ class ServiceState:
     settings: Settings
     engine: Engine
     metrics: Metrics
-    stopped: asyncio.Event = field(default_factory=asyncio.Event)
-    """Set when the server has drained: no job will run here any more."""
+    streams: OpenStreams = field(init=False)
 
-    async def wait_for_change(self, job: Job) -> Job | None:
-        """Waits for the next event of `job` and returns the changed job, or None when the server has stopped.
-
-        Raises `LookupError` if the job is gone, `QueueUnavailable` without the queue.
-        """
-        change = asyncio.ensure_future(self.engine.jobs.wait_for_change(job.id, len(job.events)))
-        stop = asyncio.ensure_future(self.stopped.wait())
-        try:
-            await asyncio.wait((change, stop), return_when=asyncio.FIRST_COMPLETED)
-            if change.done():
-                return change.result()
-            # The job may have ended just before the server stopped.
-            last = await to_thread.run_sync(self.engine.jobs.get, job.id)
-            return last if last is not None and len(last.events) != len(job.events) else None
-        finally:
-            change.cancel()
-            stop.cancel()
+    def __post_init__(self) -> None:
+        streams = OpenStreams(self.settings.max_streams, self.settings.max_client_streams)
+        object.__setattr__(self, "streams", streams)
 
 
 def find_state(request: Request) -> ServiceState:

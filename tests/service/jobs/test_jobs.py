@@ -144,17 +144,17 @@ def test_waiting_for_changes(jobs):
     job = submit_data(jobs)
 
     async def follow():
-        assert await jobs.wait_for_change(job.id, 0) == job
-        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
+        assert await jobs.watcher.wait_for_change(job.id, 0) == job
+        waiting = asyncio.create_task(jobs.watcher.wait_for_change(job.id, 1))
         run = await asyncio.to_thread(jobs.lifecycle.start, job.id, "c-1")
         assert await waiting == run
-        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 2))
+        waiting = asyncio.create_task(jobs.watcher.wait_for_change(job.id, 2))
         await asyncio.to_thread(jobs.lifecycle.add_progress, run, {"stage": "map"})
         assert (await waiting).events[-1] == Event("progress", {"stage": "map"})
         ended = await asyncio.to_thread(jobs.cancel, job.id)
-        assert await jobs.wait_for_change(job.id, 4) == ended  # without waiting
+        assert await jobs.watcher.wait_for_change(job.id, 4) == ended  # without waiting
         with pytest.raises(LookupError):
-            await jobs.wait_for_change("0" * 32, 0)
+            await jobs.watcher.wait_for_change("0" * 32, 0)
 
     run_async(follow())
 
@@ -164,7 +164,7 @@ def test_waiting_for_a_change_in_another_process(service, jobs):
     job = submit_data(jobs)
 
     async def follow():
-        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
+        waiting = asyncio.create_task(jobs.watcher.wait_for_change(job.id, 1))
         await asyncio.sleep(0)
         run = await asyncio.to_thread(other.lifecycle.start, job.id, "c-1")
         assert await waiting == run
@@ -176,7 +176,7 @@ def test_waiting_ends_when_the_job_is_removed(jobs):
     job = submit_data(jobs)
 
     async def follow():
-        waiting = asyncio.create_task(jobs.wait_for_change(job.id, 1))
+        waiting = asyncio.create_task(jobs.watcher.wait_for_change(job.id, 1))
         await asyncio.sleep(0)
         await asyncio.to_thread(jobs.records.remove, job.id, lambda job: True)
         with pytest.raises(LookupError):

@@ -1,0 +1,132 @@
+"""Waiting for changes of jobs: one read serves all that wait for a job, and one query all jobs that are due."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from anyio import to_thread
+
+from ciir.service.jobs.job import FINAL
+from ciir.service.jobs.queue import POLL_SECONDS
+
+if TYPE_CHECKING:
+    from ciir.service.jobs.job import Job
+    from ciir.service.jobs.records import Records
+
+AT_ONCE = 50
+"""Waiting coroutines that are woken before other tasks of the event loop run."""
+
+
+@dataclass
+class _Watch:
+    """What is known of one job."""
+
+    waiters: dict[asyncio.Future[Job | None], int] = field(default_factory=dict)
+    """With the number of events that each has seen."""
+    due: float = 0.0
+    """When it is read next, as the event loop counts."""
+    pause: float = POLL_SECONDS[0]
+
+
+class Watcher:
+    """Reads a job's record when it has changed in this process, and at growing intervals, as others may change it.
+
+    Coroutines of one event loop at a time may wait.
+    """
+
+    def __init__(self, records: Records) -> None:
+        self._records = records
+        self._watches: dict[str, _Watch] = {}
+        self._reader: asyncio.Task[None] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._wake: asyncio.Event
+        self._is_stopped = False
+        records.subscribe(self._notify)
+
+    async def wait_for_change(self, id_: str, seen: int) -> Job | None:
+        """The job, as soon as it has ended or has other than `seen` events; None once `stop` was called.
+
+        Raises `LookupError` if the job is removed, and `QueueUnavailable`.
+        """
+        self._loop = asyncio.get_running_loop()
+        change: asyncio.Future[Job | None] = self._loop.create_future()
+        if self._reader is None:
+            self._wake = asyncio.Event()
+            self._reader = self._loop.create_task(self._read())
+        watch = self._watches.setdefault(id_, _Watch())
+        watch.waiters[change] = seen
+        self._set_due(id_)
+        try:
+            return await change
+        finally:
+            watch.waiters.pop(change, None)
+
+    def stop(self) -> None:
+        """Makes all waiting coroutines return, now and later; for the thread of the event loop."""
+        self._is_stopped = True
+        for id_ in self._watches:
+            self._set_due(id_)
+
+    def _notify(self, id_: str) -> None:
+        """Has a changed job read; for any thread."""
+        if id_ in self._watches and self._loop is not None:
+            with suppress(RuntimeError):  # the event loop is closed
+                self._loop.call_soon_threadsafe(self._set_due, id_)
+
+    def _set_due(self, id_: str) -> None:
+        if (watch := self._watches.get(id_)) is not None:
+            watch.due, watch.pause = 0.0, POLL_SECONDS[0]
+            self._wake.set()
+
+    async def _read(self) -> None:
+        """Reads what is due, until nothing is waited for."""
+        try:
+            while self._watches:
+                self._wake.clear()
+                await self._read_due()
+                self._watches = {id_: watch for id_, watch in self._watches.items() if watch.waiters}
+                pause = min((watch.due for watch in self._watches.values()), default=0.0) - self._now()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(pause):
+                        await self._wake.wait()
+        finally:
+            self._reader = None
+            self._watches = {}
+
+    async def _read_due(self) -> None:
+        now = self._now()
+        due = {id_: list(watch.waiters.items()) for id_, watch in self._watches.items() if watch.due <= now}
+        if not due:
+            return
+        for watch in (self._watches[id_] for id_ in due):  # before the read, so that a change meanwhile has it repeated
+            watch.due, watch.pause = now + watch.pause, min(1.6 * watch.pause, POLL_SECONDS[1])
+        jobs: dict[str, Job] = {}
+        error: Exception | None = None
+        try:
+            jobs = await to_thread.run_sync(self._records.get_many, list(due))
+        except Exception as raised:  # noqa: BLE001 - raised where they wait
+            error = raised
+        woken = 0
+        for id_, waiters in due.items():
+            job = jobs.get(id_)
+            for change, seen in waiters:
+                if change.done():
+                    continue
+                if error is not None or job is None:
+                    change.set_exception(error or LookupError(id_))
+                elif len(job.events) != seen or job.state in FINAL:
+                    change.set_result(job)
+                elif self._is_stopped:
+                    change.set_result(None)
+                else:
+                    continue
+                woken += 1
+                if woken % AT_ONCE == 0:
+                    await asyncio.sleep(0)
+
+    def _now(self) -> float:
+        assert self._loop is not None  # noqa: S101 - set before the reader starts
+        return self._loop.time()
