@@ -56,7 +56,7 @@ class Metrics:
         self.written.inc(size)
         for stage, milliseconds in report["timings_ms"].items():
             self.stages.labels(stage).inc(milliseconds / 1000)
-        skipped: Mapping[str, float] | None = report["plan"]["skipped"]
+        skipped: Mapping[str, float] | None = report.get("plan", report).get("skipped")
         if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even where no model ran
             self.pixels.inc(skipped["pixels"])
             for reason in _SKIPPED:

@@ -8,14 +8,16 @@ import sys
 from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
 from ciir.renderer.writers.pictures import SUFFIXES
-from ciir.service.pipeline.options import HELP, NAMES
+from ciir.service.pipeline.options import KINDS, NAMES, OPTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from _typeshed import SupportsWrite
+
+    from ciir.service.pipeline.options import KindName
 
 KEPT = (
     "Finished jobs are kept in the folder CIIR_FOLDER (default: service in the cache folder), with their inputs and "
@@ -23,9 +25,6 @@ KEPT = (
     "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
     "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
 )
-ELEMENTAL = ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta")
-"""The options of `ciir elemental`."""
-_SCALE = "output pixels for each input pixel along a side, 1 to 8 (default 2)"
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
 
@@ -75,12 +74,15 @@ def make_parser() -> argparse.ArgumentParser:
     return top
 
 
-def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], **texts: str) -> None:
-    """Adds options of `service.pipeline.options`; `texts` replaces their help."""
+def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
+    """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
     for name in names:
-        metavar, text = HELP[name][0], texts.get(name, HELP[name][1])
         parser.add_argument(
-            f"--{name.replace('_', '-')}", metavar=metavar, help=text, default=argparse.SUPPRESS, dest=f"option_{name}"
+            f"--{name.replace('_', '-')}",
+            metavar=OPTIONS[name].placeholder,
+            help=KINDS[kind].help.get(name, OPTIONS[name].help),
+            default=argparse.SUPPRESS,
+            dest=f"option_{name}",
         )
 
 
@@ -101,22 +103,13 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     command = add_command("elemental", "render a mesh's elemental image array")
     command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")
     command.add_argument("-o", "--out", required=True, metavar="FILE", help=f"picture to write: {', '.join(SUFFIXES)}")
-    _add_options(
-        command,
-        ELEMENTAL,
-        lenses="rows x columns of lenses (default 100x100)",
-        pixels="rows x columns of pixels under each lens (default 15x15)",
-        pitch="distance between lenses in scene units (default 1)",
-        delta="pixel size / gap (default 0.4 / the larger count of pixels)",
-    )
+    _add_options(command, KINDS["elemental"].options, "elemental")
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("upscale", "upscale any picture, or a folder of pictures")
     command.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
     command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
-    model = f"a model of single pictures (default {DEFAULT}, or its int8 twin where the processor supports it)"
-    skip = "exact: skip pixels that can't change the result; none: compute everything (default exact)"
-    _add_options(command, ("model", "scale", "skip"), model=model, scale=_SCALE, skip=skip)
+    _add_options(command, KINDS["upscale"].options, "upscale")
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("models", "list the models")
@@ -209,7 +202,7 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)"
     )
-    _add_options(command, ("scale",), scale=_SCALE)
+    _add_options(command, ("scale",), "upscale")
 
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(

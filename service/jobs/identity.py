@@ -37,13 +37,14 @@ _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
 def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of all bytes of `file`, the suffix, the options, the format, the limits and
-    the installation. Options are parsed first: an option's default and leaving it out give the same id.
+    """`DIGITS` hexadecimal digits: the hash of all bytes of `file`, the suffix, the options, the kind, the format, the
+    limits and the installation. Options are parsed first: an option's default and leaving it out give the same id.
     """
     inputs = [
         hash_installation(),
         os.path.splitext(request.name)[1],  # noqa: PTH122 - a name, no path
         Options.parse(request.options).as_dict(),
+        request.kind,
         request.format,
         dict(limits),
     ]

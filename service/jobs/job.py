@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from ciir.service.pipeline.options import KindName
 
 Lane = Literal["small", "large"]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
@@ -21,7 +24,8 @@ class Request:
     options: dict[str, str]
     """Option texts by the names of `service.pipeline.options.NAMES`, already parsed once and so in range."""
     format: str | None
-    """Output format; None: png for one view, else zip."""
+    """Output format; None: that of `service.pipeline.options.Kind.default_format`."""
+    kind: KindName = "reconstruction"
 
 
 @dataclass(frozen=True)

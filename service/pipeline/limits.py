@@ -43,9 +43,11 @@ def check_size(
             "give a smaller scale or a smaller input"
         )
     if limit is not None and count * rows * cols > limit:
+        given = f"{what} of" if count == 1 else f"{count} views of"
+        fewer = "" if count == 1 else "fewer views, "
         raise TooLarge(
-            f"{count} views of {rows}x{cols} are {count * rows * cols:,} pixels, over the limit of {limit:,}; "
-            "ask for fewer views, fewer lenses or a smaller scale"
+            f"{given} {rows}x{cols} pixels: {count * rows * cols:,} are over the limit of {limit:,}; "
+            f"ask for {fewer}a smaller scale or a smaller input"
         )
 
 

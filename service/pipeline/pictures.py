@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.run import Progress
 
-Write = Callable[[str, bytes], None]
+Write = Callable[[str, bytes], object]
 """Takes an output file's name and its bytes."""
 _LOSSLESS = ("png", "tif", "tiff")
 
@@ -52,15 +52,18 @@ def upscale_files(
     model: str,
     scale: int,
     skip: bool = True,
+    max_pixels: int | None = None,
     progress: Progress | None = None,
+    clock: Clock | None = None,
 ) -> Report:
     """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
     `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known
-    result are skipped. Raises `InputError`, with the picture's name, and `ModelError`.
+    result are skipped. `max_pixels`: most pixels of an output. Raises `InputError`, with the picture's name, and
+    `ModelError`.
     """
-    clock = Clock()
+    clock = clock or Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
     name_of_model = catalogue.default_name() if model == AUTO else model
@@ -72,7 +75,7 @@ def upscale_files(
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
-        check_size(pixels.shape[:2], scale, what=name)
+        check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
             begun = time.perf_counter()
             large = upscale_pictures(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]

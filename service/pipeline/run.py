@@ -116,17 +116,27 @@ def reconstruct(
     return report
 
 
-def render_eia(source: Source, options: Options, keep: Callable[[Pixels], object]) -> Report:
+def render_eia(
+    source: Source,
+    options: Options,
+    keep: Callable[[Pixels], object],
+    *,
+    max_pixels: int | None = None,
+    clock: Clock | None = None,
+) -> Report:
     """Gives a mesh's elemental image array, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`; returns its report.
 
-    Raises as `reconstruct`, and `InvalidOption` where the input is no mesh.
+    `max_pixels`: most samples of the mesh. Raises as `reconstruct`, and `InvalidOption` where the input is no mesh.
     """
-    clock = Clock()
+    clock = clock or Clock()
     given = Input(source)
-    check_eia(resolve_array(options))
+    array = resolve_array(options)
+    check_eia(array)
     with clock.stage("decode"):
         scene = given.read_mesh(options)
     job = resolve_job(given.name, scene, replace(options, pickup="virtual"), max_views=given.limits.views)
+    points = array.rows * array.cols * job.samples**2
+    check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale")
     views = MeshViews(scene, job, Plan("upscale", NO_MODEL, 1, job.samples), clock)
     views.open()
     pixels: Pixels = views.render_eia()

@@ -12,12 +12,13 @@ from starlette.middleware.cors import CORSMiddleware
 
 from ciir.service.jobs.engine import Engine
 from ciir.service.metrics import Metrics
+from ciir.service.pipeline.options import KINDS
 from ciir.service.settings import Settings
 from ciir.service.web import problems
 from ciir.service.web.middleware.api_keys import require_key
 from ciir.service.web.middleware.body_limit import BodyLimit
 from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
-from ciir.service.web.routes import docs, operations, reconstructions, results
+from ciir.service.web.routes import docs, jobs, openapi, operations, results
 from ciir.service.web.routes.state import ServiceState
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ EXPOSED = (
     "Preference-Applied",
     "Retry-After",
     "Server-Timing",
-    "X-Reconstruction-Id",
+    *map(results.name_id_header, KINDS),
     "X-Request-Id",
 )
 """Response headers that scripts of allowed origins may read."""
@@ -58,7 +59,8 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
     )
     app.openapi_version = "3.0.3"  # the newest version that the Swagger UI of swagger-ui-bundle supports
     app.state.service = state
-    app.add_middleware(BodyLimit, limits={results.ROOT: settings.max_body_bytes}, seconds=settings.body_seconds)
+    limits = dict.fromkeys(map(results.find_root, KINDS), settings.max_body_bytes)
+    app.add_middleware(BodyLimit, limits=limits, seconds=settings.body_seconds)
     if settings.cors_origins:
         app.add_middleware(
             _Cors,
@@ -69,12 +71,14 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         )
     app.add_middleware(RequestTracking, metrics=metrics)
     problems.add_handlers(app)
-    app.add_exception_handler(reconstructions.NoMoreEvents, _handle_no_more_events)
+    app.add_exception_handler(jobs.NoMoreEvents, _handle_no_more_events)
     key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
     app.include_router(operations.health)
     app.include_router(operations.router, dependencies=[key])
-    app.include_router(reconstructions.router, dependencies=[key])
+    for kind in KINDS.values():
+        app.include_router(jobs.make_router(kind), dependencies=[key])
     docs.add_docs(app)
+    openapi.add_schemas(app)
     return app
 
 

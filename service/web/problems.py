@@ -22,18 +22,6 @@ if TYPE_CHECKING:
 
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 MEDIA_TYPE = "application/problem+json"
-SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "required": ["type", "title", "status", "detail", "instance"],
-    "properties": {
-        "type": {"type": "string", "description": "urn:ciir:... for errors of ciir, about:blank for those of HTTP"},
-        "title": {"type": "string", "description": "the same for all errors of the type"},
-        "status": {"type": "integer"},
-        "detail": {"type": "string", "description": "one line: what was given, the limit, the remedy"},
-        "instance": {"type": "string", "description": "the path of the request"},
-    },
-}
-"""JSON schema of a problem, for OpenAPI."""
 SERVER_ERROR = "an error of the server; its log has the details"
 _DETAILS = {
     404: "nothing is here; GET /docs lists the routes",
@@ -45,7 +33,7 @@ _log = logging.getLogger("ciir")
 
 
 def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
-    """A problem at `path` as `SCHEMA` describes it; without a `title` it is HTTP's own, of the type about:blank."""
+    """A problem (`routes.schemas`) at `path`; without a `title` it is HTTP's own, of the type about:blank."""
     return {
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,

@@ -26,7 +26,7 @@ from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.pipeline.options import NAMES, Options
+from ciir.service.pipeline.options import KINDS, NAMES, Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
@@ -157,7 +157,7 @@ def form(data: bytes) -> None:
         request = Request({"type": "http", "method": "POST", "path": "/", "headers": headers}, receive)
         given = await multipart.read_form(request)
         try:
-            upload.parse_form(given.multi_items())
+            upload.parse_form(given.multi_items(), KINDS["reconstruction"])
         finally:
             await given.close()
 

@@ -30,7 +30,7 @@ class ThreadPool:
         self.runs += 1
         self.before(work, progress, cancelled)
         try:
-            return tasks.reconstruct(work, self.allowed)
+            return tasks.write_result(work, self.allowed)
         except Error as error:
             response = find_response(error)
             return Problem(response.status, response.title, join_lines(str(error)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.scenes import SCENES
 from ciir.service.cli import common, output_path
-from ciir.service.pipeline.options import parse_pair
+from ciir.service.pipeline.options import read_pair
 from ciir.service.pipeline.source import SCENE, open_source
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def _parse_harm(args: argparse.Namespace) -> HarmOptions:
         raise InvalidOption(f"--lenses: {pairs[0]} and {pairs[1]} are both of an elemental image array; give one")
     array = common.parse_options(args)
     if pairs:
-        array = replace(array, lenses=parse_pair("--lenses", pairs[0]))
+        array = replace(array, lenses=read_pair("--lenses", pairs[0]))
     if counts := [text for text in args.lenses if text not in pairs]:
         options = replace(options, lenses=_counts("--lenses", counts, 8, 1000))  # SSIM needs 11 pixels of the truth
     if args.only is not None:

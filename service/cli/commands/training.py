@@ -11,7 +11,7 @@ from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
-from ciir.service.pipeline.options import parse_pair
+from ciir.service.pipeline.options import read_pair
 
 if TYPE_CHECKING:
     import argparse
@@ -56,7 +56,7 @@ def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
             f"evaluate: {args.words[1]!r} is given beside --light-field {args.light_field}; give one of them"
         )
     (folder,) = _folders([args.light_field], what="views")
-    grid = parse_pair("grid", args.grid or VIEWS)
+    grid = read_pair("grid", args.grid or VIEWS)
     from ciir.training.evaluation.light_fields import evaluate
 
     model = args.words[0] if args.words else LIGHT_FIELD_DEFAULT

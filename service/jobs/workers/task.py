@@ -1,6 +1,6 @@
 """The task of a worker process: from an input file and a request to a result file.
 
-The parent process imports this module too, so what the reconstruction needs is imported where it is used.
+The parent process imports this module too, so what the job needs is imported where it is used.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class TaskLimits:
 
 @dataclass(frozen=True)
 class Task:
-    """A reconstruction to run."""
+    """A job to run."""
 
     id: str
     """Of the job."""
@@ -85,7 +85,7 @@ class Finished:
 
 
 def run_task(task: Task, limits: TaskLimits) -> Finished:
-    """Reconstructs in this process.
+    """Runs the job in this process.
 
     Errors in the input, limits on memory or file size, and a full disk give a `Problem`; other exceptions are raised.
     """
@@ -94,7 +94,7 @@ def run_task(task: Task, limits: TaskLimits) -> Finished:
     sandbox.allow_cpu(limits.cpu_seconds)
     tempfile.tempdir = str(task.target.parent)
     try:
-        return Finished(reconstruct(task, limits))
+        return Finished(write_result(task, limits))
     except Error as error:
         response = find_response(error)
         problem = Problem(response.status, response.title, join_lines(str(error)))
@@ -131,23 +131,20 @@ def _is_out_of_memory(error: BaseException) -> bool:
     )
 
 
-def reconstruct(task: Task, limits: TaskLimits) -> Result:
+def write_result(task: Task, limits: TaskLimits) -> Result:
     """Writes the result to `task.target` and progress to `task.progress`; raises whatever the pipeline does."""
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.renderer.writers.formats import FileWriter
-    from ciir.service.pipeline import run as pipeline
+    from ciir.service.pipeline import one_file
     from ciir.service.pipeline.options import Options
 
-    options = Options.parse(task.request.options)
     bundle = Bundle.from_upload(task.request.name, task.source.read_bytes(), limits.limits)
     clock = ProgressClock(task.progress)
-    with task.target.open("w+b") as file, FileWriter(file, task.request.format) as writer:
-        report = pipeline.reconstruct(
-            bundle, options, writer, max_pixels=limits.output_pixels, progress=clock.count_views, clock=clock
-        )
-    del report["views"]  # each poll parses the record, and views may be 65,536
+    with task.target.open("w+b") as file:
+        output = one_file.Output(file, task.request.format, limits.output_pixels, clock.count_views, clock)
+        name, report = one_file.RUNS[task.request.kind](bundle, Options.parse(task.request.options), output)
+    report.pop("views", None)  # each poll parses the record, and views may be 65,536
     stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
-    return Result(writer.format.name, task.target.stat().st_size, stored)
+    return Result(name, task.target.stat().st_size, stored)
 
 
 def warm_up() -> list[str]:

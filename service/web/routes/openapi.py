@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.web import problems
-from ciir.service.web.routes import results
+from ciir.service.web.routes import results, schemas
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+    from ciir.service.pipeline.options import Kind
 
 Responses = dict[int | str, dict[str, Any]]
 
-_PROBLEM = {problems.MEDIA_TYPE: {"schema": problems.SCHEMA}}
+_PROBLEM = {problems.MEDIA_TYPE: {"schema": schemas.refer("Problem")}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _ERRORS = {
     400: "the request is malformed",
@@ -35,7 +40,6 @@ _ID = _header("id of the request: the one that was sent, or a new one")
 _RETRY = _header("seconds", "integer")
 _RESULT_HEADERS = {
     "X-Request-Id": _ID,
-    "X-Reconstruction-Id": _header("the job's id"),
     "ETag": _header("the job's id in quotes; weak (W/) if the file holds timings"),
     "Content-Location": _header("path of the result"),
     "Server-Timing": _header("milliseconds of each stage; `stored` if a kept result was sent"),
@@ -52,28 +56,38 @@ def describe_errors(*statuses: int) -> Responses:
     return found | {"default": {"description": "any other error", "content": _PROBLEM}}
 
 
-def describe_result() -> Responses:
+def describe_form(kind: Kind) -> dict[str, Any]:
+    """The body of a request for that kind of job."""
+    schema = schemas.refer(f"{kind.name.title()}Form")
+    return {"required": True, "content": {"multipart/form-data": {"schema": schema}}}
+
+
+def describe_result(kind: Kind) -> Responses:
     """200 with the result, and 304 if the client has it."""
+    headers = _RESULT_HEADERS | {results.name_id_header(kind.name): _header("the job's id")}
     return {
         200: {
-            "description": "the views: one picture, a zip with report.json, or an npz",
-            "content": {entry.media_type: _BINARY for entry in FORMATS.values()},
-            "headers": _RESULT_HEADERS,
+            "description": f"the result, in one of the formats {', '.join(kind.formats)}",
+            "content": {FORMATS[name].media_type: _BINARY for name in kind.formats},
+            "headers": headers,
         },
-        304: {"description": "the client has the result that If-None-Match names", "headers": _RESULT_HEADERS},
+        304: {"description": "the client has the result that If-None-Match names", "headers": headers},
     }
 
 
-def describe_status(code: int, description: str, **headers: str) -> Responses:
+def describe_status(kind: Kind, code: int, description: str, **headers: str) -> Responses:
     """A job's status as JSON. `headers`: descriptions by name, with `_` for `-`."""
-    described = {name.replace("_", "-"): _header(text) for name, text in headers.items()}
-    return {
-        code: {
-            "description": description,
-            "content": {"application/json": {"schema": results.STATUS_SCHEMA}},
-            "headers": described | {"X-Request-Id": _ID},
-        }
-    }
+    described = describe_json(code, description, schemas.refer(schemas.STATUSES[kind.name].__name__))
+    described[code]["headers"] |= {name.replace("_", "-"): _header(text) for name, text in headers.items()}
+    return described
+
+
+def describe_json(
+    code: int, description: str, schema: dict[str, Any], media_type: str = "application/json"
+) -> Responses:
+    """A response of JSON, or of events with JSON."""
+    content = {media_type: {"schema": schema}}
+    return {code: {"description": description, "content": content, "headers": {"X-Request-Id": _ID}}}
 
 
 def describe_response(code: int, description: str, *media_types: str) -> Responses:
@@ -99,3 +113,18 @@ IF_NONE_MATCH = _parameter(
     "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
 )
 LAST_EVENT_ID = _parameter("Last-Event-ID", "number of the last event that the client has received", "3")
+
+
+def add_schemas(app: FastAPI) -> None:
+    """Adds the schemas that the routes refer to to the document, which is made once."""
+    make = app.openapi
+
+    def make_document() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = make()
+            document["paths"] = schemas.to_openapi_3_0(document["paths"])
+            document["components"]["schemas"] = schemas.make_schemas()
+            app.openapi_schema = document
+        return app.openapi_schema
+
+    app.openapi = make_document  # type: ignore[method-assign]

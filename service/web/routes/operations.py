@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from anyio import to_thread
 from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from ciir.service import listing
 from ciir.service.pipeline.options import AUTO_MODEL
-from ciir.service.web.routes import openapi
+from ciir.service.web.routes import openapi, schemas
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 health = APIRouter()
@@ -20,7 +19,13 @@ router = APIRouter()
 
 
 @health.head("/healthz", include_in_schema=False)
-@health.get("/healthz", summary="Alive: the process responds", responses=openapi.describe_errors())
+@health.get(
+    "/healthz",
+    operation_id="getHealth",
+    tags=["operation"],
+    summary="Alive: the process responds",
+    responses=openapi.describe_errors(),
+)
 async def healthz() -> dict[str, str]:
     """Needs nothing but the process."""
     return {"status": "alive"}
@@ -29,6 +34,8 @@ async def healthz() -> dict[str, str]:
 @health.head("/readyz", include_in_schema=False)
 @health.get(
     "/readyz",
+    operation_id="getReadiness",
+    tags=["operation"],
     summary="Ready: a worker has loaded its models, the queue can be reached, and the server is not stopping",
     responses=openapi.describe_errors(503),
 )
@@ -40,17 +47,23 @@ async def readyz(state: State) -> dict[str, str]:
 
 @router.get(
     "/v1/models",
+    operation_id="listModels",
+    tags=["models"],
     summary="List of models with their cards",
     description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_MODEL}.",
-    responses=openapi.describe_errors(401),
+    response_class=JSONResponse,
+    responses=openapi.describe_json(200, "the models", {"type": "array", "items": schemas.refer("Model")})
+    | openapi.describe_errors(401),
 )
-def list_models() -> list[dict[str, Any]]:
+def list_models() -> Response:
     """The catalogue."""
-    return listing.list_models()
+    return JSONResponse(listing.list_models())
 
 
 @router.get(
     "/metrics",
+    operation_id="getMetrics",
+    tags=["operation"],
     summary="Metrics for Prometheus",
     response_class=Response,
     responses=openapi.describe_response(200, "Prometheus' text format", "text/plain") | openapi.describe_errors(401),

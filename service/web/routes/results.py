@@ -19,57 +19,33 @@ if TYPE_CHECKING:
 
     from ciir.service.jobs.job import Job, Result
     from ciir.service.jobs.jobs import Jobs
+    from ciir.service.pipeline.options import KindName
 
-ROOT = "/v1/reconstructions"
 CACHE = "private, no-cache"
 """Of results: a client may keep them and ask with the ETag whether they have changed."""
 CHUNK = 2**18
 """Bytes of a piece of a result; one that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
 """`Retry-After` while a job is not done."""
-STATUS_SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "required": ["id", "state", "created", "attempts", "input", "options", "format", "events", "progress"],
-    "properties": {
-        "id": {
-            "type": "string",
-            "pattern": "^[0-9a-f]{32}$",
-            "description": "hash of the input, the options and the format",
-        },
-        "state": {"type": "string", "enum": ["queued", "running", "done", "failed", "cancelled"]},
-        "created": {"type": "string", "format": "date-time"},
-        "attempts": {"type": "integer", "minimum": 0, "description": "how often it was started"},
-        "input": {"type": "string", "description": "`upload` and the suffix of the file's name"},
-        "options": {"type": "object", "additionalProperties": {"type": "string"}, "description": "as they were sent"},
-        "format": {
-            "type": "string",
-            "nullable": True,
-            "description": "as requested; once the job is done, that of the result",
-        },
-        "events": {"type": "string", "description": "path of its server-sent events"},
-        "progress": {
-            "type": "object",
-            "nullable": True,
-            "description": "stage, views_done, views: the last progress of the current run",
-        },
-        "result": {"type": "object", "description": "url, format, size in bytes; if it is done"},
-        "report": {
-            "type": "object",
-            "description": "the report without its list of views; if it is done",
-        },
-        "problem": problems.SCHEMA | {"description": "why it failed; if it has"},
-    },
-}
-"""JSON schema of a job's status, for OpenAPI."""
+
+
+def find_root(kind: KindName) -> str:
+    """The path of all jobs of that kind."""
+    return f"/v1/{kind}s"
 
 
 def make_url(job: Job) -> str:
     """The path of a job."""
-    return f"{ROOT}/{job.id}"
+    return f"{find_root(job.request.kind)}/{job.id}"
+
+
+def name_id_header(kind: KindName) -> str:
+    """The response header with a job's id."""
+    return f"X-{kind.title()}-Id"
 
 
 def describe_job(job: Job) -> dict[str, Any]:
-    """A job's status as `STATUS_SCHEMA` describes it."""
+    """A job's status as `schemas.Status` describes it."""
     status: dict[str, Any] = {
         "id": job.id,
         "state": job.state,
@@ -105,7 +81,7 @@ def _find_progress(job: Job) -> dict[str, Any] | None:
 def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | None = None) -> JSONResponse:
     """The response with the status; `Retry-After` if it will change."""
     again = {} if job.state in FINAL else {"Retry-After": RETRY_SECONDS}
-    fixed = {"Cache-Control": "no-store", "X-Reconstruction-Id": job.id}
+    fixed = {"Cache-Control": "no-store", name_id_header(job.request.kind): job.id}
     return JSONResponse(describe_job(job), code, fixed | again | dict(headers or {}))
 
 
@@ -137,15 +113,15 @@ def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dic
         "ETag": tag,
         "Cache-Control": CACHE,
         "Content-Location": f"{make_url(job)}/result",
-        "X-Reconstruction-Id": job.id,
+        name_id_header(job.request.kind): job.id,
         "Server-Timing": ", ".join(f"{stage};dur={ms:.3f}" for stage, ms in timings.items()),
     }
 
 
-def respond_unchanged(tag: str) -> Response:
+def respond_unchanged(tag: str, kind: KindName) -> Response:
     """The response 304: the client has the result that `tag` names."""
     id_ = tag.removeprefix("W/").strip('"')
-    kept = {"ETag": tag, "Content-Location": f"{ROOT}/{id_}/result", "X-Reconstruction-Id": id_}
+    kept = {"ETag": tag, "Content-Location": f"{find_root(kind)}/{id_}/result", name_id_header(kind): id_}
     return Response(status_code=304, headers=kept | {"Cache-Control": CACHE})
 
 

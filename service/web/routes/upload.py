@@ -1,36 +1,25 @@
-"""The form of a reconstruction: a file, the options by name, and the format of the result."""
+"""The form of a job: a file, the options by name, and the format of the result."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.writers.formats import FORMATS, check_format
 from ciir.service.jobs.job import Request
-from ciir.service.pipeline.options import HELP, NAMES, Options
+from ciir.service.pipeline.options import Options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-FILE, FORMAT = "file", "format"
+    from ciir.service.pipeline.options import Kind
 
-SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "required": [FILE],
-    "additionalProperties": False,
-    "properties": {
-        FILE: {"type": "string", "format": "binary", "description": "a mesh, an EIA picture, or a zip of views"},
-        FORMAT: {"type": "string", "enum": list(FORMATS), "description": "default: png for one view, else zip"},
-    }
-    | {name: {"type": "string", "description": f"{HELP[name][0]}: {HELP[name][1]}"} for name in NAMES},
-}
-"""JSON schema of the form, for OpenAPI."""
+FILE, FORMAT = "file", "format"
 
 
 @dataclass(frozen=True)
@@ -51,8 +40,11 @@ def check_content_type(content_type: str | None) -> None:
         raise UnsupportedType(f"the body's type is {given}; send multipart/form-data with the part {FILE!r}")
 
 
-def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
-    """Parses the parts of a form. Raises `InvalidOption` for one that is unknown, repeated, missing or out of range."""
+def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:
+    """Parses the parts of a job's form.
+
+    Raises `InvalidOption` for one that is unknown, repeated, missing or out of range, and `UnknownModel`.
+    """
     upload: UploadFile | None = None
     texts: dict[str, str] = {}
     seen: set[str] = set()
@@ -66,19 +58,19 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]]) -> Upload:
             upload = value
         elif isinstance(value, UploadFile):
             raise InvalidOption(f"{clean_text(name)}: a file; only {FILE!r} may be one, send this as a plain field")
-        elif value.strip() or name not in (*NAMES, FORMAT):  # web forms send empty fields too
+        elif value.strip() or name not in (*kind.options, FORMAT):  # web forms send empty fields too
             texts[name] = value
     format_ = texts.pop(FORMAT, None)
-    unknown = sorted(set(texts) - set(NAMES))
+    unknown = sorted(set(texts) - set(kind.options))
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
-        raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *NAMES))}")
-    if format_ is not None:
-        check_format(format_)
-    Options.parse(texts)  # raises for one that is out of range
+        raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *kind.options))}")
+    if format_ is not None and format_ not in kind.formats:
+        raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}")
+    kind.check_model(Options.parse(texts).model)
     if upload is None:
-        raise InvalidOption(f"{FILE}: missing; send a mesh, an EIA picture or a zip of views as the part {FILE!r}")
-    request = Request("upload" + _find_suffix(upload.filename or ""), texts, format_)
+        raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}")
+    request = Request("upload" + _find_suffix(upload.filename or ""), texts, format_, kind.name)
     return Upload(request, upload.file, upload.size or 0)
 
 

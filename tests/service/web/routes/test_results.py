@@ -7,6 +7,7 @@ import pytest
 
 from ciir.service.jobs.job import Event, Job, Problem, Request, Result
 from ciir.service.web.routes import results
+from ciir.service.web.routes.schemas import make_schemas
 
 ID = "0123456789abcdef" * 2
 QUEUED = Job(ID, Request("upload.glb", {"lenses": "5x5"}, None), created=1.5, events=(Event("queued"),))
@@ -36,7 +37,8 @@ def test_matching_tags(given, tag):
 def test_a_status_agrees_with_openapi(job):
     status = results.describe_job(job)
     assert json.loads(json.dumps(status)) == status
-    assert set(results.STATUS_SCHEMA["required"]) <= set(status) <= set(results.STATUS_SCHEMA["properties"])
+    schema = make_schemas()["Reconstruction"]
+    assert set(schema["required"]) <= set(status) <= set(schema["properties"])
     assert status["state"] == job.state
     assert status["created"] == "1970-01-01T00:00:01.500+00:00"
     assert status["progress"] == (None if job is QUEUED else PROGRESS)

@@ -1,4 +1,4 @@
-"""The routes under /v1/reconstructions. Every reconstruction is a job, also if the client waits for it."""
+"""The routes of jobs, the same for each kind of job. Every request is a job, also if the client waits for it."""
 
 from __future__ import annotations
 
@@ -17,64 +17,61 @@ from starlette.exceptions import HTTPException
 
 from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.job import FINAL, Job
+from ciir.service.pipeline.options import KINDS, Kind
 from ciir.service.web import multipart
 from ciir.service.web.middleware.api_keys import find_client
 from ciir.service.web.prefer import Preference
-from ciir.service.web.routes import events, openapi, results, upload
+from ciir.service.web.routes import events, openapi, results, schemas, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 if TYPE_CHECKING:
     from ciir.service.web.routes.upload import Upload
 
 _log = logging.getLogger("ciir.jobs")
-router = APIRouter(prefix=results.ROOT)
 
 
 class NoMoreEvents(Exception):  # noqa: N818 - not an error
     """The job has ended and the client has all its events: 204, which stops a browser from reconnecting."""
 
 
+def find_kind(request: Request) -> Kind:
+    """A dependency: the kind of jobs that the route is for."""
+    return next(kind for kind in KINDS.values() if request.scope["route"].path.startswith(results.find_root(kind.name)))
+
+
+FoundKind = Annotated[Kind, Depends(find_kind)]
+
+
 async def find_job(
     state: State,
+    kind: FoundKind,
     id_: Annotated[str, Path(alias="id", description="a job's id", examples=["0123456789abcdef0123456789abcdef"])],
 ) -> Job:
     """A dependency: the job of the path. Raises `HTTPException` 404."""
     found = None
     if re.fullmatch(r"[0-9a-f]{32}", id_):
         found = await to_thread.run_sync(state.engine.jobs.get, id_)
-    if found is None:
-        raise HTTPException(404, f"there is no job {id_[:40]!r}, or it has been removed; post its file again")
+    if found is None or found.request.kind != kind.name:
+        raise HTTPException(404, f"there is no {kind.name} {id_[:40]!r}, or it has been removed; post its file again")
     return found
 
 
 FoundJob = Annotated[Job, Depends(find_job)]
 
 
-@router.post(
-    "",
-    summary="Reconstruct views from a mesh, an EIA picture or a zip of views",
-    response_class=Response,
-    responses=openapi.describe_result()
-    | openapi.describe_status(202, "the job is not done yet", Location="path of the job", Retry_After="seconds")
-    | openapi.describe_errors(400, 401, 408, 409, 413, 415, 422, 429, 503),
-    openapi_extra={
-        "parameters": [openapi.PREFER, openapi.IF_NONE_MATCH],
-        "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": upload.SCHEMA}}},
-    },
-)
-async def create_reconstruction(request: Request, state: State) -> Response:
+async def create_job(request: Request, kind: FoundKind, state: State) -> Response:
     """Waits for the result up to CIIR_SYNC_SECONDS, or as `Prefer` asks for; then the answer is 202."""
     start = time.perf_counter()
     state.engine.check_accepting()
     upload.check_content_type(request.headers.get("content-type"))
     form = await multipart.read_form(request)
     try:
-        given = upload.parse_form(form.multi_items())
+        given = upload.parse_form(form.multi_items(), kind)
         tags = request.headers.getlist("if-none-match")
         if tags:
             id_ = await to_thread.run_sync(state.engine.jobs.compute_id, given.request, given.file)
             if (tag := results.find_matching_tag(tags, id_)) is not None:
-                return results.respond_unchanged(tag)  # no job is needed
+                return results.respond_unchanged(tag, kind.name)  # no job is needed
         job = await _submit(state, given)
     finally:
         await form.close()
@@ -123,47 +120,24 @@ async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
     return job
 
 
-@router.head("/{id}", include_in_schema=False)
-@router.get(
-    "/{id}",
-    summary="Status of a job",
-    response_class=Response,
-    responses=openapi.describe_status(200, "the status") | openapi.describe_errors(401, 404, 503),
-)
-async def read_reconstruction(job: FoundJob) -> Response:
+async def read_job(job: FoundJob) -> Response:
     """The status, with the report or the problem at its end."""
     return results.respond_with_status(job)
 
 
-@router.delete(
-    "/{id}",
-    summary="Cancel a job, unless it has ended",
-    description="Identical requests share one job: it is cancelled for all of them.",
-    response_class=Response,
-    responses=openapi.describe_status(200, "the status: cancelled, or that at its end")
-    | openapi.describe_errors(401, 404, 503),
-)
-async def cancel_reconstruction(job: FoundJob, state: State) -> Response:
+async def cancel_job(job: FoundJob, state: State) -> Response:
     """Cancels the job."""
     cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id)
     return results.respond_with_status(cancelled or job)
 
 
-@router.head("/{id}/result", include_in_schema=False)
-@router.get(
-    "/{id}/result",
-    summary="Result of a job",
-    response_class=Response,
-    responses=openapi.describe_result() | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
-    openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
-)
 async def read_result(request: Request, job: FoundJob, state: State) -> Response:
     """The file with the views; if the job failed, its problem."""
     if job.result is None:
         return results.respond_unfinished(job, request.url.path)
     tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
     if tag is not None:
-        return results.respond_unchanged(tag)
+        return results.respond_unchanged(tag, job.request.kind)
     return await results.respond_with_result(state.engine.jobs, job, job.result, is_head=request.method == "HEAD")
 
 
@@ -187,17 +161,66 @@ async def count_stream(request: Request, state: State) -> AsyncIterator[None]:
         yield
 
 
-@router.get(
-    "/{id}/events",
-    summary="Events of a job, as server-sent events",
-    description="All events, or those after `Last-Event-ID`, until the job has ended. Events are numbered from 0.",
-    response_class=Response,
-    responses={200: {"description": "the events", "content": {"text/event-stream": {}}}}
-    | openapi.describe_response(204, "the job has ended, and the client has all events")
-    | openapi.describe_errors(400, 401, 404, 429, 503),
-    openapi_extra={"parameters": [openapi.LAST_EVENT_ID]},
-)
 async def read_events(start: Start, state: State, _counted: Annotated[None, Depends(count_stream)]) -> Response:
     """The events."""
     stream = events.stream_events(state.engine.jobs.watcher, *start)
     return StreamingResponse(stream, headers=events.HEADERS, media_type="text/event-stream")
+
+
+def make_router(kind: Kind) -> APIRouter:
+    """The routes of one kind of job."""
+    title = kind.name.title()
+    router = APIRouter(prefix=results.find_root(kind.name), tags=[f"{kind.name}s"])
+    status = openapi.describe_errors(401, 404, 503)
+    router.post(
+        "",
+        operation_id=f"create{title}",
+        summary=kind.summary,
+        response_class=Response,
+        responses=openapi.describe_result(kind)
+        | openapi.describe_status(
+            kind, 202, "the job is not done yet", Location="path of the job", Retry_After="seconds"
+        )
+        | openapi.describe_errors(400, 401, 408, 409, 413, 415, 422, 429, 503),
+        openapi_extra={
+            "parameters": [openapi.PREFER, openapi.IF_NONE_MATCH],
+            "requestBody": openapi.describe_form(kind),
+        },
+    )(create_job)
+    router.head("/{id}", include_in_schema=False)(read_job)
+    router.get(
+        "/{id}",
+        operation_id=f"get{title}",
+        summary="Status of a job",
+        response_class=Response,
+        responses=openapi.describe_status(kind, 200, "the status") | status,
+    )(read_job)
+    router.delete(
+        "/{id}",
+        operation_id=f"delete{title}",
+        summary="Cancel a job, unless it has ended",
+        description="Identical requests share one job: it is cancelled for all of them.",
+        response_class=Response,
+        responses=openapi.describe_status(kind, 200, "the status: cancelled, or that at its end") | status,
+    )(cancel_job)
+    router.head("/{id}/result", include_in_schema=False)(read_result)
+    router.get(
+        "/{id}/result",
+        operation_id=f"get{title}Result",
+        summary="Result of a job",
+        response_class=Response,
+        responses=openapi.describe_result(kind) | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
+        openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
+    )(read_result)
+    router.get(
+        "/{id}/events",
+        operation_id=f"get{title}Events",
+        summary="Events of a job, as server-sent events",
+        description="All events, or those after `Last-Event-ID`, until the job has ended. They are numbered from 0.",
+        response_class=Response,
+        responses=openapi.describe_response(204, "the job has ended, and the client has all events")
+        | openapi.describe_json(200, "the events", schemas.refer("Event"), "text/event-stream")
+        | openapi.describe_errors(400, 401, 404, 429, 503),
+        openapi_extra={"parameters": [openapi.LAST_EVENT_ID]},
+    )(read_events)
+    return router

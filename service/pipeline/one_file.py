@@ -1,0 +1,80 @@
+"""Runs a job of any kind from an upload to one file, as worker processes do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS
+from ciir.service.pipeline import run
+from ciir.service.pipeline.pictures import output_names, upscale_files
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.service.pipeline.options import KindName, Options
+    from ciir.service.pipeline.report import Clock, Report
+    from ciir.service.pipeline.run import Progress
+
+    Run = Callable[["Bundle", "Options", "Output"], tuple[str, "Report"]]
+    """Returns the name of the format that was written, and the report; raises as `service.pipeline.run` does."""
+
+_SUFFIXES = {entry.name: entry.suffixes[0] for entry in FORMATS}
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a job's result goes, and what limits and counts its work."""
+
+    file: IO[bytes]
+    format: str | None
+    """One of the kind's formats; None: its default."""
+    max_pixels: int
+    """Most output pixels, and most samples of a mesh."""
+    progress: Progress
+    clock: Clock
+
+
+def _reconstruct(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    with FileWriter(output.file, output.format) as writer:
+        report = run.reconstruct(
+            bundle, options, writer, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+        )
+    return writer.format.name, report
+
+
+def _upscale(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    if bundle.main is None:
+        raise InvalidOption(f"{bundle.name}: holds several files; send one picture, or views as a reconstruction")
+    name = output_names([bundle.main])[bundle.main] if output.format is None else f"upload{_SUFFIXES[output.format]}"
+    report = upscale_files(
+        bundle.files,
+        {bundle.main: name},
+        lambda _, data: output.file.write(data),
+        model=options.model,
+        scale=options.scale,
+        skip=options.skip == "exact",
+        max_pixels=output.max_pixels,
+        progress=output.progress,
+        clock=output.clock,
+    )
+    return BY_SUFFIX[name[name.rindex(".") :]].name, report
+
+
+def _render_eia(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    name = output.format or "png"
+
+    def keep(pixels: Pixels) -> None:
+        output.file.write(BY_SUFFIX[_SUFFIXES[name]].encode(pixels))
+        output.progress(1, 1)
+
+    output.progress(0, 1)
+    return name, run.render_eia(bundle, options, keep, max_pixels=output.max_pixels, clock=output.clock)
+
+
+RUNS: dict[KindName, Run] = {"reconstruction": _reconstruct, "upscale": _upscale, "elemental": _render_eia}
+"""By kind."""

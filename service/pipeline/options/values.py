@@ -1,0 +1,168 @@
+"""The types of options' values: from text and from Python values, to text, and as JSON schema."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from numbers import Integral
+from operator import index
+from typing import TYPE_CHECKING, Any
+
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_MOST = 999_999
+"""The largest count that text or a sequence may hold."""
+
+
+@dataclass(frozen=True)
+class ValueType:
+    """A type of values. All but `write` get the option's name for their messages, and raise `InvalidOption`."""
+
+    schema: dict[str, Any]
+    """JSON schema of a value's text; of a number, of the number. A form's field may be empty, which counts as not
+    sent."""
+    read: Callable[[str, str], Any]
+    """The value of a text."""
+    convert: Callable[[Any], Any]
+    """The value of an object that is no text; raises any error for a wrong one."""
+    needed: str
+    """What `convert` takes, for messages."""
+    write: Callable[[Any], str] = str
+    """The text of a value."""
+
+    def parse(self, name: str, value: object) -> Any:
+        """The value of a text or of another object."""
+        if isinstance(value, str):
+            return self.read(name, value)
+        try:
+            return self.convert(value)
+        except (IndexError, OverflowError, TypeError, ValueError) as error:
+            given = clean_text(repr(value))[:40]
+            raise InvalidOption(f"{name}: {given} is not understood; give {self.needed}") from error
+
+    def check(self, name: str, value: Any) -> None:
+        """Raises `InvalidOption` for a value that is not among those, or not in the range, that `schema` names."""
+        allowed = self.schema.get("enum")
+        if allowed is not None and value not in allowed:
+            raise InvalidOption(f"{name}: {value[:40]!r} is not known; give {' or '.join(allowed)}")
+        least, most = self.schema.get("minimum"), self.schema.get("maximum")
+        if least is not None and value is not None and not (math.isfinite(value) and least <= value <= most):
+            kind = "a positive number from " if 0 < least < 1 else ""
+            raise InvalidOption(f"{name}: {value} is out of range; give {kind}{least:g} to {most:g}")
+
+
+def read_pair(name: str, text: str) -> tuple[int, int]:
+    """`5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
+    if match is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
+    counts = int(match[1]), int(match[2])
+    if 0 in counts:
+        raise InvalidOption(f"{name}: {counts[0]}x{counts[1]} is out of range; give at least 1x1")
+    return counts
+
+
+def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all that read text share one signature
+    return text.strip()
+
+
+def _read_views(name: str, text: str) -> str:
+    views = re.sub(r"\s*([,;])\s*", r"\1", text.strip())
+    if not views or re.fullmatch(VIEWS.schema["pattern"], views) is None:
+        raise InvalidOption(f"{name}: {text[:80]!r} is not understood; give center, cross, all, or pairs like 0,0;7,7")
+    return views
+
+
+def _read_integer(name: str, text: str) -> int:
+    digits = text.strip()  # `int` alone takes less for white space than this and a pattern's \s do
+    if re.fullmatch(r"-?\d{1,6}", digits) is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not a whole number; give one such as 2")
+    return int(digits)
+
+
+def _read_number(name: str, text: str) -> float:
+    try:
+        return float(text.strip())
+    except ValueError as error:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not a number; give one such as 0.5") from error
+
+
+def _read_colour(name: str, text: str) -> tuple[int, int, int]:
+    match = re.fullmatch(r"\s*#?([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})\s*", text)
+    if match is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not a colour; give RRGGBB in hexadecimal, such as ffffff")
+    return int(match[1], 16), int(match[2], 16), int(match[3], 16)
+
+
+def _refuse(value: Any) -> Any:
+    raise TypeError(value)
+
+
+def _convert_whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]:
+    numbers = tuple(index(number) for number in value)
+    if len(numbers) != count or not all(0 <= number <= most for number in numbers):
+        raise ValueError
+    return numbers
+
+
+def _convert_pair(value: Any) -> tuple[int, ...]:
+    return _convert_whole_numbers(value, 2, _MOST)
+
+
+def _convert_views(value: Any) -> str:
+    is_pair = len(value) == 2 and all(isinstance(number, Integral) for number in value)
+    return ";".join("{},{}".format(*_convert_pair(pair)) for pair in ([value] if is_pair else value))
+
+
+def _convert_switch(value: Any) -> str:
+    return ("none", "exact")[index(value)]
+
+
+PAIR = ValueType(
+    {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
+    read_pair,
+    _convert_pair,
+    "rows and columns, such as (50, 50)",
+    lambda pair: "{}x{}".format(*pair),
+)
+VIEWS = ValueType(
+    {"type": "string", "pattern": "^(center|cross|all|[0-9]{1,6},[0-9]{1,6}(;[0-9]{1,6},[0-9]{1,6})*)?$"},
+    _read_views,
+    _convert_views,
+    "'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
+)
+TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
+COLOUR = ValueType(
+    {"type": "string", "pattern": "^([0-9a-fA-F]{6})?$"},
+    _read_colour,
+    lambda value: _convert_whole_numbers(value, 3, 255),
+    "red, green and blue from 0 to 255, such as (255, 255, 255)",
+    lambda colour: "{:02x}{:02x}{:02x}".format(*colour),
+)
+
+
+def make_name(allowed: tuple[str, ...]) -> ValueType:
+    """One of the texts `allowed`."""
+    return ValueType({"type": "string", "enum": list(allowed)}, _read_text, _refuse, "text")
+
+
+def make_switch(allowed: tuple[str, str]) -> ValueType:
+    """As `make_name` for `exact` and `none`, which may be given as a bool too."""
+    return ValueType({"type": "string", "enum": list(allowed)}, _read_text, _convert_switch, "True or False")
+
+
+def make_integer(least: int, most: int) -> ValueType:
+    """A whole number in a range."""
+    return ValueType(
+        {"type": "integer", "minimum": least, "maximum": most}, _read_integer, index, "a whole number such as 2"
+    )
+
+
+def make_number(least: float, most: float, needed: str = "a number such as 0.5") -> ValueType:
+    """A number in a range."""
+    return ValueType({"type": "number", "minimum": least, "maximum": most}, _read_number, float, needed)
