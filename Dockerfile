@@ -17,7 +17,7 @@ COPY training training
 COPY service service
 COPY benchmarks benchmarks
 # Then what no request needs goes: tests, debug symbols, OpenGL for other platforms, tools to make networks, codecs of
-# formats that are not read, pip.
+# formats that are not read, all services of AWS but S3 and its logins, pip.
 RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && find /opt/ciir -depth -type d -name tests -exec rm -r {} + \
     && find /opt/ciir/lib/python*/site-packages/swagger_ui_bundle -name '*.map' -delete \
@@ -27,6 +27,7 @@ RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && rm onnxruntime/capi/libonnxruntime.so.* \
     && for codec in avif htj2k pcodec sperr sz3 ultrahdr; do rm imagecodecs/_$codec.*.so; done \
     && for library in SPERR SZ3c aom avif cpcodec openjph uhdr; do rm imagecodecs.libs/lib$library-*; done \
+    && find botocore/data -mindepth 1 -maxdepth 1 -type d ! -name s3 ! -name sts ! -name 'sso*' -exec rm -r {} + \
     && rm PIL/_avif.*.so pillow.libs/libavif-* \
     && strip --strip-debug DracoPy*.so PIL/*.so imagecodecs/*.so \
     && pip uninstall --yes pip setuptools

@@ -55,8 +55,8 @@ class Settings(BaseSettings):
     """Address of the Redis server that holds the queue, redis://HOST:PORT/NUMBER; several machines can share it.
     Default: a SQLite file in `CIIR_FOLDER`."""
     files: str = ""
-    """Folder for inputs and results, or s3://BUCKET/PATH (needs s3fs); default: `files` in `CIIR_FOLDER`. Machines that
-    share a queue must share this too."""
+    """Folder for inputs and results, or s3://BUCKET/PATH (`ciir[s3]`; the image has it); default: `files` in
+    `CIIR_FOLDER`. Machines that share a queue must share this too."""
 
     # Parallel work and time limits
 

@@ -321,5 +321,5 @@ def to_openapi_3_0(schema: Any) -> Any:
         if len(options) == 1:
             (only,) = changed.pop("anyOf")
             changed = ({"allOf": [only]} if "$ref" in only else only) | changed
-        changed["nullable"] = True
+        changed |= {"nullable": True} | ({"enum": [*changed["enum"], None]} if "enum" in changed else {})
     return changed
