@@ -68,6 +68,9 @@ class Settings(BaseSettings):
     429 and `Retry-After`."""
     sync_seconds: float = _number(10.0, 0.0, 3600.0)
     """Seconds that a request waits for its result; then it is answered with 202 and the job's address."""
+    max_connections: int = _number(2000, 1, 1_000_000)
+    """Maximum number of open connections, fewer if the limit on open files is low. The connection that is idle for
+    longest ends for a new one; while none is idle, new ones are answered with 503."""
     max_streams: int = _number(1000, 1, 1_000_000)
     """Maximum number of open event streams; further ones are answered with 429."""
     max_client_streams: int = _number(100, 1, 1_000_000)
@@ -129,9 +132,12 @@ class Settings(BaseSettings):
     api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
     """API keys, separated by commas. A request must send one of them as `Authorization: Bearer KEY` or `X-API-Key`.
     Default: no key is needed."""
+    hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
+    """Names or addresses that the `Host` of a request may have besides those of this machine (localhost, 127.0.0.0/8,
+    [::1]), with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else any."""
     cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
-    """Origins of web pages whose scripts may use the API, such as https://example.org, separated by commas. Default:
-    none."""
+    """Origins of other web pages whose scripts may use the API, such as https://example.org, separated by commas.
+    Default: none."""
     log_format: Literal["text", "json"] = "text"
     """Format of log lines: `text`, or `json` with one object per line."""
     metrics_port: int = _number(0, 0, 65535)
@@ -204,5 +210,6 @@ _VALUES = {
     "queue": "empty, or the address of a Redis server such as redis://localhost:6379/0",
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
     "api_keys": "keys separated by commas",
+    "hosts": "names separated by commas",
     "cors_origins": "origins separated by commas",
 }

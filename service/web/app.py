@@ -17,6 +17,7 @@ from ciir.service.settings import Settings
 from ciir.service.web import problems
 from ciir.service.web.middleware.api_keys import require_key
 from ciir.service.web.middleware.body_limit import BodyLimit
+from ciir.service.web.middleware.site import require_own_site
 from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
 from ciir.service.web.routes import docs, jobs, openapi, operations, results
 from ciir.service.web.routes.state import ServiceState
@@ -53,6 +54,7 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         version=version("ciir"),
         docs_url=None,
         redoc_url=None,
+        redirect_slashes=False,  # a redirect would name any host that the request does
         lifespan=_lifespan,
         # Exports if OTEL_EXPORTER_OTLP_ENDPOINT is set.
         telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in UNLOGGED_PATHS},
@@ -72,11 +74,12 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
     app.add_middleware(RequestTracking, metrics=metrics)
     problems.add_handlers(app)
     app.add_exception_handler(jobs.NoMoreEvents, _handle_no_more_events)
+    site = Depends(require_own_site(settings.hosts, settings.cors_origins))
     key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
     app.include_router(operations.health)
-    app.include_router(operations.router, dependencies=[key])
+    app.include_router(operations.router, dependencies=[site, key])
     for kind in KINDS.values():
-        app.include_router(jobs.make_router(kind), dependencies=[key])
+        app.include_router(jobs.make_router(kind), dependencies=[site, key])
     docs.add_docs(app)
     openapi.add_schemas(app)
     return app

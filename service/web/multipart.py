@@ -9,10 +9,12 @@ import errno
 from contextlib import aclosing
 from typing import TYPE_CHECKING
 
+from python_multipart.multipart import parse_options_header
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from ciir.errors import QueueUnavailable
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from starlette.datastructures import FormData
     from starlette.requests import Request
 
+CHARSETS = ("utf-8", "us-ascii")
 MAX_FIELD_BYTES = 64 * 2**10
 """Maximum bytes of a field other than the file: enough to name thousands of views."""
 MAX_FIELDS = 32
@@ -38,8 +41,12 @@ _REMEDIES = {  # the beginning of a message -> its remedy
 async def read_form(request: Request) -> FormData:
     """The parts of the body, of which one may be a file; the caller closes the form. A large file is kept on the disk.
 
-    Raises `HTTPException` 400 for a broken body, and `QueueUnavailable` if the disk is full.
+    Raises `HTTPException` 400 for a broken body or another charset than UTF-8, and `QueueUnavailable` if the disk is
+    full.
     """
+    charset = parse_options_header(request.headers["content-type"])[1].get(b"charset", b"utf-8").decode("latin-1")
+    if charset.lower() not in CHARSETS:
+        raise HTTPException(400, f"charset={clean_text(charset)[:40]}: not supported; send the form in UTF-8")
 
     async def check_end() -> AsyncGenerator[bytes, None]:
         async for chunk in request.stream():
@@ -62,8 +69,6 @@ async def read_form(request: Request) -> FormData:
         raise QueueUnavailable(
             "the server's disk has no space for the upload; try again later, or have its operator make space in TMPDIR"
         ) from error
-    except UnicodeError as error:  # of a charset whose decoder accepts nothing
-        raise HTTPException(400, "The multipart form is not in the charset that it names; send UTF-8") from error
 
 
 class _Parser(MultiPartParser):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import uvicorn
 
+from ciir.service.web.connections import AcceptErrors, find_most
 from ciir.service.web.middleware.protocol import make_protocol
 
 if TYPE_CHECKING:
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
     from ciir.service.web.routes.state import ServiceState
 
+BACKLOG = 2048
+"""Connections that the system keeps until they are accepted."""
+ACCEPTED_AT_ONCE = 16
+"""Connections that are accepted before others that they replace are closed."""
 KEEP_ALIVE_SECONDS = 30
 CLOSING_SECONDS = 5
 """Time for open responses after the drain."""
@@ -38,7 +43,8 @@ class DrainingServer(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 app,
-                http=make_protocol(self._state.settings.client_seconds),
+                http=make_protocol(self._state.settings.client_seconds, find_most(self._state.settings)),
+                backlog=ACCEPTED_AT_ONCE,
                 ws="none",
                 timeout_keep_alive=KEEP_ALIVE_SECONDS,
                 timeout_graceful_shutdown=CLOSING_SECONDS,
@@ -53,7 +59,14 @@ class DrainingServer(uvicorn.Server):
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
         """Serves until the drain has ended."""
         self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(AcceptErrors())
         await super().serve(sockets)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts listening. To asyncio `backlog` is both numbers; only `ACCEPTED_AT_ONCE` should be small."""
+        await super().startup(sockets)
+        for listener in sockets or ():
+            listener.listen(BACKLOG)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002 - uvicorn's signature
         """Handles a signal, in the main thread."""

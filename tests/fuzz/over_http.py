@@ -36,13 +36,14 @@ ANSWER_SECONDS = 60
 SUFFIXES = {"png-sealed": ".png", "jpeg": ".jpg", "tiff": ".tif", "draco": ".glb", "any": "", "views": ".zip"}
 """Of a target's files, where it isn't the target's name."""
 HEADS = (
-    f"POST {PATH} HTTP/1.1\r\nHost: a\r\nContent-Type: multipart/form-data; boundary=bound\r\n",
-    "GET /v1/reconstructions/0123456789abcdef0123456789abcdef/events HTTP/1.1\r\nHost: a\r\nLast-Event-ID: 3\r\n",
-    f"POST {PATH} HTTP/1.1\r\nHost: a\r\nPrefer: wait=1, respond-async\r\nTransfer-Encoding: chunked\r\n",
-    'GET /v1/models HTTP/1.1\r\nHost: a\r\nIf-None-Match: "a"\r\nX-Request-Id: abc\r\nAuthorization: Bearer x\r\n',
-    f"DELETE {PATH}/../../healthz?a=%00%ff HTTP/1.0\r\n",
+    f"POST {PATH}\r\nContent-Type: multipart/form-data; boundary=bound\r\n",
+    "GET /v1/reconstructions/0123456789abcdef0123456789abcdef/events\r\nLast-Event-ID: 3\r\n",
+    f"POST {PATH}\r\nPrefer: wait=1, respond-async\r\nTransfer-Encoding: chunked\r\n",
+    'GET /v1/models\r\nIf-None-Match: "a"\r\nX-Request-Id: abc\r\nAuthorization: Bearer x\r\n',
+    f"DELETE {PATH}/../../healthz?a=%00%ff\r\n",
 )
-DECLARED = {200, 202, 204, 304, 400, 401, 404, 405, 408, 409, 410, 413, 415, 422, 429, 431, 503}
+"""Without version and Host."""
+DECLARED = {200, 202, 204, 304, 400, 401, 403, 404, 405, 408, 409, 410, 413, 415, 422, 429, 431, 503}
 _FORM = {"Content-Type": f"multipart/form-data; boundary={seeds.BOUNDARY.decode()}"}
 
 
@@ -96,9 +97,9 @@ class Attacker:
 
     def _broken_request(self) -> Answer:
         body = self._random.choice(seeds.multipart())
-        head = (
-            self._random.choice(HEADS).encode() + f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n".encode()
-        )
+        line, _, headers = self._random.choice(HEADS).partition("\r\n")
+        length = "" if "Transfer-Encoding" in headers else f"Content-Length: {len(body)}\r\n"
+        head = f"{line} HTTP/1.1\r\nHost: localhost\r\n{headers}{length}Connection: close\r\n\r\n".encode()
         with socket.create_connection((self._host, self._port), ANSWER_SECONDS) as connection:
             try:
                 connection.sendall(mutate(head, self._random) + body)

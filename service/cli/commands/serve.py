@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import logging
 import socket
 from typing import TYPE_CHECKING
@@ -26,11 +25,14 @@ def run(args: argparse.Namespace) -> None:
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
     from ciir.service import logs, settings
+    from ciir.service.web import connections
     from ciir.service.web.app import create_app
+    from ciir.service.web.middleware.site import is_loopback
     from ciir.service.web.server import DrainingServer
 
     found = settings.read_settings()
     settings.unset_secrets()
+    connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -38,6 +40,8 @@ def run(args: argparse.Namespace) -> None:
         logs.configure(found.log_format)
         if is_open(host, len(found.api_keys)):
             _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: everybody can use the API", host)
+        if is_loopback(host) and not found.hosts:
+            found = found.model_copy(update={"hosts": ("localhost",)})
         app = create_app(found)
         common.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs describes the API")
         DrainingServer(app).run([listener])
@@ -45,12 +49,14 @@ def run(args: argparse.Namespace) -> None:
 
 def is_open(host: str, keys: int) -> bool:
     """Whether other machines can use the service at an IP address without one of so many keys."""
-    return not keys and not ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    from ciir.service.web.middleware.site import is_loopback
+
+    return not keys and not is_loopback(host)
 
 
 def _listening(host: str, port: int) -> socket.socket:
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        return socket.create_server(address, family=family, backlog=2048)
+        return socket.create_server(address, family=family)
     except OSError as error:
         raise InvalidOption(f"{host}:{port}: {error.strerror}; name another --host or --port") from error

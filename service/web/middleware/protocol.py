@@ -1,19 +1,23 @@
-"""uvicorn's HTTP/1.1 protocol with timeouts for slow clients.
+"""uvicorn's HTTP/1.1 protocol with timeouts for slow clients, a limit on connections, and strict framing.
 
-uvicorn has no setting for how long a client may take to send a head or to read a response, and none for the response
-to what is not HTTP. How long a body may take: `service.web.middleware.body_limit`.
+uvicorn has no setting for how long a client may take to send a head or to read a response, none for the response to
+what is not HTTP, and its `limit_concurrency` closes no idle connection. How long a body may take:
+`service.web.middleware.body_limit`.
 """
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, ClassVar
+import sys
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any, ClassVar
 from uuid import uuid4
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from ciir.service.web import problems
+from ciir.service.web.middleware.framing import StrictConnection
 
 if TYPE_CHECKING:
     import asyncio
@@ -26,30 +30,58 @@ class TimeoutProtocol(H11Protocol):
     is closed. Bytes that are not HTTP are answered with a problem.
     """
 
-    seconds: ClassVar[float] = 30.0
-    """Set in a subclass by `make_protocol`."""
+    seconds: ClassVar[float]
+    most: ClassVar[int]
+    """Connections."""
+    idle: ClassVar[dict[TimeoutProtocol, None]]
+    """Connections between two requests, or before the first; the one that is idle for longest comes first.
+
+    All three are set in a subclass by `make_protocol`.
+    """
     _head_timer: asyncio.TimerHandle | None = None
     _write_timer: asyncio.TimerHandle | None = None
 
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.conn = StrictConnection(h11.SERVER)
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Starts the timer of the first head."""
+        """Starts the timer of the first head. Over the limit on connections it ends an idle one, or this one."""
         super().connection_made(transport)
         self._head_timer = self._start_timer()
+        self.idle[self] = None
+        if len(self.connections) > self.most:
+            oldest = next(iter(self.idle))
+            del self.idle[oldest]
+            if oldest is not self:
+                oldest.transport.abort()
+            else:
+                self._refuse(503, f"the server has {self.most} connections open; try again in a second")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stops the timers."""
         _cancel(self._head_timer, self._write_timer)
+        self.idle.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         """Starts the timer of a head with its first byte, and stops it when the head is complete."""
         super().data_received(data)
-        is_between_requests = self.cycle is None or self.cycle.response_complete
-        if not is_between_requests:
+        if not self._is_between_requests():
             _cancel(self._head_timer)
             self._head_timer = None
+            self.idle.pop(self, None)
         elif self._head_timer is None:
             self._head_timer = self._start_timer()
+
+    def on_response_complete(self) -> None:
+        """Makes the connection idle, unless the next request has come already."""
+        super().on_response_complete()
+        if self._is_between_requests() and not self.transport.is_closing():
+            self.idle[self] = None
+
+    def _is_between_requests(self) -> bool:
+        return self.cycle is None or self.cycle.response_complete
 
     def pause_writing(self) -> None:
         """Starts a timer: the client reads more slowly than the server writes."""
@@ -72,8 +104,12 @@ class TimeoutProtocol(H11Protocol):
         if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):
             self.transport.abort()
             return
-        detail = f"{msg.rstrip('.')}; send HTTP/1.1 as RFC 9112 defines it"
-        body = json.dumps(problems.describe_problem("", 400, detail)).encode()
+        cause = str(sys.exception() or msg.rstrip("."))[:120]
+        self._refuse(400, f"{cause}; send HTTP/1.1 as RFC 9112 defines it")
+
+    def _refuse(self, status: int, detail: str) -> None:
+        """Answers with a problem and closes the connection."""
+        body = json.dumps(problems.describe_problem("", status, detail)).encode()
         headers = [
             (b"content-type", problems.MEDIA_TYPE.encode()),
             (b"content-length", str(len(body)).encode()),
@@ -81,8 +117,10 @@ class TimeoutProtocol(H11Protocol):
             (b"x-content-type-options", b"nosniff"),
             (b"x-request-id", uuid4().hex.encode()),
         ]
-        events = (h11.Response(status_code=400, headers=headers, reason=b"Bad Request"), h11.Data(data=body))
-        for event in (*events, h11.EndOfMessage()):
+        if status == 503:
+            headers.append((b"retry-after", problems.RETRY_SECONDS.encode()))
+        response = h11.Response(status_code=status, headers=headers, reason=HTTPStatus(status).phrase.encode())
+        for event in (response, h11.Data(data=body), h11.EndOfMessage()):
             self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
 
@@ -96,6 +134,6 @@ def _cancel(*timers: asyncio.TimerHandle | None) -> None:
             timer.cancel()
 
 
-def make_protocol(seconds: float) -> type[TimeoutProtocol]:
-    """A `TimeoutProtocol` with that timeout."""
-    return type("TimeoutProtocol", (TimeoutProtocol,), {"seconds": seconds})
+def make_protocol(seconds: float, most: int) -> type[TimeoutProtocol]:
+    """A `TimeoutProtocol` with that timeout, and at most so many connections."""
+    return type("TimeoutProtocol", (TimeoutProtocol,), {"seconds": seconds, "most": most, "idle": {}})

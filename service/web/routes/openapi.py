@@ -20,6 +20,7 @@ _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _ERRORS = {
     400: "the request is malformed",
     401: "the server has API keys, and the request has none of them",
+    403: "the Host is not one of the server's, or a web page of another origin asks",
     404: "there is no such job, or it has been removed",
     408: "the body did not arrive in time",
     409: "the job is not done: it waits, runs, or was cancelled",
@@ -47,9 +48,9 @@ _RESULT_HEADERS = {
 
 
 def describe_errors(*statuses: int) -> Responses:
-    """Problems with these statuses, and `default` for any other."""
+    """Problems with these statuses, with 403 wherever 401 is, and `default` for any other."""
     found: Responses = {}
-    for status in statuses:
+    for status in sorted({*statuses, 403} if 401 in statuses else statuses):
         found[status] = {"description": _ERRORS[status], "content": _PROBLEM, "headers": {"X-Request-Id": _ID}}
         if status in (429, 503):
             found[status]["headers"] = {"X-Request-Id": _ID, "Retry-After": _RETRY}

@@ -52,6 +52,13 @@ def test_an_unknown_path_is_a_problem(client, path):
     check_problem(client.get(path), 404, "/docs")
 
 
+@pytest.mark.parametrize("path", ["/v1/models/", "/docs/", "/docs/static", f"{POST}/"])
+def test_a_path_with_another_slash_redirects_nowhere(client, path):
+    response = client.get(path, headers={"Host": "evil.example"}, follow_redirects=False)
+    check_problem(response, 404, "/docs")
+    assert "location" not in response.headers
+
+
 def test_openapi_describes_every_error_as_a_problem(client):
     api = client.get("/openapi.json").json()
     assert api["openapi"].startswith("3.0")
@@ -91,7 +98,7 @@ def test_only_listed_origins_are_allowed(client, tmp_path):
 
 HEADERS = (
     *("Accept", "Authorization", "Content-Type", "Expect", "If-None-Match", "Last-Event-ID", "Origin", "Prefer"),
-    *("Range", "Traceparent", "Transfer-Encoding", "X-API-Key", "X-Request-Id"),
+    *("Host", "Range", "Sec-Fetch-Site", "Traceparent", "Transfer-Encoding", "X-API-Key", "X-Request-Id"),
 )
 VALUES = st.one_of(
     st.binary(max_size=40).map(lambda value: value.translate(None, b"\r\n\0")),  # what h11 accepts

@@ -69,3 +69,14 @@ def test_a_full_disk(monkeypatch):
     monkeypatch.setattr(UploadFile, "write", write)
     with pytest.raises(QueueUnavailable, match=r"no space.*make space"):
         read(FILE + END)
+
+
+@pytest.mark.parametrize("charset", ["utf-8", "UTF-8", '"us-ascii"'])
+def test_a_charset_of_forms(charset):
+    assert read(FILE + END, f"multipart/form-data; boundary=b; charset={charset}") == ["file"]
+
+
+@pytest.mark.parametrize("charset", ["undefined", "utf-7", "idna", "unicode_escape", "latin-1", '"\x01"', '""'])
+def test_no_other_charset_reaches_a_decoder(charset):
+    with pytest.raises(HTTPException, match=r"^400: charset=.*: not supported; send the form in UTF-8$"):
+        read(FILE + END, f"multipart/form-data; boundary=b; charset={charset}")

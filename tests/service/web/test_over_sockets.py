@@ -113,7 +113,9 @@ FORM = "Content-Type: multipart/form-data; boundary=b"
 )
 def test_an_endless_body_is_cut_off(small_server, start):
     def send_endlessly(connection):
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n{FORM}\r\n\r\n".encode())
+        connection.sendall(
+            f"POST {POST} HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n{FORM}\r\n\r\n".encode()
+        )
         connection.sendall(b"%x\r\n%b\r\n" % (len(start), start))
         deadline = time.monotonic() + 30
         while time.monotonic() < deadline:
@@ -131,7 +133,7 @@ def test_the_connection_of_a_refused_body_is_closed(small_server, framing):
         part = b"--b\r\nContent-Disposition: form-data; name=file; filename=a\r\n\r\n" + body
         body = b"%x\r\n%b\r\n" % (len(part), part)  # without an end
     with connect(small_server) as connection:
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\n{headers}\r\n\r\n".encode() + body)
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: localhost\r\n{headers}\r\n\r\n".encode() + body)
         response = b"".join(iter(lambda: connection.recv(65536), b""))  # to the end of the connection
     head = response.partition(b"\r\n\r\n")[0].lower()
     assert head.startswith(b"http/1.1 413")
@@ -159,7 +161,7 @@ def test_declared_and_chunked_bodies_below_the_limit(small_server):
 def test_expect_100_continue_is_refused_at_once(small_server):
     with connect(small_server) as connection:
         connection.sendall(
-            f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n"
+            f"POST {POST} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n"
             "Content-Type: multipart/form-data; boundary=b\r\n\r\n".encode()
         )
         assert connection.recv(100).startswith(b"HTTP/1.1 413")
@@ -167,7 +169,7 @@ def test_expect_100_continue_is_refused_at_once(small_server):
 
 def test_a_refused_body_that_stalls(small_server):
     with connect(small_server) as connection:
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 9999999\r\n\r\nxyz".encode())
+        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999999\r\n\r\nxyz".encode())
         assert connection.recv(100).startswith(b"HTTP/1.1 413")
 
 
@@ -181,7 +183,9 @@ def short_server(tmp_path_factory):
 
 def test_a_slow_body_is_cut_off_and_holds_no_worker(short_server):
     with connect(short_server) as connection:
-        connection.sendall(f"POST {POST} HTTP/1.1\r\nHost: x\r\nContent-Length: 90000\r\n{FORM}\r\n\r\n".encode())
+        connection.sendall(
+            f"POST {POST} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 90000\r\n{FORM}\r\n\r\n".encode()
+        )
         part = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
         for byte in part[:8]:
             connection.sendall(bytes([byte]))

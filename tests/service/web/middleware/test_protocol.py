@@ -1,10 +1,11 @@
-"""Slow and broken clients over real sockets, with short timeouts."""
+"""Slow, broken and too many clients over real sockets, with short timeouts."""
 
 import json
+import re
 import socket
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 import uvicorn
@@ -12,6 +13,8 @@ import uvicorn
 from ciir.service.web.middleware.protocol import make_protocol
 
 SECONDS = 0.3
+MOST = 8
+"""Connections."""
 LARGE = 64 * 2**20
 """More than the kernel's socket buffers hold."""
 
@@ -29,13 +32,26 @@ async def app(scope, receive, send):
 
 @pytest.fixture(scope="module")
 def port():
+    with run_protocol(SECONDS) as port:
+        yield port
+
+
+@pytest.fixture
+def patient_port():
+    """Of a server that waits long for slow clients."""
+    with run_protocol(30) as port:
+        yield port
+
+
+@contextmanager
+def run_protocol(seconds):
     config = uvicorn.Config(
         app,
-        http=make_protocol(SECONDS),
+        http=make_protocol(seconds, MOST),
         ws="none",
         lifespan="off",
         log_config=None,
-        timeout_keep_alive=1,
+        timeout_keep_alive=max(1, seconds),
         access_log=False,
     )
     server = uvicorn.Server(config)
@@ -124,3 +140,69 @@ def test_a_malformed_chunk(port):
     with connected(port) as connection:
         connection.sendall(b"POST /3 HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nabc\r\nnonsense\r\n")
         assert b"application/problem+json" in b"".join(iter(lambda: connection.recv(2**16), b""))
+
+
+LENGTH = b"POST /3 HTTP/1.1\r\nHost: x\r\n%s\r\n\r\n5\r\nhello\r\n0\r\n\r\nGET /3 HTTP/1.1\r\nHost: x\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    ("headers", "cause"),
+    [
+        (b"Content-Length: 5\r\nTransfer-Encoding: chunked", "Content-Length and Transfer-Encoding are both given"),
+        (b"transfer-encoding:chunked\r\ncontent-length:5", "Content-Length and Transfer-Encoding are both given"),
+        (b"Content-Length: 5, 5", "Content-Length is no single number"),
+        (b"Content-Length: 5\r\nContent-Length: 5", "Content-Length is no single number"),
+        (b"X: y\nContent-Length: 5,5", "Content-Length is no single number"),
+        (b"Content-Length: 5\r\n ,5", "a header goes on in a second line"),
+        (b"Content-Length: +5", "bad Content-Length"),
+    ],
+)
+def test_framing_that_a_proxy_may_read_otherwise_is_refused(port, headers, cause):
+    with connected(port) as connection:
+        connection.sendall(LENGTH % headers)
+        answer = b"".join(iter(lambda: connection.recv(2**16), b""))  # to the end of the connection
+    assert answer.startswith(b"HTTP/1.1 400")
+    assert answer.count(b"content-type: ") == 1
+    assert json.loads(answer.partition(b"\r\n\r\n")[2])["detail"].startswith(f"{cause}; send ")
+
+
+def test_the_second_of_two_requests_is_checked_too(port):
+    with connected(port) as connection:
+        connection.sendall(b"GET /0 HTTP/1.1\r\nHost: x\r\n\r\n" + LENGTH % b"Content-Length: 5, 5")
+        answer = b"".join(iter(lambda: connection.recv(2**16), b""))
+    assert re.findall(rb"^HTTP/1.1 (\d+)", answer, re.MULTILINE) == [b"200", b"400"]
+
+
+def ask(connection):
+    connection.sendall(b"GET /0 HTTP/1.1\r\nHost: x\r\n\r\n")
+    return connection.recv(2**16)[:12]
+
+
+def test_the_connection_that_is_idle_for_longest_ends_for_a_new_one(patient_port):
+    with ExitStack() as stack:
+        connections = [stack.enter_context(connected(patient_port)) for _ in range(MOST)]
+        connections[1].sendall(b"GET /3 HT")  # the head of a slow client is not complete
+        for connection in connections[2:]:
+            assert ask(connection) == b"HTTP/1.1 200"
+        assert ask(connections[0]) == b"HTTP/1.1 200"
+        for oldest in (1, 2, 3):
+            assert ask(stack.enter_context(connected(patient_port))) == b"HTTP/1.1 200"
+            wait_for_end(connections[oldest])
+        for connection in (connections[0], *connections[4:]):
+            assert ask(connection) == b"HTTP/1.1 200"
+
+
+def test_while_none_is_idle_a_new_connection_is_refused(patient_port):
+    with ExitStack() as stack:
+        connections = [stack.enter_context(connected(patient_port)) for _ in range(MOST)]
+        for connection in connections:
+            connection.sendall(b"POST /3 HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
+        time.sleep(0.2)
+        with connected(patient_port) as connection:
+            answer = b"".join(iter(lambda: connection.recv(2**16), b""))
+        assert answer.startswith(b"HTTP/1.1 503")
+        assert b"retry-after: 1" in answer
+        assert b"the server has 8 connections open; try again" in answer
+        for connection in connections:
+            connection.sendall(b"x")
+            assert connection.recv(2**16).startswith(b"HTTP/1.1 200")

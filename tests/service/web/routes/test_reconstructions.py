@@ -280,13 +280,6 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
 
 
-def test_an_unusable_charset(client):
-    body = b'--b\r\nContent-Disposition: form-data; name="views"\r\n\r\n\xff\r\n--b--\r\n'
-    for charset in ("undefined", "UNDEFINED"):
-        headers = {"Content-Type": f"multipart/form-data; boundary=b; charset={charset}"}
-        check_problem(client.post(POST, content=body, headers=headers), 400, "UTF-8")
-
-
 def test_server_errors_are_problems_without_details(own, eia, monkeypatch, caplog):
     def broken(*_, **__):
         raise KeyError("secret")

@@ -1,0 +1,38 @@
+"""Strict framing: a head whose length a proxy in front may read otherwise is refused, as it could hide a request."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import h11
+
+_BLANK_LINE = re.compile(rb"\r?\n\r?\n")
+_FOLDED = re.compile(rb"\n[ \t]")
+_LENGTH = re.compile(rb"^content-length:[ \t]*(.*?)[ \t]*\r?$", re.IGNORECASE | re.MULTILINE)
+_ENCODING = re.compile(rb"^transfer-encoding:", re.IGNORECASE | re.MULTILINE)
+
+
+class StrictConnection(h11.Connection):
+    """h11's connection, less what it takes although RFC 9112 has it refused: see `find_framing_error`."""
+
+    def next_event(self) -> Any:
+        """As h11's; raises `h11.RemoteProtocolError` for a head with a framing error too."""
+        data = self.trailing_data[0] if self.their_state is h11.IDLE else b""
+        event = super().next_event()
+        if isinstance(event, h11.Request) and (error := find_framing_error(data)):
+            raise h11.RemoteProtocolError(error)
+        return event
+
+
+def find_framing_error(data: bytes) -> str | None:
+    """What is wrong with the head at the beginning of `data` (RFC 9112, 5.2, 6.1 and 6.3), or None."""
+    head = _BLANK_LINE.split(data, maxsplit=1)[0]
+    lengths = _LENGTH.findall(head)
+    if _FOLDED.search(head):
+        return "a header goes on in a second line"
+    if lengths and _ENCODING.search(head):
+        return "Content-Length and Transfer-Encoding are both given"
+    if len(lengths) > 1 or not all(length.isdigit() for length in lengths):
+        return "Content-Length is no single number"
+    return None

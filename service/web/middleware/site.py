@@ -1,0 +1,68 @@
+"""Hosts and origins: a web page from elsewhere can't use a server that only its visitor reaches.
+
+A name of the page's own that resolves to the server's address (DNS rebinding) is seen by the `Host`; other requests of
+foreign pages by what browsers add to them. Programs send neither `Sec-Fetch-Site` nor `Origin`.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of dependencies
+from starlette.exceptions import HTTPException
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Sequence
+
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+"""Methods that change nothing."""
+ANY = "*"
+
+
+def is_loopback(name: str) -> bool:
+    """Whether a host, by name or address, is this machine."""
+    try:
+        return ipaddress.ip_address(name.partition("%")[0]).is_loopback
+    except ValueError:
+        return name == "localhost"
+
+
+def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[Request], Awaitable[None]]:
+    """A dependency that raises `HTTPException` 403 for a foreign host, or a foreign page's request that changes things.
+
+    `hosts`: names besides those of loopback; with none, or with `*`, all are accepted. `origins`: those of other pages
+    that may send requests.
+    """
+
+    async def check(request: Request) -> None:
+        host = request.headers.get("host", "")
+        if hosts and ANY not in hosts and host and not _is_accepted(host, hosts):
+            raise HTTPException(
+                403, f"Host: {host[:80]!r} is none of this server's; use http://localhost, or list it in CIIR_HOSTS"
+            )
+        origin, site = request.headers.get("origin"), request.headers.get("sec-fetch-site")
+        if request.method in SAFE_METHODS or origin in origins or ANY in origins:
+            return
+        is_own = site in ("same-origin", "none") if site else origin is None or _find_authority(origin) == host.lower()
+        if not is_own:
+            raise HTTPException(
+                403,
+                f"the request comes from a web page of another origin, {(origin or 'unknown')[:80]!r}; "
+                "use a page of this server, or list the origin in CIIR_CORS_ORIGINS",
+            )
+
+    return check
+
+
+def _is_accepted(host: str, hosts: Sequence[str]) -> bool:
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return False
+    return is_loopback(name) or name in hosts
+
+
+def _find_authority(origin: str) -> str:
+    return origin.lower().partition("://")[2]

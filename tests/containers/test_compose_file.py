@@ -1,0 +1,23 @@
+"""What the compose file denies its services; no engine is needed."""
+
+import pytest
+import yaml
+
+from tests.support.paths import ROOT
+
+SERVICES = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_every_service_is_limited(name):
+    service = SERVICES[name]
+    assert service["mem_limit"]
+    assert service["pids_limit"] >= 64
+    assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+
+
+def test_the_web_service_accepts_its_own_hosts_only():
+    assert SERVICES["web"]["environment"]["CIIR_HOSTS"] == "${CIIR_HOSTS:-web}"
