@@ -52,15 +52,20 @@ class Engine:
         if self._draining.is_set():
             raise NotReady("the server is stopping; try again in a second, another one may answer")
         if self._pool is not None and not (self._was_ready or self._pool.is_ready()):
-            raise NotReady("the models are being loaded; try again in a second (if that fails, the log says why)")
+            raise NotReady(self._describe_start("the models are being loaded; try again in a second"))
         self._was_ready = True
 
     def check_ready(self) -> None:
         """Raises `NotReady` unless jobs are accepted and a worker is ready, or `QueueUnavailable`."""
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
-            raise NotReady("no worker process is ready; new ones are being started, try again in a second")
+            usual = "no worker process is ready; new ones are being started, try again in a second"
+            raise NotReady(self._describe_start(usual))
         self.jobs.count_waiting()
+
+    def _describe_start(self, usual: str) -> str:
+        """Why no worker is ready: `usual` unless starting one failed."""
+        return (self._pool.start_error if self._pool is not None else "") or usual
 
     def update_gauges(self) -> None:
         """Sets the gauges of the queue in `metrics`; all other metrics are always current."""

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-FILE = "costs.json"
 JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 700.0, 60.0
 """Of any job; of the first view by OpenGL and of the first network in a process: typical, not measured."""
 PLACE_MS, LOOK_MS, HIT = 1e-4, 3.3e-5, 1.25
@@ -110,7 +109,8 @@ class Costs:
         file lacks; else typical costs stand for it.
         """
         self._path, self._lock, self._measured, self._measures = path, threading.RLock(), _read(path), measure
-        self.not_kept = "" if path is not None else "there is no cache folder; set CIIR_CACHE"
+        is_kept = path is not None or cache_folder.is_read_only
+        self.not_kept = "" if is_kept else "there is no cache folder; set CIIR_CACHE"
         """Why measurements are not kept in the file; empty where they are."""
 
     def rendering(self, views: Rendering) -> Stage:
@@ -145,7 +145,7 @@ class Costs:
             return self._measured[name]
 
     def _write(self) -> None:
-        if self._path is not None:
+        if self._path is not None and not cache_folder.is_read_only:
             everything = _read(self._path) | self._measured  # another process may have measured something else
             with replacing(self._path) as file:
                 file.write(json.dumps(everything, indent=1).encode())
@@ -155,7 +155,7 @@ class Costs:
 def costs(*, measure: bool = True) -> Costs:
     """This process's costs, kept in the cache folder. `measure`: as of `Costs`."""
     folder = cache_folder.folder()
-    return Costs(None if folder is None else folder / FILE, measure=measure)
+    return Costs(None if folder is None else folder / cache_folder.COSTS, measure=measure)
 
 
 @cache

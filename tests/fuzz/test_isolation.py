@@ -19,7 +19,7 @@ import json, sys
 from pathlib import Path
 from tests.fuzz.guard import Guard
 from ciir.service.jobs.job import Problem, Request
-from ciir.service.jobs.workers.task import Task, TaskLimits, run_task
+from ciir.service.jobs.workers.task import TaskLimits, run_task
 from ciir.service.settings import Settings
 
 folder, allowed, statuses = Path(sys.argv[1]), TaskLimits.from_settings(Settings()), {}
@@ -28,10 +28,11 @@ for is_armed in (False, True):  # what is imported late is by then
     for file in sorted((folder / "uploads").iterdir()):
         options = {"lenses": "1x1"} if file.suffix in {".png", ".tif", ".jpg"} else {"lenses": "8x8", "pixels": "3x3"}
         request = Request("upload" + file.suffix, options | {"model": "none", "backend": "raytrace"}, None)
-        if is_armed:
-            guard.arm()
-        outcome = run_task(Task(file.stem, request, file, folder / "result"), allowed).outcome
-        guard.disarm()
+        with file.open("rb") as source, (folder / "result").open("w+b") as target:
+            if is_armed:
+                guard.arm()
+            outcome = run_task(request, source, target, allowed, lambda data: None).outcome
+            guard.disarm()
         statuses[file.name] = outcome.status if isinstance(outcome, Problem) else 200
 print(json.dumps([statuses, guard.seen]))
 """

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ciir.service.jobs.workers.worker import MODULE
 from tests.load.server import descendants
 
 if TYPE_CHECKING:
@@ -89,6 +90,6 @@ def _is_ready(url: str) -> bool:
         return False
 
 
-def find_workers(pid: int) -> list[int]:
-    """The process ids of the worker processes of a server."""
-    return [each for each in descendants(pid) if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+def find_workers(pid: int, module: str = MODULE) -> list[int]:
+    """The process ids of the worker processes of a server, or of those that run another `module`."""
+    return [each for each in descendants(pid) if module.encode() in Path(f"/proc/{each}/cmdline").read_bytes()]

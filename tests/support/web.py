@@ -22,6 +22,7 @@ class ThreadPool:
     def __init__(self, settings):
         self.allowed = tasks.TaskLimits.from_settings(settings)
         self.ready = True
+        self.start_error = ""
         self.runs = 0
         self.before = lambda work, progress, cancelled: None
         """Called before each piece of work."""
@@ -30,7 +31,8 @@ class ThreadPool:
         self.runs += 1
         self.before(work, progress, cancelled)
         try:
-            return tasks.write_result(work, self.allowed)
+            with work.source.open("rb") as source, work.target.open("w+b") as target:
+                return tasks.write_result(work.request, source, target, self.allowed, lambda data: None)
         except Error as error:
             response = find_response(error)
             return Problem(response.status, response.title, join_lines(str(error)))

@@ -1,83 +1,54 @@
-"""Worker processes: each runs one task at a time, within limits, and is replaced when it fails or after `worker_jobs`.
-
-pebble starts and kills the processes and detects their deaths. Each process has a pebble pool of its own: the processes
-of one pool share a pipe and its lock, which a dead one may hold. pebble has no setting for these, done here:
-
-- a time limit on a monotonic clock (the `timeout` of `schedule` follows the system clock) and progress meanwhile;
-- no task for a process that has not loaded its models yet;
-- a new process in place of one that died idle (which breaks a pebble pool), and pauses while starting one fails.
-"""
+"""Worker processes: each runs one task at a time, within limits, and is replaced when it fails and after many tasks."""
 
 from __future__ import annotations
 
+import io
 import logging
-import multiprocessing
-import os
 import queue
 import signal
 import threading
 import time
-from concurrent.futures import wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
-
-from pebble import CONSTS, ProcessExpired, ProcessPool
+from dataclasses import asdict, dataclass, replace
+from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem
-from ciir.service.jobs.workers import sandbox
-from ciir.service.jobs.workers.progress import read_progress
-from ciir.service.jobs.workers.task import Finished, Outcome, Task, TaskLimits, run_task, warm_up
+from ciir.service.jobs.workers.messages import Done, Failed, Progress, Ready, Started, quote
+from ciir.service.jobs.workers.task import Outcome, Task, TaskLimits
+from ciir.service.jobs.workers.worker import Worker, WorkerExitedError, describe_exit
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pebble import ProcessFuture
-
+    from ciir.service.jobs.workers.messages import Message
     from ciir.service.settings import Settings
 
 TICK_SECONDS = 0.05
 """How often tasks and workers are polled."""
+START_SECONDS = 60.0
+"""A worker that is not ready so long after its start is ended, and another one is started."""
 _ATTEMPTS = 3
 """Workers that are tried for one task, where each dies before it receives the task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
-CONSTS.term_timeout = 0.0  # workers ignore SIGTERM (service.jobs.workers.sandbox): send SIGKILL
 _log = logging.getLogger("ciir.pool")
 
 
-class _Worker:
-    """A worker process and its pebble pool."""
+@dataclass(frozen=True)
+class _Run:
+    """A task, its open files, and what `Pool.run` was given with it."""
 
-    def __init__(self, limits: TaskLimits) -> None:
-        self._pool = ProcessPool(
-            1,
-            initializer=sandbox.enter,
-            initargs=(limits.memory, limits.file, os.getpid()),
-            context=multiprocessing.get_context("spawn"),
-        )
-        self._lock = threading.Lock()
-        self.tasks = 0
-        """Tasks that it has run."""
+    task: Task
+    source: IO[bytes]
+    target: IO[bytes]
+    begun: Callable[[int], None]
+    progress: Callable[[dict[str, Any]], None]
+    cancelled: threading.Event
 
-    def call(self, function: Callable[..., Any], *args: object) -> ProcessFuture[Any]:
-        """Calls a module's function in the process; raises `BrokenProcessPool` if that is dead."""
-        try:
-            future: ProcessFuture[Any] = self._pool.schedule(function, args=args)
-        except RuntimeError as error:
-            raise BrokenProcessPool(str(error)) from error
-        return future
 
-    def is_alive(self) -> bool:
-        """Whether it accepts tasks."""
-        return self._pool.active
-
-    def end(self) -> None:
-        """Kills the process, if it is alive, and waits until it is dead."""
-        with self._lock:
-            self._pool.stop()  # type: ignore[no-untyped-call]
-            self._pool.join()
+class _NotReceivedError(Exception):
+    """The worker died before it received the task."""
 
 
 class Pool:
@@ -86,10 +57,12 @@ class Pool:
     def __init__(self, settings: Settings) -> None:
         self._count, self._max_tasks = settings.workers, settings.worker_jobs
         self._seconds, self._limits = settings.job_seconds, TaskLimits.from_settings(settings)
-        self._idle: queue.Queue[_Worker] = queue.Queue()
-        self._ready: set[_Worker] = set()
+        self._idle: queue.Queue[Worker] = queue.Queue()
+        self._ready: set[Worker] = set()
         self._keepers: list[threading.Thread] = []
         self._lock, self._closed = threading.Lock(), threading.Event()
+        self.start_error = ""
+        """Why the last attempt to start a worker failed, in one line; empty after one that succeeded."""
 
     def start(self) -> None:
         """Starts the workers in the background, unless that has been done."""
@@ -111,27 +84,38 @@ class Pool:
         """How many workers have loaded the models and are alive, idle or not."""
         return sum(worker.is_alive() for worker in self._ready.copy())
 
-    def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+    def run(
+        self,
+        task: Task,
+        *,
+        progress: Callable[[dict[str, Any]], None],
+        cancelled: threading.Event,
+        begun: Callable[[int], None] = lambda _: None,
+    ) -> Outcome:
         """Waits for a worker, has it run `task`, and returns the outcome; starts the workers if needed.
 
-        Calls `progress` in this thread with the data of each progress event. A task over `job_seconds` is stopped and
-        gives a `Problem`; an unexpected exception gives `INTERNAL_ERROR` and is logged.
+        Calls, in this thread, `begun` with the worker's process id when it has received the task, and `progress` with
+        the data of each progress event. A task over `job_seconds` is stopped and gives a `Problem`; an unexpected
+        exception gives `INTERNAL_ERROR` and is logged.
 
-        Raises `WorkerDied`; `Cancelled` when `cancelled` is set or the pool is closed.
+        Raises `WorkerDied`; `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
         """
         self.start()
-        for _ in range(_ATTEMPTS):
-            worker = self._take_worker(cancelled)
-            try:
-                return self._run_in(worker, task, progress, cancelled)
-            except BrokenProcessPool as error:
-                worker.end()
-                _log.warning("a worker process died before it received its task (%s); another one runs it", error)
-            except BaseException:
-                worker.end()
-                raise
-            finally:
-                self._return_worker(worker)
+        with task.source.open("rb") as source, task.target.open("w+b") as target:
+            run = _Run(task, source, target, begun, progress, cancelled)
+            for _ in range(_ATTEMPTS):
+                worker = self._take_worker(cancelled)
+                try:
+                    return self._run_in(worker, run)
+                except _NotReceivedError as error:
+                    worker.end()
+                    text = "worker process %d died before it received its task (%s); another one runs it"
+                    _log.warning(text, worker.pid, error)
+                except BaseException:
+                    worker.end()
+                    raise
+                finally:
+                    self._return_worker(worker)
         raise WorkerDied(f"{_ATTEMPTS} worker processes in a row died before they received the task")
 
     def close(self) -> None:
@@ -140,7 +124,7 @@ class Pool:
         for keeper in self._keepers:
             keeper.join()
 
-    def _take_worker(self, cancelled: threading.Event) -> _Worker:
+    def _take_worker(self, cancelled: threading.Event) -> Worker:
         while not (cancelled.is_set() or self._closed.is_set()):
             with suppress(queue.Empty):
                 worker = self._idle.get(timeout=TICK_SECONDS)
@@ -148,89 +132,100 @@ class Pool:
                     return worker
         raise Cancelled
 
-    def _return_worker(self, worker: _Worker) -> None:
+    def _return_worker(self, worker: Worker) -> None:
         worker.tasks += 1
         if worker.tasks >= self._max_tasks:
             worker.end()
         elif worker.is_alive():
             self._idle.put(worker)
 
-    def _run_in(
-        self, worker: _Worker, task: Task, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event
-    ) -> Outcome:
-        """As `run`, in a given worker; raises `BrokenProcessPool` if it died before it received the task."""
+    def _run_in(self, worker: Worker, run: _Run) -> Outcome:
+        """As `run`, in a given worker; raises `_NotReceivedError` if it died before it received the task."""
         deadline = time.monotonic() + self._seconds
-        future = worker.call(run_task, task, self._limits)
-        offset = 0
-        is_done = False
-        while not is_done:
-            wait([future], timeout=TICK_SECONDS)
-            is_done = future.done()
-            events, offset = read_progress(task.progress, offset)
-            for data in events:
-                progress(data)
-            if not is_done and (cancelled.is_set() or self._closed.is_set()):
-                raise Cancelled
-            if not is_done and time.monotonic() > deadline:
-                worker.end()
-                return _time_problem(f"not done after {self._seconds:g} s")
-        return self._get_outcome(worker, future, task)
-
-    def _get_outcome(self, worker: _Worker, future: ProcessFuture[Any], task: Task) -> Outcome:
+        is_received = False
         try:
-            finished: Finished = future.result()
-        except ProcessExpired as error:
+            worker.send(asdict(run.task.request), [run.source.fileno(), run.target.fileno()])
+            while True:
+                message = worker.receive(TICK_SECONDS)
+                if isinstance(message, Started) and not is_received:
+                    is_received = True
+                    run.begun(worker.pid)
+                elif isinstance(message, Progress) and is_received:
+                    run.progress(message.model_dump(exclude={"kind"}))
+                elif message is not None:
+                    return self._get_outcome(worker, message if is_received else None, run)
+                if self._is_cancelled(run):
+                    raise Cancelled
+                if time.monotonic() > deadline:
+                    worker.end()
+                    return _time_problem(f"not done after {self._seconds:g} s")
+        except WorkerExitedError as error:
+            if self._is_cancelled(run):
+                raise Cancelled from error
+            if not is_received:
+                raise _NotReceivedError(str(error)) from error
             if error.exitcode == -signal.SIGXCPU:
                 return _time_problem(f"took over {self._limits.cpu_seconds} s of processor time")
-            raise WorkerDied(_describe_exit(error.exitcode)) from error
-        except BrokenProcessPool:
-            raise
-        except Exception:  # noqa: BLE001 - any error in the task that is not an error in its input
-            _log.exception("job %s: internal error", task.id)
+            raise WorkerDied(describe_exit(error.exitcode)) from error
+
+    def _is_cancelled(self, run: _Run) -> bool:
+        return run.cancelled.is_set() or self._closed.is_set()
+
+    def _get_outcome(self, worker: Worker, last: Message | None, run: _Run) -> Outcome:
+        """The outcome by the last message. Raises `WorkerDied` for one that has no meaning there."""
+        if isinstance(last, Failed):
+            text = "job %s: internal error in worker process %d\n%s"
+            _log.error(text, run.task.id, worker.pid, quote(last.traceback))
             return INTERNAL_ERROR
-        if finished.is_out_of_memory:
-            worker.end()
-        return finished.outcome
+        if isinstance(last, Done):
+            if last.is_out_of_memory:
+                worker.end()
+            wanted = run.task.request.format
+            if isinstance(last.outcome, Problem):
+                return last.outcome
+            if wanted in (None, last.outcome.format):
+                return replace(last.outcome, size=run.target.seek(0, io.SEEK_END))
+        raise WorkerDied("sent a message that has no meaning there")
 
     def _keep_worker(self) -> None:
         """Starts a worker, and another one whenever it ends, until the pool is closed."""
         pause = 1.0
         while not self._closed.is_set():
-            worker = _Worker(self._limits)
+            worker = None
             try:
-                self._warm_up(worker)
+                worker = Worker(self._limits)
+                self._wait_until_ready(worker)
                 pause = 1.0
                 while worker.is_alive() and not self._closed.wait(TICK_SECONDS):
-                    pass
-            except Exception as error:  # noqa: BLE001 - logged, and tried again
-                has_died = isinstance(error, ProcessExpired | BrokenProcessPool)  # then a traceback shows nothing
-                text = "a worker process can't be started (%s: %s); the next attempt is in %g s"
-                _log.error(text, type(error).__name__, error, pause, exc_info=None if has_died else error)
+                    worker.log_output()
+            except (OSError, WorkerExitedError) as error:
+                line = worker.last_line if worker is not None else ""
+                self.start_error = f"a worker process can't be started: {error}{f': {line}' if line else ''}"
+                _log.error("%s; the next attempt is in %g s", self.start_error, pause)
                 self._closed.wait(pause)
                 pause = min(2 * pause, _MAX_PAUSE)
             finally:
-                self._ready.discard(worker)
-                worker.end()
+                if worker is not None:
+                    self._ready.discard(worker)
+                    worker.end()
 
-    def _warm_up(self, worker: _Worker) -> None:
-        """Makes a worker load the models and adds it to the idle ones. Raises whatever `warm_up` does."""
-        future = worker.call(warm_up)
+    def _wait_until_ready(self, worker: Worker) -> None:
+        """Waits until a worker has loaded the models and adds it to the idle ones. Raises `WorkerExitedError`."""
+        deadline = time.monotonic() + START_SECONDS
         while not self._closed.is_set():
-            wait([future], timeout=TICK_SECONDS)
-            if future.done():
-                for restriction in future.result():
+            message = worker.receive(TICK_SECONDS)
+            worker.log_output()
+            if isinstance(message, Ready):
+                for restriction in message.missing:
                     _log.warning("a worker process is not fully restricted: %s", restriction)
+                self.start_error = ""
                 self._ready.add(worker)
                 self._idle.put(worker)
                 return
+            if time.monotonic() > deadline:
+                worker.end()
+                raise WorkerExitedError(-signal.SIGKILL, f"it was not ready after {START_SECONDS:g} s")
 
 
 def _time_problem(reason: str) -> Problem:
     return Problem(422, "Takes too long", f"{reason}, the limit; ask for fewer views, or give a smaller input")
-
-
-def _describe_exit(exitcode: int) -> str:
-    """`was ended by signal 9 (Killed)`, `ended with status 1`."""
-    if exitcode >= 0:
-        return f"ended with status {exitcode}"
-    return f"was ended by signal {-exitcode} ({signal.strsignal(-exitcode)})"

@@ -1,11 +1,7 @@
-"""The progress file, through which a worker process reports stages and finished views to its parent.
-
-Each line is a JSON object, the data of a `progress` event.
-"""
+"""The progress of a task: its stage and its finished views."""
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from contextlib import contextmanager
@@ -14,21 +10,21 @@ from typing import TYPE_CHECKING, Any
 from ciir.service.pipeline.report import Clock
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from collections.abc import Callable, Iterator
 
 VIEWS_SECONDS = 0.25
-"""Least time between two lines for finished views."""
+"""Least time between two reports of finished views."""
 
 
 class ProgressClock(Clock):
-    """A clock that appends a line when a stage first begins, and when views are finished."""
+    """A clock that reports when a stage first begins, and when views are finished."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, report: Callable[[dict[str, Any]], None]) -> None:
+        """`report`: called with the data of each progress event, from any thread, one at a time."""
         super().__init__()
-        self._path, self._lock, self._stages = path, threading.Lock(), set[str]()
+        self._report, self._lock, self._stages = report, threading.Lock(), set[str]()
         self._data: dict[str, Any] = {"stage": "decode", "views_done": 0, "views": 0}
-        self._written_at = float("-inf")
+        self._sent_at = float("-inf")
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -37,29 +33,17 @@ class ProgressClock(Clock):
             if name not in self._stages:
                 self._stages.add(name)
                 self._data["stage"] = name
-                self._write()
+                self._send()
         with super().stage(name):
             yield
 
     def count_views(self, views_done: int, views: int) -> None:
-        """Writes that `views_done` of `views` are finished, unless it is too soon after the last line."""
+        """Reports that `views_done` of `views` are finished, unless it is too soon after the last report."""
         with self._lock:
             self._data |= {"views_done": views_done, "views": views}
-            if views_done == views or time.monotonic() - self._written_at >= VIEWS_SECONDS:
-                self._write()
+            if views_done == views or time.monotonic() - self._sent_at >= VIEWS_SECONDS:
+                self._send()
 
-    def _write(self) -> None:
-        self._written_at = time.monotonic()
-        with self._path.open("ab", buffering=0) as file:
-            file.write(json.dumps(self._data).encode() + b"\n")
-
-
-def read_progress(path: Path, offset: int) -> tuple[list[dict[str, Any]], int]:
-    """The complete lines of a progress file from byte `offset` on, and the offset after them."""
-    try:
-        with path.open("rb") as file:
-            file.seek(offset)
-            complete = file.read().rpartition(b"\n")[0]
-    except FileNotFoundError:
-        return [], offset
-    return [json.loads(line) for line in complete.splitlines()], offset + (len(complete) + 1 if complete else 0)
+    def _send(self) -> None:
+        self._sent_at = time.monotonic()
+        self._report(dict(self._data))

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import errno
 import json
-import tempfile
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from io import SEEK_END
+from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import Error
+from ciir.renderer.limits import Limits
 from ciir.service.errors import find_response, join_lines
 from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.workers.progress import ProgressClock
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
-    from ciir.renderer.limits import Limits
     from ciir.service.settings import Settings
 
 Outcome = Result | Problem
@@ -55,6 +56,11 @@ class TaskLimits:
             settings.worker_cpu_seconds,
         )
 
+    @classmethod
+    def from_json(cls, fields: dict[str, Any]) -> TaskLimits:
+        """The limits that `dataclasses.asdict` made `fields` of."""
+        return cls(**fields | {"limits": Limits(**fields["limits"])})
+
 
 @dataclass(frozen=True)
 class Task:
@@ -66,13 +72,7 @@ class Task:
     source: Path
     """The input."""
     target: Path
-    """Where to write the result, in a folder of its own, which temporary files share. Unless the outcome is a
-    `Result`, the file may be incomplete or missing."""
-
-    @property
-    def progress(self) -> Path:
-        """The progress file (`service.jobs.workers.progress`)."""
-        return self.target.with_name(f"{self.target.name}.progress")
+    """Where to write the result. Unless the outcome is a `Result`, the file may be incomplete or missing."""
 
 
 @dataclass(frozen=True)
@@ -84,17 +84,22 @@ class Finished:
     """If so the process must be replaced: it may have less memory left than the next task needs."""
 
 
-def run_task(task: Task, limits: TaskLimits) -> Finished:
-    """Runs the job in this process.
+def run_task(
+    request: Request,
+    source: IO[bytes],
+    target: IO[bytes],
+    limits: TaskLimits,
+    progress: Callable[[dict[str, Any]], None],
+) -> Finished:
+    """Runs the job in this process, from the open file `source` to `target`; `progress` gets the data of each event.
 
     Errors in the input, limits on memory or file size, and a full disk give a `Problem`; other exceptions are raised.
     """
-    from ciir.service.jobs.workers import sandbox
+    from ciir.service.jobs.workers.sandbox import restrictions
 
-    sandbox.allow_cpu(limits.cpu_seconds)
-    tempfile.tempdir = str(task.target.parent)
+    restrictions.allow_cpu(limits.cpu_seconds)
     try:
-        return Finished(write_result(task, limits))
+        return Finished(write_result(request, source, target, limits, progress))
     except Error as error:
         response = find_response(error)
         problem = Problem(response.status, response.title, join_lines(str(error)))
@@ -131,27 +136,30 @@ def _is_out_of_memory(error: BaseException) -> bool:
     )
 
 
-def write_result(task: Task, limits: TaskLimits) -> Result:
-    """Writes the result to `task.target` and progress to `task.progress`; raises whatever the pipeline does."""
+def write_result(
+    request: Request,
+    source: IO[bytes],
+    target: IO[bytes],
+    limits: TaskLimits,
+    progress: Callable[[dict[str, Any]], None],
+) -> Result:
+    """As `run_task`, but raises whatever the pipeline does."""
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline import one_file
     from ciir.service.pipeline.options import Options
 
-    bundle = Bundle.from_upload(task.request.name, task.source.read_bytes(), limits.limits)
-    clock = ProgressClock(task.progress)
-    with task.target.open("w+b") as file:
-        output = one_file.Output(file, task.request.format, limits.output_pixels, clock.count_views, clock)
-        name, report = one_file.RUNS[task.request.kind](bundle, Options.parse(task.request.options), output)
+    bundle = Bundle.from_upload(request.name, source.read(), limits.limits)
+    clock = ProgressClock(progress)
+    output = one_file.Output(target, request.format, limits.output_pixels, clock.count_views, clock)
+    name, report = one_file.RUNS[request.kind](bundle, Options.parse(request.options), output)
     report.pop("views", None)  # each poll parses the record, and views may be 65,536
     stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
-    return Result(name, task.target.stat().st_size, stored)
+    target.flush()
+    return Result(name, target.seek(0, SEEK_END), stored)
 
 
-def warm_up() -> list[str]:
-    """Loads what most tasks need and runs each model that `auto` may select, for one view and for many: 1 to 2 s.
-
-    Returns the restrictions that this process lacks, one sentence each.
-    """
+def warm_up() -> None:
+    """Loads what most tasks need and runs each model that `auto` may select, for one view and for many: 1 to 2 s."""
     import io
 
     import numpy as np
@@ -160,7 +168,6 @@ def warm_up() -> list[str]:
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.views import parse_views
     from ciir.renderer.writers.formats import FileWriter
-    from ciir.service.jobs.workers import sandbox
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.plan import Plan
@@ -176,4 +183,3 @@ def warm_up() -> list[str]:
     mesh = Bundle.from_upload("mesh.off", _WARM_MESH)
     with FileWriter(io.BytesIO(), "png") as writer:
         pipeline.reconstruct(mesh, Options(lenses=(8, 8), pixels=(3, 3), model="none"), writer)
-    return sandbox.missing

@@ -17,7 +17,7 @@ class Pool:
     """Fails every task, once `go` is set."""
 
     def __init__(self):
-        self.calls, self.ready = [], False
+        self.calls, self.ready, self.start_error = [], False, ""
         self.go = threading.Event()
 
     def start(self):

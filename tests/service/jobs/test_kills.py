@@ -1,7 +1,6 @@
 """Worker processes and servers that are killed lose no job."""
 
 import io
-import multiprocessing
 import os
 import re
 import signal
@@ -57,8 +56,8 @@ class Killer:
         def kill_in_stage(data):
             if data["stage"] == self.stage and self.stage not in self.killed:
                 self.killed.append(self.stage)
-                (worker,) = multiprocessing.active_children()
-                os.kill(worker.pid, signal.SIGKILL)
+                (worker,) = find_workers(os.getpid())
+                os.kill(worker, signal.SIGKILL)
             progress(data)
 
         return self._pool.run(task, progress=kill_in_stage, cancelled=cancelled)

@@ -2,8 +2,6 @@
 
 import io
 import json
-import multiprocessing
-import operator
 import os
 import signal
 import threading
@@ -21,6 +19,7 @@ from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Request, Result
 from ciir.service.jobs.workers import pool as module
+from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
 from ciir.service.pipeline import run as pipeline
@@ -28,9 +27,10 @@ from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
-from tests.support.servers import run_python
+from tests.support.servers import find_workers, run_python
 from tests.support.waiting import wait_until
 
+COLD = "tests.support.cold_worker"
 FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
 LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
 """Takes about ten seconds, so that a test can act meanwhile."""
@@ -39,7 +39,7 @@ LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none",
 @pytest.fixture
 def open_pool(monkeypatch):
     """Opens pools of one worker without warm-up, closed at the end."""
-    monkeypatch.setattr(module, "warm_up", list)  # a function that the other process has too
+    monkeypatch.setattr(worker_module, "MODULE", COLD)
     pools = []
 
     def make(**settings):
@@ -49,7 +49,7 @@ def open_pool(monkeypatch):
     yield make
     for pool in pools:
         pool.close()
-    assert not [child for child in multiprocessing.active_children() if "pebble" in child.name]
+    assert find_workers(os.getpid(), COLD) == []
 
 
 @pytest.fixture
@@ -64,14 +64,13 @@ def make_task(tmp_path):
     return make
 
 
-def run(pool, task, progress=lambda _: None, cancelled=None):
-    return pool.run(task, progress=progress, cancelled=cancelled or threading.Event())
+def run(pool, task, progress=lambda _: None, cancelled=None, begun=lambda _: None):
+    return pool.run(task, progress=progress, cancelled=cancelled or threading.Event(), begun=begun)
 
 
 def get_worker_pid():
-    children = [child for child in multiprocessing.active_children() if "pebble" in child.name]
-    assert len(children) == 1
-    return children[0].pid
+    (pid,) = find_workers(os.getpid(), COLD)
+    return pid
 
 
 class Running:
@@ -197,7 +196,7 @@ def test_a_worker_is_replaced_after_some_tasks(open_pool, make_task):
     pool = open_pool(worker_jobs=2)
     pids = []
     for _ in range(4):
-        assert isinstance(run(pool, make_task(FAST), lambda _: pids.append(get_worker_pid())), Result)
+        assert isinstance(run(pool, make_task(FAST), begun=pids.append), Result)
     distinct = list(dict.fromkeys(pids))
     assert len(distinct) == 2
 
@@ -230,28 +229,46 @@ def test_a_full_disk_is_a_problem(open_pool, make_task):
     assert "disk is full" in problem.detail
 
 
-def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, caplog):
-    pool, task = open_pool(), make_task(FAST)
-    task.source.unlink()
-    problem = run(pool, task)
-    assert problem == INTERNAL_ERROR
-    assert "FileNotFoundError" in caplog.text
+def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, monkeypatch, caplog):
+    monkeypatch.setenv("PYTHON_FAIL", "1")
+    pool = open_pool()
+    assert run(pool, make_task(FAST)) == INTERNAL_ERROR
+    assert "| RuntimeError: as the test wants" in caplog.text
     assert pool.is_ready()
 
 
-def test_a_warm_up_that_fails_is_logged_and_tried_again(open_pool, monkeypatch, caplog):
-    monkeypatch.setattr(module, "warm_up", operator.index)  # raises TypeError without an argument
+def test_a_missing_input_is_an_error_of_the_parent(open_pool, make_task):
+    task = make_task(FAST)
+    task.source.unlink()
+    with pytest.raises(FileNotFoundError):
+        run(open_pool(), task)
+
+
+def test_a_worker_that_cannot_start_is_reported_and_tried_again(open_pool, monkeypatch, caplog):
+    monkeypatch.setattr(worker_module, "MODULE", "missing_module")
     pool = open_pool()
     assert not pool.is_ready()
-    wait_until(lambda: "TypeError" in caplog.text)
-    monkeypatch.setattr(module, "warm_up", list)
+    wait_until(lambda: pool.start_error)
+    assert "a worker process can't be started: it has ended (ended with status 1): " in pool.start_error
+    assert "No module named missing_module" in pool.start_error
+    assert pool.start_error in caplog.text
+    monkeypatch.setattr(worker_module, "MODULE", COLD)
     wait_until(pool.is_ready)
+    assert pool.start_error == ""
+
+
+def test_a_worker_that_does_not_get_ready_is_ended(open_pool, monkeypatch, caplog):
+    monkeypatch.setattr(module, "START_SECONDS", 1.0)
+    monkeypatch.setenv("PYTHON_SLEEP", "1000")
+    pool = open_pool()
+    assert not pool.is_ready()
+    wait_until(lambda: pool.start_error)
+    assert "it was not ready after 1 s: it sleeps" in pool.start_error
+    assert "worker process" in caplog.text
 
 
 def test_missing_restrictions_are_logged(open_pool, monkeypatch, caplog):
-    monkeypatch.setattr(module, "warm_up", dict.fromkeys)
-    call = module._Worker.call
-    monkeypatch.setattr(module._Worker, "call", lambda self, function: call(self, function, ["the network"]))
+    monkeypatch.setenv("PYTHON_MISSING", "the network")
     wait_until(open_pool().is_ready)
     assert "not fully restricted: the network" in caplog.text
 
@@ -280,11 +297,12 @@ def test_a_ready_worker_has_loaded_the_models():
     try:
         assert not pool.is_ready()
         wait_until(pool.is_ready)
-        (worker,) = pool._ready
-        loaded = worker.call(eval, "sorted({'onnxruntime', 'embreex'} & set(__import__('sys').modules))").result(60)
+        (pid,) = find_workers(os.getpid())
+        maps = Path(f"/proc/{pid}/maps").read_text()
     finally:
         pool.close()
-    assert loaded == ["embreex", "onnxruntime"]
+    assert "onnxruntime" in maps
+    assert "embree" in maps
 
 
 def test_the_parent_process_does_not_import_what_tasks_need():

@@ -1,0 +1,107 @@
+"""The messages of worker processes, checked: a worker process may do what the sender of its input wants."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, TypeAdapter
+
+from ciir.renderer.writers.formats import FORMATS
+from ciir.service.jobs.job import Problem, Result
+from ciir.service.pipeline.report import STAGES
+
+LIMIT = 1 << 20
+"""Bytes of a message. A report has some thousand."""
+
+
+def _check_stage(stage: str) -> str:
+    if stage not in STAGES:
+        raise ValueError("no stage")
+    return stage
+
+
+def _check_outcome(outcome: Result | Problem) -> Result | Problem:
+    """What else the parent relies on: metrics and headers are made of the report's numbers."""
+    if isinstance(outcome, Problem):
+        if not 400 <= outcome.status <= 599:
+            raise ValueError("no status of an error")
+        return outcome
+    if outcome.format not in FORMATS:
+        raise ValueError("no format")
+    timings = outcome.report.get("timings_ms")
+    if not isinstance(timings, dict) or not timings.keys() <= {*STAGES, "total"} or not _are_numbers(timings):
+        raise ValueError("no timings")
+    plan = outcome.report.get("plan", outcome.report)
+    skipped = plan.get("skipped") if isinstance(plan, dict) else None
+    if not isinstance(plan, dict) or not (skipped is None or (isinstance(skipped, dict) and _are_numbers(skipped))):
+        raise ValueError("no plan")
+    return outcome
+
+
+def _are_numbers(values: dict[str, Any]) -> bool:
+    return all(isinstance(value, int | float) and 0 <= value < math.inf for value in values.values())
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Ready(_Message):
+    """The worker has loaded its models."""
+
+    kind: Literal["ready"]
+    missing: list[str]
+    """Restrictions that it lacks, one sentence each."""
+
+
+class Started(_Message):
+    """The worker has received its task."""
+
+    kind: Literal["started"]
+
+
+class Progress(_Message):
+    """The data of a progress event."""
+
+    kind: Literal["progress"]
+    stage: Annotated[str, AfterValidator(_check_stage)]
+    views_done: NonNegativeInt
+    views: NonNegativeInt
+
+
+class Failed(_Message):
+    """The task raised an unexpected exception."""
+
+    kind: Literal["failed"]
+    traceback: str
+
+
+class Done(_Message):
+    """The task has ended."""
+
+    kind: Literal["done"]
+    outcome: Annotated[Result | Problem, AfterValidator(_check_outcome)]
+    is_out_of_memory: bool
+
+
+Message = Ready | Started | Progress | Failed | Done
+_ADAPTER: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
+
+
+def parse_message(line: bytes) -> Message:
+    """Checks and parses a line. Raises `ValueError` for anything that is not a message."""
+    try:
+        content = json.loads(line)
+        # Infinity, NaN and half a surrogate pair are JSON for Python, but can't be stored or sent.
+        json.dumps(content, allow_nan=False, ensure_ascii=False).encode()
+    except RecursionError as error:
+        raise ValueError("too deep") from error
+    return _ADAPTER.validate_python(content)
+
+
+def quote(text: str, limit: int = 10_000) -> str:
+    """Text of a worker process for the log: at most `limit` characters, each line marked, so that none seems ours."""
+    lines = text[:limit].splitlines()
+    return "\n".join(f"| {''.join(c if c.isprintable() else '?' for c in line)}" for line in lines)

@@ -1,0 +1,177 @@
+"""A worker process, seen from its parent."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from ciir.service.jobs.workers.messages import LIMIT, parse_message, quote
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ciir.service.jobs.workers.messages import Message
+    from ciir.service.jobs.workers.task import TaskLimits
+
+MODULE = "ciir.service.jobs.workers.process"
+"""What the process runs."""
+SEND_SECONDS = 10.0
+"""A worker that does not read a task within this time is broken."""
+EXIT_SECONDS = 1.0
+"""Time for a process that has closed its socket to end by itself, which gives its own exit status."""
+LOG_LINES, LINE_BYTES = 200, 1000
+"""What a worker process may write to the log: so many lines, of so many bytes."""
+_CHUNK = 1 << 16
+KEPT_VARIABLES = (
+    "CIIR_CACHE", "CUDA_", "DRI_", "EGL_", "GALLIUM_", "HOME", "LANG", "LC_", "LD_LIBRARY_PATH", "LIBGL_", "LP_",
+    "MALLOC_", "MESA_", "NVIDIA_", "OMP_", "OPENBLAS_", "PATH", "PYOPENGL_", "PYTHON", "TZ", "XDG_CACHE_HOME", "__EGL_",
+)  # fmt: skip
+"""How the names of environment variables begin that a worker process gets; no other variable is given to it."""
+_log = logging.getLogger("ciir.pool")
+
+
+class WorkerExitedError(Exception):
+    """The process has ended, or it was ended as it broke the protocol."""
+
+    def __init__(self, exitcode: int, reason: str) -> None:
+        super().__init__(reason)
+        self.exitcode = exitcode
+        """Negative: the number of the signal."""
+
+
+class Worker:
+    """A process that runs `MODULE`. Methods may be called from any thread."""
+
+    def __init__(self, limits: TaskLimits) -> None:
+        self._data, self._output = b"", b""
+        self._lock, self._log_lock = threading.Lock(), threading.Lock()
+        self._lines = 0
+        self.last_line = ""
+        """The last line that it wrote to the log."""
+        self.tasks = 0
+        """Tasks that it has run."""
+        arguments = json.dumps({"parent": os.getpid(), "limits": asdict(limits)})
+        self._socket, theirs = socket.socketpair()
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - our own
+                [sys.executable, "-P", "-m", MODULE, arguments],
+                stdin=theirs.fileno(),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                cwd="/",
+                env=make_environment(),
+                start_new_session=True,
+            )
+        except OSError:
+            self._socket.close()
+            raise
+        finally:
+            theirs.close()
+        self.pid = self._process.pid
+        assert self._process.stdout is not None  # noqa: S101 - a pipe was asked for
+        self._log_file = self._process.stdout
+        os.set_blocking(self._log_file.fileno(), False)
+
+    def send(self, message: dict[str, Any], files: Sequence[int]) -> None:
+        """Sends a task with open files. Raises `WorkerExitedError`."""
+        data = json.dumps(message).encode() + b"\n"
+        try:
+            with self._lock:
+                self._socket.settimeout(SEND_SECONDS)
+                sent = socket.send_fds(self._socket, [data], files)
+                self._socket.sendall(data[sent:])
+        except OSError as error:
+            raise self._describe_end("it takes no task") from error
+
+    def receive(self, seconds: float) -> Message | None:
+        """The next message; None if it is not complete after `seconds`. Raises `WorkerExitedError`."""
+        if b"\n" not in self._data:
+            try:
+                with self._lock:
+                    self._socket.settimeout(seconds)
+                    part = self._socket.recv(_CHUNK)
+            except TimeoutError:
+                return None
+            except OSError:  # `end` closed it, or the worker died with data unread
+                part = b""
+            if not part:
+                raise self._describe_end("it has ended")
+            self._data += part
+        line, newline, rest = self._data.partition(b"\n")
+        if not newline and len(line) <= LIMIT:
+            return None
+        self._data = rest
+        try:
+            return parse_message(line)
+        except ValueError as error:
+            _log.error("worker process %d sent no message of ours and is replaced", self.pid)
+            self.end()
+            raise self._describe_end("it sent no message of ours") from error
+
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.poll() is None
+
+    def end(self) -> None:
+        """Kills the process, if it is alive, and waits until it is dead."""
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        with self._lock:
+            self._socket.close()
+        self.log_output()
+        with self._log_lock:
+            self._log_file.close()
+
+    def log_output(self) -> None:
+        """Logs what the process has written to its output since the last call. It waits if that is never read."""
+        with self._log_lock:
+            if self._log_file.closed:
+                return
+            try:
+                part = os.read(self._log_file.fileno(), _CHUNK)
+            except BlockingIOError:
+                return
+            *lines, self._output = (self._output + (part or b"\n")).split(b"\n")
+            self._output = self._output[:LINE_BYTES]
+            for line in filter(None, lines):
+                self._log_line(line[:LINE_BYTES].decode(errors="replace"))
+
+    def _log_line(self, line: str) -> None:
+        self._lines += 1
+        if self._lines <= LOG_LINES:
+            self.last_line = quote(line).removeprefix("| ")
+            _log.warning("worker process %d: %s", self.pid, self.last_line)
+        if self._lines == LOG_LINES:
+            _log.warning("worker process %d: its further lines are left out", self.pid)
+
+    def _describe_end(self, reason: str) -> WorkerExitedError:
+        """The exception for a process that has closed the socket, which it does as it dies."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(EXIT_SECONDS)
+        self.end()
+        code = self._process.returncode
+        return WorkerExitedError(code, f"{reason} ({describe_exit(code)})")
+
+
+def make_environment() -> dict[str, str]:
+    """The environment of a worker process."""
+    kept = {name: value for name, value in os.environ.items() if name.startswith(KEPT_VARIABLES)}
+    paths = os.pathsep.join(os.path.abspath(path) for path in sys.path)  # noqa: PTH100 - "" is the current folder
+    return kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it may write no files
+
+
+def describe_exit(exitcode: int) -> str:
+    """`was ended by signal 9 (Killed)`, `ended with status 1`."""
+    if exitcode >= 0:
+        return f"ended with status {exitcode}"
+    return f"was ended by signal {-exitcode} ({signal.strsignal(-exitcode)})"
