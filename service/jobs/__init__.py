@@ -11,8 +11,9 @@
     workers/
       consumer          threads that take jobs off the queue and run each in a worker process
       recovery          finds jobs whose consumer died and runs them again
-      pool, task        worker processes, and the task that one of them runs
-      progress          the file through which a task reports its progress
+      pool, worker      worker processes, and one of them with its messages, as the parent sees them
+      process, task     the program of a worker process, and the task that it runs
+      progress          the stages and views that a task reports
       sandbox           what a worker process is not allowed to do
 
 No job is lost when a process is killed: a job is stored before `submit` returns, every change is a compare and swap,
