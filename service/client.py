@@ -206,7 +206,7 @@ class Job:
         return _parse_result(self._client.get(f"{self.path}/result"))
 
     def cancel(self) -> dict[str, Any]:
-        """Cancels the job, unless it has ended, and returns its status."""
+        """Cancels the job, or removes one that has ended, and returns its last status."""
         status: dict[str, Any] = self._client.delete(self.path).json()
         return status
 

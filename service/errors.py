@@ -26,7 +26,7 @@ _TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first ro
     (errors.InvalidGeometry, ErrorResponse(422, 2, "Invalid geometry")),
     (errors.InvalidOption, ErrorResponse(422, 2, "Invalid option")),
     (errors.InputError, ErrorResponse(422, 2, "Invalid input")),
-    (errors.BackendUnavailable, ErrorResponse(422, 2, "Backend not available")),
+    (errors.BackendUnavailable, ErrorResponse(503, 2, "Backend not available")),
     (errors.BadCard, ErrorResponse(500, 1, "Model broken")),
     (errors.ModelError, ErrorResponse(422, 2, "Invalid model or scale")),
     (errors.BrokenNetwork, ErrorResponse(500, 1, "Model broken")),

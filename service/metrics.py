@@ -34,7 +34,10 @@ class Metrics:
             "ciir_jobs_submitted", "Reconstructions requested; kind: accepted, known or refused", ("kind",)
         )
         self.waiting = gauge("ciir_queue_waiting", "Waiting jobs")
-        self.running = gauge("ciir_queue_running", "Running jobs, on all machines")
+        self.jobs = gauge("ciir_queue_jobs", "Jobs on all machines; state: queued or running", ("lane", "state"))
+        self.oldest = gauge(
+            "ciir_queue_oldest_seconds", "Of the job that has waited, or has run, the longest", ("lane", "state")
+        )
         self.queue_up = gauge("ciir_queue_up", "1 if the queue can be reached, else 0")
         self.workers = gauge("ciir_workers", "Worker processes of this machine that have loaded the models")
         self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that run a job")

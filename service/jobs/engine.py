@@ -70,13 +70,15 @@ class Engine:
     def update_gauges(self) -> None:
         """Sets the gauges of the queue in `metrics`; all other metrics are always current."""
         try:
-            waiting, running = self.jobs.count_waiting(), self.jobs.count_running()
+            waiting, ages = self.jobs.count_waiting(), self.jobs.measure_ages()
         except QueueUnavailable:
             self.metrics.queue_up.set(0)
             return
         self.metrics.queue_up.set(1)
         self.metrics.waiting.set(waiting)
-        self.metrics.running.set(running)
+        for (lane, state), seconds in ages.items():
+            self.metrics.jobs.labels(lane, state).set(len(seconds))
+            self.metrics.oldest.labels(lane, state).set(max(0.0, *seconds) if seconds else 0.0)
 
     def stop_accepting(self) -> None:
         """Makes `check_accepting` raise from now on."""

@@ -72,7 +72,9 @@ class Job:
     request: Request
     state: State = "queued"
     created: float = 0.0
-    """Seconds since 1970, shown to users only."""
+    """Seconds since 1970, for users and metrics only; so is `started`."""
+    started: float = 0.0
+    """When the last run started."""
     attempts: int = 0
     """Runs that were started."""
     worker_deaths: int = 0

@@ -21,6 +21,7 @@ from ciir.service.jobs.watcher import Watcher
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from ciir.service.jobs.job import Lane, State
     from ciir.service.settings import Settings
 
 MIN_KEEP_SECONDS = 60.0
@@ -74,8 +75,8 @@ class Jobs:
         """The id of the job for this request."""
         return compute_id(request, file, self._limits)
 
-    def submit(self, request: Request, file: BinaryIO, *, size: int) -> Job:
-        """The job for `request` and the `size` bytes of `file`: an existing one, or a new one that is stored by now.
+    def submit(self, request: Request, file: BinaryIO) -> Job:
+        """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now.
 
         A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, or lost
         its result is. Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a
@@ -85,7 +86,7 @@ class Jobs:
         found = self.records.get(id_)
         if found is not None and self._is_valid(found):
             return self._mark_used(found)
-        lane = choose_lane(request, size)
+        lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
             raise QueueFull(retry_after=1 + waiting // JOBS_PER_SECOND)
@@ -107,8 +108,15 @@ class Jobs:
         return self.records.get(id_)
 
     def cancel(self, id_: str) -> Job | None:
-        """Cancels the job unless it has ended, and returns it; None if there is no such job. Its work stops soon."""
-        return self.lifecycle.cancel(id_)
+        """Cancels the job, or removes one that has ended, and returns it; None if there is no such job.
+
+        Its work stops soon.
+        """
+        job = self.records.get(id_)
+        if job is None or job.state not in FINAL:
+            return self.lifecycle.cancel(id_)
+        self._expire(job.input)
+        return job
 
     def open_result(self, id_: str) -> IO[bytes]:
         """The opened result of a job that is done; the caller closes it. Raises `ResultExpired`."""
@@ -124,10 +132,17 @@ class Jobs:
         """How many jobs wait, in both lanes, including some that were cancelled."""
         return sum(self.queue.count_waiting(lane) for lane in LANES)
 
-    def count_running(self) -> int:
-        """How many jobs run, on all machines."""
+    def measure_ages(self) -> dict[tuple[Lane, State], list[float]]:
+        """Seconds since each queued job was submitted, and since each run started, on all machines."""
+        now = time.time()
+        ages: dict[tuple[Lane, State], list[float]] = {
+            (lane, state): [] for lane in LANES for state in ("queued", "running")
+        }
         ids = [parse_id(name) for name in self.queue.active.items()]
-        return sum(job.state == "running" for job in self.records.get_many(ids).values())
+        for job in self.records.get_many(ids).values():
+            if job.state not in FINAL:
+                ages[job.lane, job.state].append(now - (job.created if job.state == "queued" else job.started))
+        return ages
 
     def sweep(self) -> bool:
         """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
@@ -181,7 +196,7 @@ class Jobs:
         return job.state in ("queued", "running")
 
     def _mark_used(self, job: Job) -> Job:
-        if job.state in FINAL:
+        if job.state == "done":  # a failure is forgotten in time, even while it is requested
             self.lifecycle.mark_used(job)
         return job
 

@@ -13,6 +13,7 @@ from ciir.service.jobs.job import FINAL, Event, Job, Problem, Result
 
 if TYPE_CHECKING:
     from ciir.service.jobs.files import Files
+    from ciir.service.jobs.job import Lane
     from ciir.service.jobs.queue import Queue
     from ciir.service.jobs.records import Records
 
@@ -21,7 +22,10 @@ WORKER_DEATH_LIMIT = 2
 ATTEMPT_LIMIT = 5
 """A job fails when its consumer died in each of so many runs: one that crashes the machine must not run for ever."""
 WORKER_STOPPED = Problem(
-    422, "Worker stopped", "the input crashed the worker process twice; send a smaller one, or report a bug"
+    503,
+    "Worker stopped",
+    f"the worker process was stopped in {WORKER_DEATH_LIMIT} runs, as the server lacked memory or time, or the input "
+    "crashed it; submit again later, or send a smaller input",
 )
 INTERRUPTED = Problem(
     503, "Interrupted", f"the server was stopped in each of {ATTEMPT_LIMIT} runs; submit again to retry"
@@ -43,7 +47,7 @@ class Lifecycle:
                 return None
             attempts = job.attempts + 1
             event = Event("running", {"attempt": attempts})
-            return job.add_event(event, state="running", attempts=attempts, lease=lease)
+            return job.add_event(event, state="running", attempts=attempts, lease=lease, started=time.time())
 
         return self._records.update(id_, step)
 
@@ -67,9 +71,9 @@ class Lifecycle:
         self.settle(done)
         return True
 
-    def requeue(self, run: Job) -> None:
-        """Puts the job of a run that was stopped back into the queue."""
-        self._retry(run, None)
+    def requeue(self, run: Job, lane: Lane) -> None:
+        """Puts the job of a run that was stopped back into the queue, in `lane`."""
+        self._retry(run, None, lane=lane)
 
     def retry_after_worker_death(self, run: Job) -> None:
         """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`."""

@@ -9,10 +9,9 @@ CLASSES = [kind for kind in vars(errors).values() if isinstance(kind, type) and 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_every_error_has_a_response(kind):
     row = find_response(kind(1))
-    is_callers_error = issubclass(kind, errors.InputError | errors.BackendUnavailable) or (
-        issubclass(kind, errors.ModelError) and kind is not errors.BadCard
-    )
-    assert (row.status in (413, 415, 422), row.exit) == (is_callers_error, 2 if is_callers_error else 1)
+    is_inputs_error = issubclass(kind, errors.InputError | errors.ModelError) and kind is not errors.BadCard
+    is_callers_error = is_inputs_error or kind is errors.BackendUnavailable
+    assert (row.status in (413, 415, 422), row.exit) == (is_inputs_error, 2 if is_callers_error else 1)
 
 
 def test_messages_stay_one_line():

@@ -1,6 +1,7 @@
 """Jobs, consumers and a Redis server for tests, and a pool without worker processes."""
 
 import io
+import os
 import shutil
 import subprocess
 import tempfile
@@ -16,7 +17,7 @@ from tests.support.waiting import wait_until
 
 def submit_data(jobs, data=b"data", **options):
     """Submits a job whose input is `data`."""
-    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data), size=len(data))
+    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data))
 
 
 def wait_for_end(jobs, id_, states=FINAL):
@@ -72,8 +73,9 @@ class StandInPool:
         self.started = []
         """Ids of the jobs whose tasks were started."""
 
-    def run(self, task, *, progress, cancelled):
+    def run(self, task, *, begun, progress, cancelled):
         self.started.append(task.id)
+        begun(os.getpid())
         return self.work(task, progress, cancelled)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 
 from fastapi.testclient import TestClient
@@ -24,12 +25,17 @@ class ThreadPool:
         self.ready = True
         self.start_error = ""
         self.runs = 0
+        self.outcome = None
+        """Returned in place of doing the work, if it is set."""
         self.before = lambda work, progress, cancelled: None
         """Called before each piece of work."""
 
-    def run(self, work, *, progress, cancelled):
+    def run(self, work, *, begun, progress, cancelled):
         self.runs += 1
+        begun(os.getpid())
         self.before(work, progress, cancelled)
+        if self.outcome is not None:
+            return self.outcome
         try:
             with work.source.open("rb") as source, work.target.open("w+b") as target:
                 return tasks.write_result(work.request, source, target, self.allowed, lambda data: None)

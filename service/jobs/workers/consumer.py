@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import time
@@ -10,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
-from ciir.service.jobs.lanes import order_lanes
+from ciir.service.jobs.lanes import SMALL_SECONDS, order_lanes
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import HEARTBEAT_SECONDS, Recovery, create_lease
 from ciir.service.jobs.workers.task import Task
+from ciir.service.logs import FIELDS
 
 if TYPE_CHECKING:
     from ciir.service.jobs.job import Job
@@ -87,7 +89,7 @@ class Consumer:
         while not self._stopping.is_set():
             try:
                 id_ = self._jobs.queue.pop(order_lanes(index, threads, count), POP_SECONDS)
-                run = self._start_run(id_) if id_ is not None else None
+                run = self._start_run(id_, holds_small=index == 0) if id_ is not None else None
                 if run is not None:
                     count += 1
                     self._run_job(run)
@@ -97,14 +99,14 @@ class Consumer:
                 _log.exception("internal error before or after the run of a job")
                 self._stopping.wait(RETRY_SECONDS)
 
-    def _start_run(self, id_: str) -> _Run | None:
+    def _start_run(self, id_: str, *, holds_small: bool) -> _Run | None:
         with self._lock:
             self._leases += 1
             lease = create_lease(self._lock_file.name, self._leases)
         job = self._jobs.lifecycle.start(id_, lease)
         if job is None:  # it was cancelled, or was in the queue twice
             return None
-        run = _Run(job)
+        run = _Run(job, holds_small=holds_small and job.lane == "small")
         with self._lock:
             self._runs[lease] = run
         return run
@@ -113,7 +115,8 @@ class Consumer:
         """Runs a job and stores the outcome."""
         try:
             outcome = self._get_outcome(run)
-            while not self._store_outcome(run.job, outcome):
+            run.log_end(outcome)
+            while not self._store_outcome(run, outcome):
                 if self._stopping.wait(RETRY_SECONDS):
                     _log.warning("job %s: its outcome could not be stored; it will run again", run.job.id)
                     break
@@ -129,7 +132,7 @@ class Consumer:
             with self._jobs.files.open_run(job.input, job.output) as files:
                 task = Task(job.id, job.request, files.source, files.target)
                 progress = partial(run.update_progress, self._jobs)
-                outcome = self._pool.run(task, progress=progress, cancelled=run.cancelled)
+                outcome = self._pool.run(task, begun=run.begin, progress=progress, cancelled=run.cancelled)
                 if isinstance(outcome, Result):
                     files.publish()
                 return outcome
@@ -148,17 +151,17 @@ class Consumer:
             _log.exception("job %s: internal error", job.id)
             return INTERNAL_ERROR
 
-    def _store_outcome(self, run: Job, outcome: Result | Problem | Cancelled | WorkerDied) -> bool:
+    def _store_outcome(self, run: _Run, outcome: Result | Problem | Cancelled | WorkerDied) -> bool:
         """False if the queue can't be reached."""
+        job = run.job
         try:
             if isinstance(outcome, Result | Problem):
-                if not self._jobs.lifecycle.finish(run, outcome):
-                    _log.info("job %s: was cancelled, or taken over by another consumer", run.id)
+                if not self._jobs.lifecycle.finish(job, outcome):
+                    _log.info("job %s: was cancelled, or taken over by another consumer", job.id)
             elif isinstance(outcome, WorkerDied):
-                _log.warning("job %s: worker process %s", run.id, outcome)
-                self._jobs.lifecycle.retry_after_worker_death(run)
-            else:
-                self._jobs.lifecycle.requeue(run)  # changes nothing if the job was cancelled
+                self._jobs.lifecycle.retry_after_worker_death(job)
+            else:  # changes nothing if the job was cancelled
+                self._jobs.lifecycle.requeue(job, "large" if run.is_moved else job.lane)
         except QueueUnavailable:
             return False
         return True
@@ -199,19 +202,58 @@ class Consumer:
                 run.cancelled.set()
             else:
                 run.store_progress(self._jobs)
+                if run.is_overstaying() and self._jobs.queue.count_waiting("small"):
+                    run.is_moved = True
+                    run.cancelled.set()
 
 
 class _Run:
     """One run of a job and its progress."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, *, holds_small: bool) -> None:
+        """`holds_small`: whether the thread that must stay available for small jobs runs a small job."""
         self.job = job
         self.cancelled = threading.Event()
         """Stops the worker process."""
+        self.is_moved = False
+        """Whether it was stopped to be run in the large lane."""
+        self._holds_small = holds_small
+        self._begun: float | None = None
+        self._fields: dict[str, Any] = {"job": job.id, "lane": job.lane, "attempt": job.attempts}
         self._lock = threading.Lock()
         self._newest: dict[str, Any] | None = None
         self._stored: dict[str, Any] | None = None
         self._started = self._stored_at = time.monotonic()
+
+    def begin(self, pid: int) -> None:
+        """Logs that the worker process `pid` has taken the task. The pool calls it."""
+        self._begun = time.monotonic()
+        self._fields["worker"] = pid
+        options = json.dumps(self.job.request.options)[:200]  # printable, whatever the client sent
+        text = "job %s: run %d begins in worker process %d, %s lane: %s %s"
+        job = self.job
+        _log.info(text, job.id, job.attempts, pid, job.lane, job.request.name, options, extra={FIELDS: self._fields})
+
+    def log_end(self, outcome: Result | Problem | Cancelled | WorkerDied) -> None:
+        """Logs how the run ended, and after how many seconds in the worker process."""
+        seconds = 0.0 if self._begun is None else round(time.monotonic() - self._begun, 3)
+        level, status, text = logging.INFO, type(outcome).__name__, str(outcome)
+        if isinstance(outcome, Result):
+            status, text = "200", f"done, {outcome.size} bytes"
+        elif isinstance(outcome, Problem):
+            status, text = str(outcome.status), f"failed with {outcome.status} {outcome.title}: {outcome.detail}"
+        elif isinstance(outcome, WorkerDied):
+            level, text = logging.WARNING, f"the worker process {outcome}"
+        elif self.is_moved:
+            text = "moved to the large lane, as small jobs wait"
+        else:
+            text = "stopped: it was cancelled, or the server stops"
+        fields = self._fields | {"seconds": seconds, "status": status}
+        _log.log(level, "job %s: after %g s %s", self.job.id, seconds, text, extra={FIELDS: fields})
+
+    def is_overstaying(self) -> bool:
+        """Whether it has kept the thread for small jobs over `SMALL_SECONDS`."""
+        return self._holds_small and self._begun is not None and time.monotonic() - self._begun > SMALL_SECONDS
 
     def update_progress(self, jobs: Jobs, data: dict[str, Any]) -> None:
         """Stores the first progress; keeps later ones for `store_progress`. The pool calls it."""

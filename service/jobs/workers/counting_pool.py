@@ -22,13 +22,20 @@ class CountingPool:
     def __init__(self, pool: Pool, metrics: Metrics) -> None:
         self._pool, self._metrics = pool, metrics
 
-    def run(self, task: Task, *, progress: Callable[[dict[str, Any]], None], cancelled: threading.Event) -> Outcome:
+    def run(
+        self,
+        task: Task,
+        *,
+        begun: Callable[[int], None],
+        progress: Callable[[dict[str, Any]], None],
+        cancelled: threading.Event,
+    ) -> Outcome:
         """Runs `task` as the pool does."""
         started = time.perf_counter()
         status = ""
         self._metrics.busy.inc()
         try:
-            outcome = self._pool.run(task, progress=progress, cancelled=cancelled)
+            outcome = self._pool.run(task, begun=begun, progress=progress, cancelled=cancelled)
             status = str(outcome.status) if isinstance(outcome, Problem) else "200"
         except BaseException as error:
             status = type(error).__name__

@@ -28,6 +28,8 @@ TICK_SECONDS = 0.05
 """How often tasks and workers are polled."""
 START_SECONDS = 60.0
 """A worker that is not ready so long after its start is ended, and another one is started."""
+WORKING_SHARE = 0.5
+"""A task that had less processor time than this share of `job_seconds` is not refused: it was the machine's fault."""
 _ATTEMPTS = 3
 """Workers that are tried for one task, where each dies before it receives the task."""
 _MAX_PAUSE = 30.0
@@ -88,9 +90,9 @@ class Pool:
         self,
         task: Task,
         *,
+        begun: Callable[[int], None],
         progress: Callable[[dict[str, Any]], None],
         cancelled: threading.Event,
-        begun: Callable[[int], None] = lambda _: None,
     ) -> Outcome:
         """Waits for a worker, has it run `task`, and returns the outcome; starts the workers if needed.
 
@@ -98,7 +100,8 @@ class Pool:
         the data of each progress event. A task over `job_seconds` is stopped and gives a `Problem`; an unexpected
         exception gives `INTERNAL_ERROR` and is logged.
 
-        Raises `WorkerDied`; `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
+        Raises `WorkerDied`, also if a task over `job_seconds` had less processor time than `WORKING_SHARE` of that;
+        `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
         """
         self.start()
         with task.source.open("rb") as source, task.target.open("w+b") as target:
@@ -142,6 +145,7 @@ class Pool:
     def _run_in(self, worker: Worker, run: _Run) -> Outcome:
         """As `run`, in a given worker; raises `_NotReceivedError` if it died before it received the task."""
         deadline = time.monotonic() + self._seconds
+        worked_before = worker.read_cpu_seconds()
         is_received = False
         try:
             worker.send(asdict(run.task.request), [run.source.fileno(), run.target.fileno()])
@@ -157,7 +161,11 @@ class Pool:
                 if self._is_cancelled(run):
                     raise Cancelled
                 if time.monotonic() > deadline:
+                    worked = worker.read_cpu_seconds() - worked_before
                     worker.end()
+                    if worked < WORKING_SHARE * self._seconds:
+                        time_used = f"{worked:.1f} s of processor time in {self._seconds:g} s"
+                        raise WorkerDied(f"had only {time_used}: the machine stood still, or was overloaded")
                     return _time_problem(f"not done after {self._seconds:g} s")
         except WorkerExitedError as error:
             if self._is_cancelled(run):

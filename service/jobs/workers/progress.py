@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from ciir.service.pipeline.report import Clock
+from ciir.service.pipeline.report import STAGES, Clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -17,31 +18,41 @@ VIEWS_SECONDS = 0.25
 
 
 class ProgressClock(Clock):
-    """A clock that reports when a stage first begins, and when views are finished."""
+    """A clock that reports when the earliest stage at work changes, and when views are finished.
+
+    Stages overlap: the earliest one at work is the one that the others wait for.
+    """
 
     def __init__(self, report: Callable[[dict[str, Any]], None]) -> None:
         """`report`: called with the data of each progress event, from any thread, one at a time."""
         super().__init__()
         self._report, self._lock, self._stages = report, threading.Lock(), set[str]()
-        self._data: dict[str, Any] = {"stage": "decode", "views_done": 0, "views": 0}
-        self._sent_at = float("-inf")
+        self._data: dict[str, Any] = {"stage": STAGES[0], "views_done": 0, "views": 0}
+        self._sent_at = -math.inf
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """As `Clock.stage`."""
-        with self._lock:
-            if name not in self._stages:
-                self._stages.add(name)
-                self._data["stage"] = name
-                self._send()
-        with super().stage(name):
-            yield
+        self._change_stages(self._stages.add, name)
+        try:
+            with super().stage(name):
+                yield
+        finally:
+            self._change_stages(self._stages.remove, name)
 
     def count_views(self, views_done: int, views: int) -> None:
         """Reports that `views_done` of `views` are finished, unless it is too soon after the last report."""
         with self._lock:
             self._data |= {"views_done": views_done, "views": views}
             if views_done == views or time.monotonic() - self._sent_at >= VIEWS_SECONDS:
+                self._send()
+
+    def _change_stages(self, change: Callable[[str], None], name: str) -> None:
+        with self._lock:
+            change(name)
+            earliest = min(self._stages, key=STAGES.index, default=self._data["stage"])
+            if earliest != self._data["stage"] or math.isinf(self._sent_at):
+                self._data["stage"] = earliest
                 self._send()
 
     def _send(self) -> None:

@@ -12,6 +12,7 @@ import sys
 import threading
 from contextlib import suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciir.service.jobs.workers.messages import LIMIT, parse_message, quote
@@ -116,6 +117,15 @@ class Worker:
             _log.error("worker process %d sent no message of ours and is replaced", self.pid)
             self.end()
             raise self._describe_end("it sent no message of ours") from error
+
+    def read_cpu_seconds(self) -> float:
+        """Processor time of all its threads; 0 if it has ended, and on systems without /proc."""
+        try:
+            stat = Path(f"/proc/{self.pid}/stat").read_text()
+        except (FileNotFoundError, ProcessLookupError):
+            return 0.0
+        fields = stat.rpartition(")")[2].split()  # proc(5): what is in brackets may hold spaces
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def is_alive(self) -> bool:
         """Whether the process runs."""

@@ -99,9 +99,10 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
 async def _submit(state: State, given: Upload) -> Job:
     """Submits the form as a job. Raises `QueueFull` or `QueueUnavailable`."""
     try:
-        job = await to_thread.run_sync(lambda: state.engine.jobs.submit(given.request, given.file, size=given.size))
-    except (QueueFull, QueueUnavailable):
+        job = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file)
+    except (QueueFull, QueueUnavailable) as error:
         state.metrics.submitted.labels("refused").inc()
+        _log.info("refused %s, %d bytes: %s", given.request.name, given.size, error)
         raise
     state.metrics.submitted.labels("known" if job.state in FINAL else "accepted").inc()
     trace.get_current_span().set_attribute("ciir.job", job.id)
@@ -126,7 +127,7 @@ async def read_job(job: FoundJob) -> Response:
 
 
 async def cancel_job(job: FoundJob, state: State) -> Response:
-    """Cancels the job."""
+    """Cancels the job, or removes one that has ended."""
     cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id)
     return results.respond_with_status(cancelled or job)
 
@@ -198,8 +199,8 @@ def make_router(kind: Kind) -> APIRouter:
     router.delete(
         "/{id}",
         operation_id=f"delete{title}",
-        summary="Cancel a job, unless it has ended",
-        description="Identical requests share one job: it is cancelled for all of them.",
+        summary="Cancel a job, or remove one that has ended with its result",
+        description="Identical requests share one job: it is cancelled or removed for all of them.",
         response_class=Response,
         responses=openapi.describe_status(kind, 200, "the status: cancelled, or that at its end") | status,
     )(cancel_job)

@@ -27,6 +27,8 @@ CHUNK = 2**18
 """Bytes of a piece of a result; one that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
 """`Retry-After` while a job is not done."""
+FAILED_RETRY_SECONDS = "10"
+"""`Retry-After` of a job that failed through an error of the server: what it lacked takes longer to come back."""
 
 
 def find_root(kind: KindName) -> str:
@@ -88,7 +90,8 @@ def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | 
 def respond_unfinished(job: Job, path: str) -> JSONResponse:
     """The problem that answers a request for the result of a job that is not done."""
     if job.problem is not None:
-        return problems.respond_problem(path, **asdict(job.problem))
+        again = {"Retry-After": FAILED_RETRY_SECONDS} if job.problem.status >= 500 else {}
+        return problems.respond_problem(path, **asdict(job.problem), headers=again)
     if job.state == "cancelled":
         detail = "the job was cancelled; post the input again to run it"
         return problems.respond_problem(path, 409, detail, title="Cancelled")

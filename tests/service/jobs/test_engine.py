@@ -23,7 +23,7 @@ class Pool:
     def start(self):
         self.calls.append("start")
 
-    def run(self, task, *, progress, cancelled):
+    def run(self, task, *, begun, progress, cancelled):
         self.calls.append("run")
         assert self.go.wait(30)
         return Problem(422, "No", "no")
@@ -81,7 +81,13 @@ def test_gauges_of_the_queue(engine, monkeypatch):
     submit_data(engine.jobs)
     engine.update_gauges()
     text = engine.metrics.text().decode()
-    for line in ("ciir_queue_waiting 1.0", "ciir_queue_running 0.0", "ciir_queue_up 1.0", "ciir_workers 3.0"):
+    for line in (
+        "ciir_queue_waiting 1.0",
+        'ciir_queue_jobs{lane="small",state="queued"} 1.0',
+        'ciir_queue_jobs{lane="large",state="running"} 0.0',
+        "ciir_queue_up 1.0",
+        "ciir_workers 3.0",
+    ):
         assert line in text
 
     def fail():

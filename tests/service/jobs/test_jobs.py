@@ -40,7 +40,7 @@ def test_a_submitted_job_is_stored_and_queued(jobs):
     assert (job.state, job.attempts, job.lane, job.events) == ("queued", 0, "small", (Event("queued"),))
     assert jobs.get(job.id) == job
     assert jobs.get("0" * 32) is None
-    assert (jobs.count_waiting(), jobs.count_running()) == (1, 0)
+    assert jobs.count_waiting() == 1
     assert jobs.queue.pop(("small",), 0.01) == job.id
     with jobs.files.open("inputs", job.input) as file:
         assert file.read() == b"data"
@@ -98,13 +98,23 @@ def test_a_cancelled_job_may_be_submitted_again(jobs):
     cancelled = jobs.cancel(job.id)
     assert (cancelled.state, cancelled.events[-1]) == ("cancelled", Event("cancelled"))
     assert list_files(jobs) == []
-    assert jobs.cancel(job.id) == cancelled
     assert jobs.lifecycle.start(job.id, "c-1") is None
     again = submit_data(jobs)
     assert again.state == "queued"
-    ended = finish_job(jobs, again)
+    assert finish_job(jobs, again).state == "done"
+
+
+@pytest.mark.parametrize("end", ["cancelled", "failed", "done"])
+def test_a_job_that_has_ended_is_removed(jobs, end):
+    job = submit_data(jobs)
+    if end == "cancelled":
+        ended = jobs.cancel(job.id)
+    else:
+        ended = finish_job(jobs, job) if end == "done" else fail_job(jobs, job, 422)
     assert jobs.cancel(job.id) == ended
-    assert read_result(jobs, job.id) == b"result"
+    assert jobs.get(job.id) is None
+    assert (list_files(jobs), jobs.queue.finished.items(), jobs.queue.jobs.items()) == ([], {}, {})
+    assert submit_data(jobs).state == "queued"
 
 
 def test_a_full_queue(service):
@@ -207,7 +217,7 @@ def test_the_number_of_ended_jobs_is_limited(service, monkeypatch):
     monkeypatch.setattr(module, "FINISHED_LIMIT", 3)
     jobs = service.open_jobs()
     set_clock(monkeypatch, 1000.0)
-    ids = [fail_job(jobs, submit_data(jobs, bytes([number])), 422).id for number in range(4)]
+    ids = [finish_job(jobs, submit_data(jobs, bytes([number]))).id for number in range(4)]
     set_clock(monkeypatch, 1001.0 + module.MIN_KEEP_SECONDS)
     submit_data(jobs, bytes([0]))
     jobs.sweep()
@@ -224,6 +234,7 @@ def test_unused_jobs_expire(service, monkeypatch):
     fail_job(jobs, bad, 422)
     set_clock(monkeypatch, 1090.0)
     submit_data(jobs, b"used")
+    assert submit_data(jobs, b"bad").state == "failed"  # which does not prolong it
     waiting = submit_data(jobs, b"waiting")
     set_clock(monkeypatch, 1101.0)
     jobs.sweep()

@@ -13,7 +13,7 @@ def test_only_one_run_gets_a_lease(jobs):
     assert (run.state, run.lease, run.attempts) == ("running", "a-1", 1)
     assert jobs.lifecycle.start(job.id, "b-1") is None
     assert jobs.lifecycle.start("0" * 32, "b-1") is None
-    assert jobs.count_running() == 1
+    assert [seconds < 60 for seconds in jobs.measure_ages()["small", "running"]] == [True]
 
 
 def test_a_run_that_lost_its_lease_changes_nothing(jobs):
@@ -24,7 +24,7 @@ def test_a_run_that_lost_its_lease_changes_nothing(jobs):
     publish_result(jobs, old, b"late")
     assert not jobs.lifecycle.add_progress(old, {"stage": "map"})
     assert not jobs.lifecycle.finish(old, RESULT)
-    jobs.lifecycle.requeue(old)
+    jobs.lifecycle.requeue(old, "large")
     jobs.lifecycle.retry_after_worker_death(old)
     jobs.lifecycle.retry_after_consumer_death(old)
     assert jobs.get(job.id) == new
@@ -61,9 +61,10 @@ def test_the_second_death_of_a_worker_fails_the_job(jobs):
     jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"))
     ended = jobs.get(job.id)
     assert (ended.state, ended.problem, ended.worker_deaths, ended.attempts) == ("failed", WORKER_STOPPED, 2, 2)
-    assert WORKER_STOPPED.status == 422
+    assert WORKER_STOPPED.status == 503  # the machine may be short of memory
     assert list_files(jobs) == []
-    assert submit_data(jobs) == ended
+    again = submit_data(jobs)
+    assert (again.state, again.worker_deaths) == ("queued", 0)
 
 
 def test_a_job_whose_consumer_always_dies_is_not_run_for_ever(jobs):
@@ -80,7 +81,7 @@ def test_a_job_may_be_requeued_any_number_of_times(jobs):
     job = submit_data(jobs)
     for number in range(2 * ATTEMPT_LIMIT):
         assert jobs.queue.pop(("small",), 0.01) == job.id
-        jobs.lifecycle.requeue(jobs.lifecycle.start(job.id, f"a-{number}"))
+        jobs.lifecycle.requeue(jobs.lifecycle.start(job.id, f"a-{number}"), "small")
     assert jobs.get(job.id).state == "queued"
 
 

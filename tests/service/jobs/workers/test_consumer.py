@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
-from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
+from ciir.service.jobs.job import INTERNAL_ERROR, Job, Problem, Result
 from ciir.service.jobs.workers import consumer as module
 from ciir.service.jobs.workers import recovery
 from ciir.service.jobs.workers.consumer import Consumer
@@ -63,7 +63,7 @@ def test_jobs_are_run(service, jobs, pool):
         assert read_result(jobs, id_) == bytes([number]) * 2
     assert sorted(pool.started) == sorted(ids)
     wait_until(lambda: jobs.queue.active.items() == {})
-    assert (jobs.count_waiting(), jobs.count_running()) == (0, 0)
+    assert jobs.count_waiting() == 0
     assert len(list_files(jobs)) == 20
 
 
@@ -83,6 +83,72 @@ def test_small_jobs_do_not_wait_for_large_ones(service, jobs, pool):
     assert {jobs.get(id_).state for id_ in large} <= {"running", "queued"}
     opened.set()
     assert {wait_for_end(jobs, id_).state for id_ in large} == {"done"}
+
+
+def wait_until_cancelled(task, progress, cancelled):
+    assert cancelled.wait(30)
+    raise Cancelled
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_job_that_overstays_the_small_lane_is_moved_out_of_it(service, jobs, pool, monkeypatch, threads):
+    monkeypatch.setattr(module, "SMALL_SECONDS", 0.3)
+
+    def overstay(task, progress, cancelled):
+        is_long = task.request.options.get("views") == "0,0"
+        return (wait_until_cancelled if is_long else write_double)(task, progress, cancelled)
+
+    pool.work = overstay
+    long = [submit_data(jobs, bytes([number]), views="0,0").id for number in range(threads)]
+    assert {jobs.get(id_).lane for id_ in long} == {"small"}
+    small = [submit_data(jobs, bytes([number])).id for number in range(2)]
+    service.start_consumer(jobs, pool, threads)
+    assert {wait_for_end(jobs, id_).state for id_ in small} == {"done"}
+    assert sorted(jobs.get(id_).lane for id_ in long) == ["large", "small"][:threads]
+    assert {jobs.get(id_).state for id_ in long} <= {"queued", "running"}
+    for id_ in long:
+        jobs.cancel(id_)
+
+
+def test_a_job_in_the_small_lane_goes_on_while_none_waits(service, jobs, pool, monkeypatch):
+    monkeypatch.setattr(module, "SMALL_SECONDS", 0.0)
+
+    def take_a_second(task, progress, cancelled):
+        assert not cancelled.wait(1.0)
+        return write_double(task, progress, cancelled)
+
+    pool.work = take_a_second
+    service.start_consumer(jobs, pool)
+    job = wait_for_end(jobs, submit_data(jobs).id)
+    assert (job.state, job.attempts, job.lane) == ("done", 1, "small")
+
+
+def test_the_log_shows_each_run(service, jobs, pool, caplog):
+    def read_fields(id_):
+        lines = [record for record in caplog.records if getattr(record, "fields", {}).get("job") == id_]
+        return [record.getMessage() for record in lines], [record.fields for record in lines]
+
+    with caplog.at_level(logging.INFO):
+        service.start_consumer(jobs, pool)
+        done = submit_data(jobs, lenses="5x5").id
+        wait_for_end(jobs, done)
+        pool.work = lambda task, progress, cancelled: Problem(422, "Takes too long", "not done after 300 s")
+        failed = submit_data(jobs, b"2", views="all", model="\n").id
+        wait_for_end(jobs, failed)
+        pool.work = raise_worker_died
+        died = submit_data(jobs, b"3").id
+        wait_for_end(jobs, died)
+    (begin, end), (fields, at_end) = read_fields(done)
+    assert begin.endswith(f'run 1 begins in worker process {os.getpid()}, small lane: upload.png {{"lenses": "5x5"}}')
+    assert (" s done, 8 bytes" in end, at_end["status"]) == (True, "200")
+    assert fields == {"job": done, "worker": os.getpid(), "lane": "small", "attempt": 1}
+    assert 0 <= at_end["seconds"] < 30
+    (begin, end), (fields, at_end) = read_fields(failed)
+    assert 'large lane: upload.png {"views": "all", "model": "\\n"}' in begin
+    assert ("failed with 422 Takes too long: not done after 300 s" in end, at_end["status"]) == (True, "422")
+    texts, fields = read_fields(died)
+    assert [line.get("status") for line in fields] == [None, "WorkerDied"] * 2
+    assert "the worker process was ended by signal 9 (Killed)" in texts[-1]
 
 
 @pytest.mark.parametrize("problem", [Problem(422, "Not readable", "no file"), Problem(503, "No room", "full")])
@@ -190,7 +256,7 @@ def test_the_first_and_the_newest_progress_are_stored(service, jobs, pool):
 def test_long_jobs_have_fewer_progress_events(monkeypatch):
     stored, now = [], [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    run = module._Run(None)
+    run = module._Run(Job("an id", None), holds_small=True)
     lifecycle = SimpleNamespace(add_progress=lambda _, data: stored.append(data["views_done"]) or True)
     jobs = SimpleNamespace(lifecycle=lifecycle)
     for number in range(3600 * 4):  # an hour, four times a second

@@ -15,7 +15,7 @@ RESULT = Result("png", 123, {"timings_ms": {"total": 3000}, "plan": {"skipped": 
 
 def run(metrics, work):
     pool = CountingPool(StandInPool(lambda *_: work()), metrics)
-    return pool.run(TASK, progress=print, cancelled=threading.Event())
+    return pool.run(TASK, begun=print, progress=print, cancelled=threading.Event())
 
 
 def test_outcomes_are_counted_by_status():

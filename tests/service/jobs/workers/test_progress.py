@@ -2,12 +2,30 @@ from ciir.service.jobs.workers import progress
 from ciir.service.jobs.workers.progress import ProgressClock
 
 
-def test_each_stage_is_reported_once_and_views_at_intervals(monkeypatch):
+def test_the_stage_that_the_others_wait_for_is_reported():
+    reported = []
+    clock = ProgressClock(reported.append)
+    with clock.stage("render"):
+        with clock.stage("upscale"), clock.stage("encode"):
+            pass
+        with clock.stage("upscale"):
+            pass
+    with clock.stage("upscale"):
+        with clock.stage("render"), clock.stage("encode"):
+            pass
+        with clock.stage("encode"):
+            pass
+    with clock.stage("encode"):
+        pass
+    assert [data["stage"] for data in reported] == ["render", "upscale", "render", "upscale", "encode"]
+
+
+def test_stages_are_reported_when_they_change_and_views_at_intervals(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     reported = []
     clock = ProgressClock(reported.append)
-    for stage in ("decode", "render", "encode", "render"):
+    for stage in ("decode", "render", "render", "encode"):
         with clock.stage(stage):
             pass
     clock.count_views(1, 5)  # too soon

@@ -64,7 +64,7 @@ def test_metrics(eia, tmp_path):
     assert float(found["ciir_job_seconds_count"]) == 2
     for stage in ("decode", "plan", "map", "upscale", "encode", "total"):
         assert float(found[f'ciir_stage_seconds_total{{stage="{stage}"}}']) > 0
-    assert (float(found["ciir_queue_waiting"]), float(found["ciir_queue_running"])) == (0, 0)
+    assert (float(found["ciir_queue_waiting"]), float(found['ciir_queue_jobs{lane="small",state="running"}'])) == (0, 0)
     assert (float(found["ciir_workers"]), float(found["ciir_workers_busy"])) == (2, 0)
     assert float(found["ciir_http_received_bytes_total"]) > 2 * len(eia)
     assert float(found["ciir_result_bytes_total"]) > 100

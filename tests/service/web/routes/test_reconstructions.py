@@ -10,6 +10,7 @@ import pytest
 
 from ciir.errors import QueueFull, QueueUnavailable
 from ciir.renderer.readers.pictures import decode
+from ciir.service.jobs.job import Problem
 from ciir.service.web.routes import results
 from tests.support.inputs import BAD_INPUTS, EIA, contains_all
 from tests.support.waiting import wait_until
@@ -213,12 +214,28 @@ def test_cancelling(own, eia):
     ]
     assert started.wait(30)
     assert own.delete(place).json()["state"] == "cancelled"
-    assert own.delete(place).json()["state"] == "cancelled"
     go.set()
     check_problem(own.get(f"{place}/result"), 409, "cancelled", "again")
     assert parse_events(own.get(f"{place}/events"))[-1][1] == "cancelled"
     assert post_file(own, data=eia, lenses="6x9", model="none").status_code == 200
-    assert own.delete(place).json()["state"] == "done"  # a job that has ended is not cancelled
+    assert own.delete(place).json()["state"] == "done"  # a job that has ended is removed
+    check_problem(own.get(place), 404)
+    check_problem(own.delete(place), 404)
+
+
+def test_only_refusals_that_follow_from_the_input_stand(own, eia):
+    fields = {"data": eia, "lenses": "6x9", "model": "none"}
+    for status, runs in ((503, 2), (422, 3)):
+        own.pool.outcome = Problem(status, "Title", "a detail")
+        for _ in range(2):
+            response = post_file(own, **fields)
+            check_problem(response, status, "a detail")
+            assert response.headers.get("retry-after") == {503: "10"}.get(status)
+        assert own.pool.runs == runs
+    own.pool.outcome = None
+    (id_,) = own.engine.jobs.queue.jobs.items()
+    assert own.delete(f"{POST}/{id_}").json()["state"] == "failed"
+    assert post_file(own, **fields).status_code == 200
 
 
 def test_a_job_goes_on_without_its_client(own, eia):
