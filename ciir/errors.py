@@ -24,7 +24,12 @@
     │   ├── ResultExpired        the result was kept for as long as it may be, and removed
     │   ├── WorkerDied           the worker process ended in the middle of its work
     │   └── Cancelled            the work was stopped because it is not wanted any more
-    └── NotReady                 the server is still loading its models, or it is stopping
+    ├── NotReady                 the server is still loading its models, or it is stopping
+    └── ServiceError             a server's answer can't be used (`ciir.service.client`)
+        ├── ConnectionFailed     the server can't be reached, or the connection broke
+        ├── Unauthorized         the API key is missing or wrong
+        ├── NotFound             there is no such job
+        └── NotDone              the job waits or runs
 """
 
 from __future__ import annotations
@@ -48,6 +53,11 @@ class Unreadable(InputError):  # noqa: N818
 
 class TooLarge(InputError):  # noqa: N818
     """Over a limit on bytes, pixels, files or triangles."""
+
+    def __init__(self, message: str, limit: str = "") -> None:
+        super().__init__(message)
+        self.limit = limit
+        """Name of the limit in `renderer.limits.Limits`; empty for a fixed one."""
 
 
 class InvalidGeometry(InputError):  # noqa: N818
@@ -125,3 +135,23 @@ class Cancelled(JobError):  # noqa: N818
 
 class NotReady(Error, RuntimeError):  # noqa: N818
     """The server is still loading its models, or it is stopping."""
+
+
+class ServiceError(Error):
+    """A server's answer can't be used: none of the other errors fits it."""
+
+
+class ConnectionFailed(ServiceError, ConnectionError):  # noqa: N818
+    """The server can't be reached, or the connection broke."""
+
+
+class Unauthorized(ServiceError):  # noqa: N818
+    """The API key is missing or wrong: HTTP's 401."""
+
+
+class NotFound(ServiceError, LookupError):  # noqa: N818
+    """There is no such job: HTTP's 404."""
+
+
+class NotDone(ServiceError):  # noqa: N818
+    """The job waits or runs: HTTP's 409."""

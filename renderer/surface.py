@@ -82,7 +82,8 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
     if triangles > max_triangles or vertices > 3 * max_triangles:
         raise TooLarge(
             f"{name}: {triangles:,} triangles and {vertices:,} vertices; at most {max_triangles:,} and "
-            f"{3 * max_triangles:,} are read; decimate the mesh"
+            f"{3 * max_triangles:,} are read; decimate the mesh",
+            "triangles",
         )
 
 

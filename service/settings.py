@@ -14,6 +14,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from ciir.errors import InvalidOption
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.service.pipeline import cache_folder
+from ciir.service.pipeline.limits import SETTINGS
 
 PREFIX = "CIIR_"
 _MOST = 2**40
@@ -22,6 +23,11 @@ _log = logging.getLogger("ciir")
 
 def _number(default: float, least: float, most: float) -> Any:
     return Field(default=default, ge=least, le=most, allow_inf_nan=False)
+
+
+def _limit(field: str) -> Any:
+    _, least, most = SETTINGS[field]
+    return _number(getattr(DEFAULT_LIMITS, field), least, most)
 
 
 def _split_at_commas(given: object) -> object:
@@ -96,19 +102,19 @@ class Settings(BaseSettings):
 
     max_body_bytes: int = _number(64 * 2**20, 1024, _MOST)
     """Maximum bytes of a request's body, with or without a declared length."""
-    max_files: int = _number(DEFAULT_LIMITS.files, 1, 1_000_000)
+    max_files: int = _limit("files")
     """Maximum number of files in a zip."""
-    max_unpacked_bytes: int = _number(DEFAULT_LIMITS.bytes, 1024, _MOST)
+    max_unpacked_bytes: int = _limit("bytes")
     """Maximum unpacked bytes of all files of a zip together."""
-    max_ratio: int = _number(DEFAULT_LIMITS.ratio, 1, 100_000)
+    max_ratio: int = _limit("ratio")
     """Maximum ratio of unpacked to packed bytes of a zip; checked from 1 MiB unpacked."""
-    max_pixels: int = _number(DEFAULT_LIMITS.pixels, 1, _MOST)
+    max_pixels: int = _limit("pixels")
     """Maximum pixels of a picture, and of all textures of a mesh together; checked before decoding."""
-    max_set_bytes: int = _number(DEFAULT_LIMITS.set_bytes, 1, _MOST)
+    max_set_bytes: int = _limit("set_bytes")
     """Maximum decoded bytes of all pictures of a set of views together."""
-    max_triangles: int = _number(DEFAULT_LIMITS.triangles, 1, 100_000_000)
+    max_triangles: int = _limit("triangles")
     """Maximum triangles of a mesh; it may have three times as many vertices."""
-    max_views: int = _number(DEFAULT_LIMITS.views, 1, 16_777_216)
+    max_views: int = _limit("views")
     """Maximum number of views in a result, and in a set of views that is sent."""
     max_output_pixels: int = _number(256_000_000, 1, _MOST)
     """Maximum pixels of all views of a result together, and maximum samples of a mesh for them."""

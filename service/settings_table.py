@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.service import settings
 from ciir.service.pipeline import cache_folder
+from ciir.service.pipeline.limits import SETTINGS
 from ciir.service.settings import PREFIX, Settings
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ Environment variables of `ciir serve` and `ciir worker`. `ciir serve --show-sett
 - An empty variable counts as not set.
 - A value out of range ends the command with exit status 2 and one line that names the allowed values.
 - A variable whose name begins with `{PREFIX}` and that is no setting is logged as a warning.
+- Limits on what is read ({", ".join(f"`{name}`" for name, _, _ in SETTINGS.values())})
+  hold for the other commands and for Python too; an input over one is refused with a line that names the variable.
 - The cache folder is `{cache_folder.NAME}`, else `ciir` in `XDG_CACHE_HOME`, else `~/.cache/ciir`. All commands use it.
 
 This page is generated: `python -m ciir.service.settings_table > docs/settings.md`.

@@ -49,7 +49,7 @@ class Bundle:
         """
         own = PurePosixPath(name.replace("\\", "/")).name
         if len(data) > limits.bytes:
-            raise TooLarge(_describe_size(own, len(data), limits))
+            raise TooLarge(_describe_size(own, len(data), limits), "bytes")
         found = identify(own, data)
         if found is ZIP:
             return cls(own, None, unpack(own, data, limits), limits)
@@ -90,7 +90,8 @@ class Folder(Mapping[str, bytes]):
             if len(keys) > self._limits.files:
                 raise TooLarge(
                     f"{clean_text(self._path.name)}: more than {self._limits.files:,} files; "
-                    "give a folder that holds fewer"
+                    "give a folder that holds fewer",
+                    "files",
                 )
         yield from sorted(keys)
 
@@ -115,7 +116,7 @@ def read_file(path: Path, limits: Limits) -> bytes:
     try:
         size = path.stat().st_size
         if size > limits.bytes:
-            raise TooLarge(_describe_size(str(path), size, limits))
+            raise TooLarge(_describe_size(str(path), size, limits), "bytes")
         if not path.is_file():
             raise Unreadable(f"{clean_text(str(path))}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
@@ -157,15 +158,16 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
 def _check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
     members = [member for member in members if not member.is_dir()]
     if len(members) > limits.files:
-        raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer")
+        raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer", "files")
     unpacked = sum(member.file_size for member in members)
     packed = sum(member.compress_size for member in members)
     if unpacked > limits.bytes:
         raise TooLarge(
-            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files"
+            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files",
+            "bytes",
         )
     if unpacked > max(2**20, packed * limits.ratio):
-        raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked")
+        raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked", "ratio")
     found: dict[str, zipfile.ZipInfo] = {}
     for member in members:
         key = resolve_key(member.orig_filename)

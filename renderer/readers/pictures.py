@@ -53,7 +53,8 @@ def decode(
         if height * width > max_pixels or max(height, width) > MAX_SIDE:
             raise TooLarge(
                 f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
-                f"and {MAX_SIDE:,} along a side; crop it or scale it down"
+                f"and {MAX_SIDE:,} along a side; crop it or scale it down",
+                "pixels" if height * width > max_pixels else "",
             )
         if check is not None:
             check(height, width)

@@ -55,13 +55,14 @@ def read(
     """
     names = _picture_names(files, name)
     if len(names) > limits.views:
-        raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer")
+        raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer", "views")
     order, (pixels_v, pixels_u) = _arrange(names, name, grid)
     first = pictures.decode(files[order[0]], name=clean_text(order[0]), max_pixels=limits.pixels)
     if len(order) * first.nbytes > limits.set_bytes:
         raise TooLarge(
             f"{name}: {len(order)} views of {_describe(first)} come to {len(order) * first.nbytes:,} bytes; "
-            f"at most {limits.set_bytes:,} are read; give fewer views or smaller ones"
+            f"at most {limits.set_bytes:,} are read; give fewer views or smaller ones",
+            "set_bytes",
         )
     views = np.empty((len(order), *first.shape), first.dtype)
     views[0] = first

@@ -14,10 +14,11 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from ciir.errors import Error, InvalidOption
+from ciir.errors import Error, InvalidOption, TooLarge
 from ciir.service.cli.extras import require_extra
 from ciir.service.cli.parser import parse_arguments
 from ciir.service.errors import find_response, join_lines
+from ciir.service.pipeline.limits import describe_setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,7 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         _run(sys.argv[1:] if argv is None else argv)
     except Error as error:
-        return _print_error(error, find_response(error).exit)
+        more = describe_setting(error) if isinstance(error, TooLarge) else ""
+        return _print_error(f"{error}{more}", find_response(error).exit)
     except BrokenPipeError:
         _discard_output()
         return PIPE_CLOSED

@@ -1,11 +1,14 @@
-"""Limits on what one reconstruction may ask for, checked before any view is made."""
+"""Limits on what is read, from the environment, and on what one job may ask for, checked before any view is made."""
 
 from __future__ import annotations
 
+import os
+import re
 from typing import TYPE_CHECKING, Literal
 
-from ciir.errors import TooLarge
+from ciir.errors import InvalidOption, TooLarge
 from ciir.models.catalogue import DEFAULT
+from ciir.renderer.limits import Limits
 from ciir.renderer.readers.pictures import MAX_SIDE
 
 if TYPE_CHECKING:
@@ -16,18 +19,51 @@ MAX_VIEW_PIXELS = 64_000_000
 """Most pixels in one view, in or out: as many as a picture may have that is read."""
 MAX_VIEW_SAMPLES = 64_000_000
 """Most points of a mesh that are sampled for one view: memory grows by about 10 bytes for each."""
+SETTINGS = {
+    "files": ("CIIR_MAX_FILES", 1, 1_000_000),
+    "bytes": ("CIIR_MAX_UNPACKED_BYTES", 1024, 2**40),
+    "ratio": ("CIIR_MAX_RATIO", 1, 100_000),
+    "pixels": ("CIIR_MAX_PIXELS", 1, 2**40),
+    "set_bytes": ("CIIR_MAX_SET_BYTES", 1, 2**40),
+    "triangles": ("CIIR_MAX_TRIANGLES", 1, 100_000_000),
+    "views": ("CIIR_MAX_VIEWS", 1, 16_777_216),
+}
+"""Each limit of `renderer.limits.Limits` -> the environment variable that sets it, its least and its largest value."""
 _REMEDY: dict[Strategy, str] = {
     "upscale": "pinhole sampling",
     "direct": "a smaller scale or strategy upscale",
 }
 
 
+def read_limits() -> Limits:
+    """The limits on an input that the environment sets. Raises `InvalidOption`."""
+    given: dict[str, int] = {}
+    for field, (name, least, most) in SETTINGS.items():
+        text = os.environ.get(name, "").strip()
+        if not text:
+            continue
+        if re.fullmatch(r"\d{1,15}", text) is None or not least <= int(text) <= most:
+            raise InvalidOption(
+                f"{name}: {text[:40]!r} is not a whole number from {least} to {most}; "
+                f"set one, or unset it for the default {getattr(Limits, field)}"
+            )
+        given[field] = int(text)
+    return Limits(**given)
+
+
+def describe_setting(error: TooLarge) -> str:
+    """The remedy that is left to whoever sets the limit that `error` names, to follow its message; or empty."""
+    return f", or set {SETTINGS[error.limit][0]} to a larger number" if error.limit else ""
+
+
 def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:
     """Raises `TooLarge` where `spec`, with `;` between views, names more than `limit` of the views of `grid`."""
     if spec == "all" and grid[0] * grid[1] > limit:
-        raise TooLarge(f"views: all of {grid[0]}x{grid[1]} are over the limit of {limit:,}; name some, or fewer pixels")
+        raise TooLarge(
+            f"views: all of {grid[0]}x{grid[1]} are over the limit of {limit:,}; name some, or fewer pixels", "views"
+        )
     if spec.count(";") >= limit + spec.endswith(";"):
-        raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer")
+        raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer", "views")
 
 
 def check_size(

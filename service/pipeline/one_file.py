@@ -58,6 +58,7 @@ def _upscale(bundle: Bundle, options: Options, output: Output) -> tuple[str, Rep
         model=options.model,
         scale=options.scale,
         skip=options.skip == "exact",
+        limits=bundle.limits,
         max_pixels=output.max_pixels,
         progress=output.progress,
         clock=output.clock,

@@ -11,6 +11,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import pictures
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.limits import check_size
@@ -52,6 +53,7 @@ def upscale_files(
     model: str,
     scale: int,
     skip: bool = True,
+    limits: Limits = DEFAULT_LIMITS,
     max_pixels: int | None = None,
     progress: Progress | None = None,
     clock: Clock | None = None,
@@ -60,8 +62,8 @@ def upscale_files(
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
     `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known
-    result are skipped. `max_pixels`: most pixels of an output. Raises `InputError`, with the picture's name, and
-    `ModelError`.
+    result are skipped. `limits`: on the inputs; `max_pixels`: most pixels of an output.
+    Raises `InputError`, with the picture's name, and `ModelError`.
     """
     clock = clock or Clock()
     if model == NO_MODEL:
@@ -73,7 +75,7 @@ def upscale_files(
     statistics = SkipStatistics()
     for name, output in outputs.items():
         with clock.stage("decode"):
-            pixels = pictures.decode(files[name], name=name)
+            pixels = pictures.decode(files[name], name=name, max_pixels=limits.pixels)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):

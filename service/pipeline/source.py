@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scene import Scene
+from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.report import CountedFiles, Report
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ def open_source(text: str) -> Source:
 
 
 def open_bundle(text: str) -> Bundle:
-    """The file, the folder or the zip at a path. Raises `InputError`."""
+    """The file, the folder or the zip at a path, within the limits of the environment. Raises `InputError`."""
     if not text:
         raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
-    return Bundle.from_path(Path(text))
+    return Bundle.from_path(Path(text), read_limits())
 
 
 class Input:
@@ -42,12 +42,13 @@ class Input:
 
     def __init__(self, source: Source) -> None:
         self._source = source
-        self.limits = DEFAULT_LIMITS
         if isinstance(source, Bundle):
             self.name, self.limits = source.name, source.limits
             self._files = CountedFiles(source.files)
             self._source = replace(source, files=self._files)
-        elif isinstance(source, str):
+            return
+        self.limits = read_limits()
+        if isinstance(source, str):
             self.name = f"scene:{source}"
         else:
             self.name = "light field" if isinstance(source, LightField) else "mesh"

@@ -1,13 +1,14 @@
 """Reading settings from the environment, and the errors for bad values."""
 
 import re
-from dataclasses import fields
+from dataclasses import asdict, fields
 
 import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.service import settings
+from ciir.service.pipeline.limits import SETTINGS, read_limits
 from ciir.service.settings import Settings
 from tests.support.paths import ROOT
 
@@ -150,3 +151,11 @@ def test_every_setting_is_documented_and_used(name):
         for path in (ROOT / "service").rglob("*.py")
         if (text := path.read_text(encoding="utf-8"))
     ), "no code reads it"
+
+
+def test_the_server_and_the_commands_read_the_same_limits(monkeypatch):
+    assert Settings().limits == read_limits() == Limits()
+    for number, (name, least, _) in enumerate(SETTINGS.values()):
+        monkeypatch.setenv(name, str(least + 1000 + number))
+    assert Settings().limits == read_limits()
+    assert len(set(asdict(read_limits()).values())) == len(SETTINGS) == len(fields(Limits))

@@ -35,7 +35,8 @@ def read_accessor(document: Document, index: object) -> NDArray[Any]:
     if document.elements > document.max_elements:
         raise TooLarge(
             f"{document.name}: with accessor {index} those that are read have {clean_text(f'{document.elements:,}')} "
-            f"elements; at most {document.max_elements:,} are read together; decimate the mesh"
+            f"elements; at most {document.max_elements:,} are read together; decimate the mesh",
+            "triangles",
         )
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])

@@ -99,7 +99,8 @@ def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
             if len(found) > most[word]:
                 raise TooLarge(
                     f"{name}: over {most[word]:,} lines of {word.decode()}, more than the {max_triangles:,} triangles "
-                    "that are read at most can use; decimate the mesh"
+                    "that are read at most can use; decimate the mesh",
+                    "triangles",
                 )
             lines.numbers.setdefault(word, []).append(number)
     return lines

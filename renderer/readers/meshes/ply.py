@@ -85,7 +85,8 @@ def _check_count(name: str, kind: str, count: int, max_triangles: int) -> None:
     if count > 3 * max_triangles:
         raise TooLarge(
             f"{name}: {clean_text(f'{count:,}')} elements {clean_text(kind)}; at most {3 * max_triangles:,} are read, "
-            f"and {max_triangles:,} triangles; decimate the mesh"
+            f"and {max_triangles:,} triangles; decimate the mesh",
+            "triangles",
         )
 
 

@@ -52,7 +52,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         raise Unreadable(f"{name}: a 3MF without {_MODEL}; export it again")
     check_xml(model, name)
     if model.count(b"<") > _TAGS * limits.triangles + 1000:
-        raise TooLarge(f"{name}: more XML than {limits.triangles:,} triangles need; decimate the mesh")
+        raise TooLarge(f"{name}: more XML than {limits.triangles:,} triangles need; decimate the mesh", "triangles")
     palettes: Palettes = {}
     objects: dict[str, tuple[list[Surface], References]] = {}
     build: References = []

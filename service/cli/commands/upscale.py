@@ -35,7 +35,9 @@ def run(args: argparse.Namespace) -> None:
     output_path.check_not_input([args.out, args.report], args.input)
     options, bundle = common.parse_options(args), _bundle(args.input)
     skip = options.skip == "exact"
-    upscale = partial(upscale_files, bundle.files, model=options.model, scale=options.scale, skip=skip)
+    upscale = partial(
+        upscale_files, bundle.files, model=options.model, scale=options.scale, skip=skip, limits=bundle.limits
+    )
     if bundle.main is None:
         output_path.resolve_folder(args.out, what="several pictures")
         names = [name for name in bundle.files if is_picture(name) and "/" not in name]
