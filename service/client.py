@@ -1,118 +1,45 @@
-"""Python client of the HTTP API.
+"""Python clients of the HTTP API, one that waits and one for asyncio.
 
 with Client("http://127.0.0.1:8000") as client:
-    client.reconstruct("duck.glb", lenses="50x50").save("view.png")
-    job = client.submit("eia.png", lenses="50x50", views="all", format="npz")
+    client.reconstruct("duck.glb", lenses=(50, 50)).save("view.png")
+    job = client.submit("views", views="all", format="npz")  # a folder
     for event in job.events():
         print(event.kind, event.data)
     views = job.result().content
+
+`AsyncClient` has the same methods, to be awaited. All of them raise the errors of `ciir.errors`: those that the same
+work raises without a server, and `ServiceError` for what only a server can cause.
 """
 
 from __future__ import annotations
 
-import json
+import asyncio
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx2
+from anyio import to_thread
 
-from ciir.errors import Error
+from ciir.errors import ConnectionFailed
+from ciir.service import client_messages as messages
+from ciir.service.client_messages import Event, Result
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import AsyncIterator, Iterator, Mapping
 
-ROOT = "/v1/reconstructions"
-FINAL = frozenset({"done", "failed", "cancelled"})
+    from ciir.service.pipeline.options import KindName
+
+__all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]
 TIMEOUT_SECONDS = 60.0
 """Longest silence of the server; it sends at least a comment every 15 s while a job runs."""
-
-
-class ServiceError(Error):
-    """The server answered with an error: an RFC 9457 problem."""
-
-    def __init__(self, status: int, title: str, detail: str, retry_after: float | None = None) -> None:
-        super().__init__(f"{status} {title}: {detail}")
-        self.status, self.title, self.detail = status, title, detail
-        self.retry_after = retry_after
-        """Seconds after which to try again; None if that is of no use."""
-
-
-class BadRequest(ServiceError):  # noqa: N818 - the cause is the name
-    """400, 408: the request is broken, or came too slowly."""
-
-
-class Unauthorized(ServiceError):  # noqa: N818
-    """401: the API key is missing or wrong."""
-
-
-class NotFound(ServiceError):  # noqa: N818
-    """404, 410: there is no such job, or its result has expired."""
-
-
-class NotDone(ServiceError):  # noqa: N818
-    """409: the job waits, runs, or was cancelled."""
-
-
-class InvalidInput(ServiceError):  # noqa: N818
-    """413, 415, 422: the file or an option is wrong."""
-
-
-class QueueFull(ServiceError):  # noqa: N818
-    """429: too many jobs wait."""
-
-
-class Unavailable(ServiceError):  # noqa: N818
-    """503: the server is starting or stopping, or its queue cannot be reached."""
-
-
-_KINDS: dict[int, type[ServiceError]] = {
-    400: BadRequest,
-    401: Unauthorized,
-    404: NotFound,
-    408: BadRequest,
-    409: NotDone,
-    410: NotFound,
-    413: InvalidInput,
-    415: InvalidInput,
-    422: InvalidInput,
-    429: QueueFull,
-    503: Unavailable,
-}
-
-
-@dataclass(frozen=True)
-class Result:
-    """A result: the views and how long they took."""
-
-    id: str
-    content: bytes
-    """One PNG, a zip with `report.json`, or an npz."""
-    format: str
-    """`png`, `zip` or `npz`."""
-    timings_ms: dict[str, float]
-    """Milliseconds of each stage; `stored` if the server had kept the result."""
-
-    def save(self, path: str | Path) -> None:
-        """Writes `content` to a file."""
-        Path(path).write_bytes(self.content)
-
-
-@dataclass(frozen=True)
-class Event:
-    """An event of a job; numbered from 0."""
-
-    number: int
-    kind: str
-    """`queued`, `running`, `progress`, `done`, `failed`, `cancelled`."""
-    data: dict[str, Any]
 
 
 class Client(httpx2.Client):
     """A connection to the server at `url`. Not to be shared between threads.
 
-    All methods raise `ServiceError`, or `httpx2.TransportError` if the server can't be reached.
+    `source` is a file, or a folder, which is sent as a zip. `options` are those of the command, as `ciir.reconstruct`
+    takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All methods raise `ciir.Error`.
     """
 
     def __init__(
@@ -124,107 +51,208 @@ class Client(httpx2.Client):
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
         """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`."""
-        headers = {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
-        super().__init__(base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, transport=transport)
+        super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 
     def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
         """Sends any request of this client, and repeats it up to `retries` times."""
         failures = 0
-        while not (response := super().send(request, **options)).is_success:
-            response.read()
-            error = make_error(response)
+        while True:
+            try:
+                response = super().send(request, **options)
+                if response.is_success:
+                    return response
+                response.read()
+            except httpx2.RequestError as error:
+                raise messages.make_connection_error(self.base_url, error) from error
             failures += 1
-            if failures > self.retries or not isinstance(error, QueueFull | Unavailable):
-                raise error
-            time.sleep(error.retry_after or 1.0)
-        return response
+            time.sleep(messages.find_pause(response, failures, self.retries))
 
-    def reconstruct(self, path: str | Path, **options: object) -> Result:
-        """Sends the file at `path` and waits for its views. `options`: the form fields of `POST`."""
-        response = self._post(path, options, {})
-        if response.status_code == 200:
-            return _parse_result(response)
-        return Job(self, response.json()["id"]).result()
+    def reconstruct(self, source: str | Path, **options: object) -> Result:
+        """Sends a mesh, an elemental image array or views, and waits for the views."""
+        return self._run("reconstruction", source, options)
 
-    def submit(self, path: str | Path, **options: object) -> Job:
-        """Sends the file at `path` and returns its job without waiting. Options as in `reconstruct`."""
-        response = self._post(path, options, {"Prefer": "respond-async"})
-        return Job(self, response.json()["id"])
+    def upscale(self, source: str | Path, **options: object) -> Result:
+        """Sends a picture and waits for the larger one."""
+        return self._run("upscale", source, options)
+
+    def render_eia(self, source: str | Path, **options: object) -> Result:
+        """Sends a mesh and waits for its elemental image array."""
+        return self._run("elemental", source, options)
+
+    def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
+        """Sends `source` and returns its job without waiting."""
+        return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
 
     def models(self) -> list[dict[str, Any]]:
         """Lists the models of the server."""
-        models: list[dict[str, Any]] = self.get("/v1/models").json()
+        models: list[dict[str, Any]] = messages.read_json(self.get("/v1/models"))
         return models
 
-    def _post(self, path: str | Path, options: Mapping[str, object], headers: Mapping[str, str]) -> httpx2.Response:
-        path = Path(path)
-        fields = {name: str(value) for name, value in options.items() if value is not None}
-        with path.open("rb") as file:
-            return self.post(ROOT, files={"file": (path.name, file)}, data=fields, headers=headers)
+    def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
+        response = self._post(kind, source, options, {})
+        return (
+            messages.read_result(response)
+            if response.status_code == 200
+            else Job(self, messages.read_path(response)).result()
+        )
+
+    def _post(
+        self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
+    ) -> httpx2.Response:
+        fields = messages.write_fields(options)
+        name, file = messages.open_source(Path(source))
+        with file:
+            return self.post(f"/v1/{kind}s", files={"file": (name, file)}, data=fields, headers=headers)
 
 
-class Job:
+class AsyncClient(httpx2.AsyncClient):
+    """As `Client`, for asyncio. One object may serve many tasks."""
+
+    def __init__(
+        self,
+        url: str,
+        api_key: str | None = None,
+        *,
+        retries: int = 5,
+        transport: httpx2.AsyncBaseTransport | None = None,
+    ) -> None:
+        """As `Client`."""
+        super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
+        self.retries = retries
+
+    async def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
+        """As `Client.send`."""
+        failures = 0
+        while True:
+            try:
+                response = await super().send(request, **options)
+                if response.is_success:
+                    return response
+                await response.aread()
+            except httpx2.RequestError as error:
+                raise messages.make_connection_error(self.base_url, error) from error
+            failures += 1
+            await asyncio.sleep(messages.find_pause(response, failures, self.retries))
+
+    async def reconstruct(self, source: str | Path, **options: object) -> Result:
+        """As `Client.reconstruct`."""
+        return await self._run("reconstruction", source, options)
+
+    async def upscale(self, source: str | Path, **options: object) -> Result:
+        """As `Client.upscale`."""
+        return await self._run("upscale", source, options)
+
+    async def render_eia(self, source: str | Path, **options: object) -> Result:
+        """As `Client.render_eia`."""
+        return await self._run("elemental", source, options)
+
+    async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
+        """As `Client.submit`."""
+        return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
+
+    async def models(self) -> list[dict[str, Any]]:
+        """As `Client.models`."""
+        models: list[dict[str, Any]] = messages.read_json(await self.get("/v1/models"))
+        return models
+
+    async def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
+        response = await self._post(kind, source, options, {})
+        if response.status_code == 200:
+            return messages.read_result(response)
+        return await AsyncJob(self, messages.read_path(response)).result()
+
+    async def _post(
+        self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
+    ) -> httpx2.Response:
+        fields = messages.write_fields(options)
+        name, file = await to_thread.run_sync(messages.open_source, Path(source))
+        with file:
+            return await self.post(f"/v1/{kind}s", files={"file": (name, file)}, data=fields, headers=headers)
+
+
+class _Path:
+    """Where a job is on its server."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        """As in `GET`."""
+        self.id = path.rpartition("/")[2]
+
+
+class Job(_Path):
     """A job of a server."""
 
-    def __init__(self, client: Client, id_: str) -> None:
+    def __init__(self, client: Client, path: str) -> None:
+        super().__init__(path)
         self._client = client
-        self.id = id_
-        self.path = f"{ROOT}/{id_}"
 
     def status(self) -> dict[str, Any]:
-        """The job's status, as `GET /v1/reconstructions/{id}` answers it."""
-        status: dict[str, Any] = self._client.get(self.path).json()
+        """The job's status, as `GET` of its path answers it."""
+        status: dict[str, Any] = messages.read_json(self._client.get(self.path))
         return status
 
     def events(self) -> Iterator[Event]:
         """Yields all events from the first to the last. Reconnects up to `retries` times in a row."""
-        last, failures = "", 0
-        while True:
-            headers = {"Last-Event-ID": last} if last else {}
+        cursor = messages.Cursor(self._client.retries)
+        while not cursor.is_at_end:
             try:
-                with self._client.sse(f"{self.path}/events", headers=headers) as events:
-                    if events.response.status_code == 204:
-                        return
+                with self._client.sse(f"{self.path}/events", headers=cursor.headers) as events:
+                    cursor.begin(events.response)
                     for event in events:
-                        if not event.data:  # it only sets `retry`
-                            continue
-                        last, failures = event.id, 0
-                        yield Event(int(event.id), event.event, json.loads(event.data))
-                        if event.event in FINAL:
-                            return
-            except httpx2.TransportError:
-                failures += 1
-                if failures > self._client.retries:
-                    raise
-            time.sleep(1.0)
+                        if (found := cursor.take(event)) is not None:
+                            yield found
+            except (ConnectionFailed, httpx2.RequestError) as error:
+                cursor.fail(self._client.base_url, error)
+            if not cursor.is_at_end:
+                time.sleep(messages.PAUSE_SECONDS)
 
     def result(self) -> Result:
-        """Waits for the result. Raises `ServiceError` if the job fails or is cancelled."""
+        """Waits for the result. Raises `ciir.Error` if the job fails or is cancelled."""
         for _ in self.events():
             pass
-        return _parse_result(self._client.get(f"{self.path}/result"))
+        return messages.read_result(self._client.get(f"{self.path}/result"))
 
     def cancel(self) -> dict[str, Any]:
         """Cancels the job, or removes one that has ended, and returns its last status."""
-        status: dict[str, Any] = self._client.delete(self.path).json()
+        status: dict[str, Any] = messages.read_json(self._client.delete(self.path))
         return status
 
 
-def make_error(response: httpx2.Response) -> ServiceError:
-    """The error that a response without success reports."""
-    wait = response.headers.get("retry-after", "")
-    retry_after = float(wait) if wait.isdecimal() else None
-    title, detail = response.reason_phrase, "the response is not from a ciir server; check the URL and any proxy"
-    if response.headers.get("content-type", "").startswith("application/problem+json"):
-        problem = response.json()
-        title, detail = problem["title"], problem["detail"]
-    kind = _KINDS.get(response.status_code, ServiceError)
-    return kind(response.status_code, title, detail, retry_after)
+class AsyncJob(_Path):
+    """As `Job`, for asyncio."""
 
+    def __init__(self, client: AsyncClient, path: str) -> None:
+        super().__init__(path)
+        self._client = client
 
-def _parse_result(response: httpx2.Response) -> Result:
-    parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
-    form = response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
-    timings = {stage: float(ms) for stage, ms in parts}
-    return Result(response.headers["x-reconstruction-id"], response.content, form, timings)
+    async def status(self) -> dict[str, Any]:
+        """As `Job.status`."""
+        status: dict[str, Any] = messages.read_json(await self._client.get(self.path))
+        return status
+
+    async def events(self) -> AsyncIterator[Event]:
+        """As `Job.events`."""
+        cursor = messages.Cursor(self._client.retries)
+        while not cursor.is_at_end:
+            try:
+                async with self._client.sse(f"{self.path}/events", headers=cursor.headers) as events:
+                    cursor.begin(events.response)
+                    async for event in events:
+                        if (found := cursor.take(event)) is not None:
+                            yield found
+            except (ConnectionFailed, httpx2.RequestError) as error:
+                cursor.fail(self._client.base_url, error)
+            if not cursor.is_at_end:
+                await asyncio.sleep(messages.PAUSE_SECONDS)
+
+    async def result(self) -> Result:
+        """As `Job.result`."""
+        async for _ in self.events():
+            pass
+        return messages.read_result(await self._client.get(f"{self.path}/result"))
+
+    async def cancel(self) -> dict[str, Any]:
+        """As `Job.cancel`."""
+        status: dict[str, Any] = messages.read_json(await self._client.delete(self.path))
+        return status

@@ -19,6 +19,8 @@ class ErrorResponse:
     """A phrase that is the same for all errors of the class (RFC 9457)."""
 
 
+CANCELLED = "Cancelled"
+"""The title of a problem, where the result of a job that was cancelled is asked for."""
 _TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first row whose class fits counts
     (errors.TooLarge, ErrorResponse(413, 2, "Over a limit")),
     (errors.UnsupportedType, ErrorResponse(415, 2, "Type not supported")),
@@ -42,6 +44,13 @@ _TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first ro
 def find_response(error: errors.Error) -> ErrorResponse:
     """The first row of the table that fits `error`."""
     return next(row for kind, row in _TABLE if isinstance(error, kind))
+
+
+def find_class(title: str) -> type[errors.Error] | None:
+    """The class of the errors that `title` reports; None for a problem of HTTP."""
+    if title == CANCELLED:
+        return errors.Cancelled
+    return next((kind for kind, row in _TABLE if row.title == title and kind is not errors.Error), None)
 
 
 def join_lines(text: str) -> str:

@@ -11,10 +11,9 @@ import time
 import zipfile
 from pathlib import Path
 
-import httpx2
-
+from ciir.errors import ConnectionFailed, Error
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.client import Client, ServiceError
+from ciir.service.client import Client
 from ciir.service.pipeline import run
 from ciir.service.pipeline.options import Options
 
@@ -25,7 +24,7 @@ PATIENCE_SECONDS = 120
 
 
 def main(url: str, folder: Path) -> None:
-    """Writes `eia.png`, `view_VV_UU.png` of five views and `report.json`. Raises `ServiceError` or `TransportError`."""
+    """Writes `eia.png`, `view_VV_UU.png` of five views and `report.json`. Raises `ciir.Error`."""
     folder.mkdir(parents=True, exist_ok=True)
     eia = folder / "eia.png"
     options = Options.parse({"lenses": LENSES, "pixels": PIXELS, "sampling": "lenslet"})
@@ -43,7 +42,7 @@ def _reach(client: Client) -> None:
     while True:
         try:
             client.get("/readyz")
-        except httpx2.TransportError:
+        except ConnectionFailed:
             if time.monotonic() > until:
                 raise
             time.sleep(0.25)
@@ -56,5 +55,5 @@ if __name__ == "__main__":
         sys.exit("usage: python -m ciir.service.demo.over_http URL FOLDER")
     try:
         main(sys.argv[1], Path(sys.argv[2]))
-    except (ServiceError, httpx2.TransportError) as error:
+    except Error as error:
         sys.exit(f"{sys.argv[1]}: {error}")

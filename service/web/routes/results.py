@@ -11,6 +11,7 @@ from fastapi import Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from ciir.renderer.writers.formats import FORMATS
+from ciir.service.errors import CANCELLED
 from ciir.service.jobs.job import FINAL
 from ciir.service.web import problems
 
@@ -94,7 +95,7 @@ def respond_unfinished(job: Job, path: str) -> JSONResponse:
         return problems.respond_problem(path, **asdict(job.problem), headers=again)
     if job.state == "cancelled":
         detail = "the job was cancelled; post the input again to run it"
-        return problems.respond_problem(path, 409, detail, title="Cancelled")
+        return problems.respond_problem(path, 409, detail, title=CANCELLED)
     headers = {"Retry-After": RETRY_SECONDS}
     detail = f"the job is {job.state}; ask again in a second, or follow {make_url(job)}/events"
     return problems.respond_problem(path, 409, detail, title="Not finished", headers=headers)

@@ -1,6 +1,6 @@
-import httpx2
 import pytest
 
+from ciir.errors import ConnectionFailed
 from ciir.renderer.readers.pictures import decode
 from ciir.service.demo import over_http
 
@@ -17,5 +17,5 @@ def test_the_pictures_of_a_scene_come_from_the_server(server, tmp_path, capsys):
 
 def test_a_server_that_is_not_there(monkeypatch, tmp_path):
     monkeypatch.setattr(over_http, "PATIENCE_SECONDS", 0)
-    with pytest.raises(httpx2.TransportError):
+    with pytest.raises(ConnectionFailed):
         over_http.main("http://127.0.0.1:9", tmp_path)

@@ -1,0 +1,166 @@
+"""Requests and responses of the HTTP API, as both clients make and read them. Nothing here waits."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from ciir.errors import ConnectionFailed, Error, NotDone, NotFound, QueueFull, ServiceError, Unauthorized, Unreadable
+from ciir.service.errors import find_class
+from ciir.service.pipeline.options import write_texts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import httpx2
+    from httpx2 import ServerSentEvent
+
+FINAL = frozenset({"done", "failed", "cancelled"})
+PAUSE_SECONDS = 1.0
+"""Before a request is repeated, if the server names no time, and before a stream of events is opened again."""
+_BY_STATUS: dict[int, type[Error]] = {401: Unauthorized, 404: NotFound, 409: NotDone}
+_FOREIGN = "the response is not from a ciir server; check the URL and any proxy"
+
+
+@dataclass(frozen=True)
+class Result:
+    """A result: the file and how long it took."""
+
+    id: str
+    content: bytes
+    """A picture, a zip with `report.json`, or an npz."""
+    format: str
+    """`png`, `tiff`, `jpeg`, `webp`, `zip` or `npz`."""
+    timings_ms: dict[str, float]
+    """Milliseconds of each stage; `stored` if the server had kept the result."""
+
+    def save(self, path: str | Path) -> None:
+        """Writes `content` to a file."""
+        Path(path).write_bytes(self.content)
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event of a job; numbered from 0."""
+
+    number: int
+    kind: str
+    """`queued`, `running`, `progress`, `done`, `failed`, `cancelled`."""
+    data: dict[str, Any]
+
+
+class Cursor:
+    """How far a client is in a job's events."""
+
+    def __init__(self, retries: int) -> None:
+        self._retries, self._last, self._failures = retries, "", 0
+        self.is_at_end = False
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """Of the request for the events that follow."""
+        return {"Last-Event-ID": self._last} if self._last else {}
+
+    def begin(self, response: httpx2.Response) -> None:
+        """Looks at the response: 204 if the job has no more events."""
+        self.is_at_end = response.status_code == 204
+
+    def take(self, event: ServerSentEvent) -> Event | None:
+        """The event as one of the job; None for one that only sets `retry`."""
+        if not event.data:
+            return None
+        self._last, self._failures = event.id, 0
+        self.is_at_end = event.event in FINAL
+        return Event(int(event.id), event.event, json.loads(event.data))
+
+    def fail(self, url: httpx2.URL, error: Exception) -> None:
+        """Counts a broken connection, and raises `ConnectionFailed` for one too many."""
+        self._failures += 1
+        if self._failures > self._retries:
+            raise error if isinstance(error, ConnectionFailed) else make_connection_error(url, error) from error
+
+
+def make_key(api_key: str | None) -> dict[str, str]:
+    """Headers with the API key."""
+    return {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
+
+
+def write_fields(options: Mapping[str, object]) -> dict[str, str]:
+    """Form fields. Raises `InvalidOption`."""
+    form = options.get("format")
+    rest = {name: value for name, value in options.items() if name != "format"}
+    return write_texts(rest) | ({} if form is None else {"format": str(form)})
+
+
+def open_source(path: Path) -> tuple[str, IO[bytes]]:
+    """The name and the content to send; a folder's files as a zip, the same bytes for the same files."""
+    from ciir.renderer.readers.bundle import Folder
+    from ciir.service.pipeline.limits import read_limits
+
+    try:
+        if not path.is_dir():
+            return path.name, path.open("rb")
+        packed = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
+        with zipfile.ZipFile(packed, "w") as archive:
+            for name, data in Folder(path, read_limits()).items():
+                archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    except OSError as error:
+        raise Unreadable(f"{path}: {error.strerror}; give a file or a folder that can be read") from error
+    packed.seek(0)
+    return f"{path.resolve().name}.zip", packed
+
+
+def find_pause(response: httpx2.Response, failures: int, retries: int) -> float:
+    """Seconds until the request is repeated, which failed for the time `failures`; raises its error otherwise."""
+    if failures > retries or response.status_code not in (429, 503):
+        raise make_error(response)
+    return float(_read_retry_after(response) or PAUSE_SECONDS)
+
+
+def _read_retry_after(response: httpx2.Response) -> int | None:
+    wait = response.headers.get("retry-after", "")
+    return int(wait) if wait.isdecimal() else None
+
+
+def make_error(response: httpx2.Response) -> Error:
+    """The error that a response without success reports."""
+    status = response.status_code
+    if not response.headers.get("content-type", "").startswith("application/problem+json"):
+        return ServiceError(f"{status} {response.reason_phrase}: {_FOREIGN}")
+    problem = response.json()
+    kind = find_class(problem["title"]) or _BY_STATUS.get(status)
+    if kind is None:
+        return ServiceError(f"{status} {problem['title']}: {problem['detail']}")
+    return QueueFull(_read_retry_after(response) or 1) if kind is QueueFull else kind(problem["detail"])
+
+
+def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed:
+    """The error that reports a failure to connect, send or receive."""
+    why = str(error) or type(error).__name__
+    return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server runs")
+
+
+def read_json(response: httpx2.Response) -> Any:
+    """The JSON of a response. Raises `ServiceError` for anything else."""
+    try:
+        return response.json()
+    except ValueError as error:
+        raise ServiceError(f"{response.status_code}: {_FOREIGN}") from error
+
+
+def read_path(response: httpx2.Response) -> str:
+    """The path of the job whose status a response holds."""
+    path: str = read_json(response)["events"]
+    return path.removesuffix("/events")
+
+
+def read_result(response: httpx2.Response) -> Result:
+    """The result that a response holds."""
+    parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
+    form = response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
+    timings = {stage: float(ms) for stage, ms in parts}
+    return Result(response.headers["etag"].removeprefix("W/").strip('"'), response.content, form, timings)
