@@ -65,7 +65,7 @@ class Jobs:
         self.files = Files(settings.files or str(self.folder / "files"), self.folder)
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
-        self.watcher = Watcher(self.records)
+        self.watcher = Watcher(self.records, self.queue)
         self.lifecycle = Lifecycle(self.queue, self.records, self.files)
         self._max_waiting = settings.max_waiting
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes

@@ -22,19 +22,26 @@ from ciir.service.jobs.lanes import LANES
 from ciir.service.jobs.resource import Resource
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from redis import ConnectionPool
+    from redis.client import PubSubWorkerThread
 
     from ciir.service.jobs.job import Lane
 
 FILE = "jobs.db"
 POLL_SECONDS = (0.02, 0.25)
 """Least and most time between two polls of a SQLite file for changes by other processes."""
+REDIS_POLL_SECONDS = (1.0, 2.0)
+"""The same for a Redis server, whose notifications only a broken connection loses."""
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
+_LISTEN_SECONDS = 0.25
+"""How long a thread that listens takes to stop."""
+_JOBS = "ciirjobs"
 _SWAP = """\
 if redis.call('hget', KEYS[1], ARGV[1]) ~= ARGV[2] then return 0 end
+redis.call('publish', KEYS[1], ARGV[1])
 if ARGV[3] then redis.call('hset', KEYS[1], ARGV[1], ARGV[3]) else redis.call('hdel', KEYS[1], ARGV[1]) end
 return 1"""
 
@@ -141,7 +148,7 @@ class Queue:
                     f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or remove the file"
                 ) from error
         self._lanes = {lane: self._open(f"ciir{lane}") for lane in LANES}
-        self.jobs = self._open_table("ciirjobs")
+        self.jobs = self._open_table(_JOBS)
         """Id -> the job's record."""
         self.active = self._open_table("ciiractive")
         """Name of a job's input -> nothing, from before the input is stored until the job is settled."""
@@ -149,6 +156,9 @@ class Queue:
         """Name of an ended job's input -> when it was last used (seconds since 1970), and its bytes."""
         self.heartbeats = self._open_table("ciirheartbeats")
         """Name of a consumer -> a count that rises while it lives."""
+        self.poll_seconds = REDIS_POLL_SECONDS if url else POLL_SECONDS
+        """Least and most time between two reads of a job that somebody waits for."""
+        self._listener: PubSubWorkerThread | None = None
         self._pushed = threading.Condition()
         self._wakes = 0
 
@@ -194,6 +204,19 @@ class Queue:
                 is_woken = self._pushed.wait_for(lambda: self._wakes != wakes, min(pause, remaining))  # noqa: B023
             pause = min(2 * pause, POLL_SECONDS[1])
 
+    def listen(self, notify: Callable[[str], object]) -> None:
+        """From now on a Redis server has a thread call `notify` with the id of each job that any process changes.
+
+        Raises `QueueUnavailable`.
+        """
+        if self._pool is None or self._listener is not None:
+            return
+        storage = _Redis(_JOBS, self._pool)
+        with self._resource.use():
+            channel = storage.conn.pubsub(ignore_subscribe_messages=True)
+            channel.subscribe(**{storage.result_key: lambda message: notify(message["data"].decode())})
+            self._listener = channel.run_in_thread(_LISTEN_SECONDS, daemon=True, exception_handler=_pause)
+
     def wake(self) -> None:
         """Makes every waiting `pop` of this process check its lanes once more and return."""
         with self._pushed:
@@ -212,10 +235,20 @@ class Queue:
 
     def close(self) -> None:
         """Closes the connections."""
+        if self._listener is not None:
+            self._listener.stop()
+            self._listener.join()
         if self._sqlite is not None:
             self._sqlite.close()
         if self._pool is not None:
             self._pool.disconnect()
+
+
+def _pause(error: BaseException, *_: object) -> None:
+    """Has a listener try again after an error of the server, which all other uses report."""
+    if not isinstance(error, Exception) or _describe(error) is None:
+        raise error
+    time.sleep(_LISTEN_SECONDS)
 
 
 def _open_pool(url: str) -> ConnectionPool:

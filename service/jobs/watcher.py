@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from anyio import to_thread
 
 from ciir.service.jobs.job import FINAL
-from ciir.service.jobs.queue import POLL_SECONDS
 
 if TYPE_CHECKING:
     from ciir.service.jobs.job import Job
+    from ciir.service.jobs.queue import Queue
     from ciir.service.jobs.records import Records
 
 AT_ONCE = 50
@@ -28,17 +28,17 @@ class _Watch:
     """With the number of events that each has seen."""
     due: float = 0.0
     """When it is read next, as the event loop counts."""
-    pause: float = POLL_SECONDS[0]
+    pause: float = 0.0
 
 
 class Watcher:
-    """Reads a job's record when it has changed in this process, and at growing intervals, as others may change it.
+    """Reads a job's record when this process has changed it or the queue notifies, and at growing intervals besides.
 
     Coroutines of one event loop at a time may wait.
     """
 
-    def __init__(self, records: Records) -> None:
-        self._records = records
+    def __init__(self, records: Records, queue: Queue) -> None:
+        self._records, self._queue = records, queue
         self._watches: dict[str, _Watch] = {}
         self._reader: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -78,7 +78,7 @@ class Watcher:
 
     def _set_due(self, id_: str) -> None:
         if (watch := self._watches.get(id_)) is not None:
-            watch.due, watch.pause = 0.0, POLL_SECONDS[0]
+            watch.due, watch.pause = 0.0, self._queue.poll_seconds[0]
             self._wake.set()
 
     async def _read(self) -> None:
@@ -102,11 +102,11 @@ class Watcher:
         if not due:
             return
         for watch in (self._watches[id_] for id_ in due):  # before the read, so that a change meanwhile has it repeated
-            watch.due, watch.pause = now + watch.pause, min(1.6 * watch.pause, POLL_SECONDS[1])
+            watch.due, watch.pause = now + watch.pause, min(1.6 * watch.pause, self._queue.poll_seconds[1])
         jobs: dict[str, Job] = {}
         error: Exception | None = None
         try:
-            jobs = await to_thread.run_sync(self._records.get_many, list(due))
+            jobs = await to_thread.run_sync(self._get_many, list(due))
         except Exception as raised:  # noqa: BLE001 - raised where they wait
             error = raised
         woken = 0
@@ -126,6 +126,10 @@ class Watcher:
                 woken += 1
                 if woken % AT_ONCE == 0:
                     await asyncio.sleep(0)
+
+    def _get_many(self, ids: list[str]) -> dict[str, Job]:
+        self._queue.listen(self._notify)
+        return self._records.get_many(ids)
 
     def _now(self) -> float:
         assert self._loop is not None  # noqa: S101 - set before the reader starts

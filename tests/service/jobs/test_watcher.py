@@ -3,10 +3,11 @@
 import asyncio
 
 import pytest
+import redis
 
 from ciir.errors import QueueUnavailable
-from ciir.service.jobs import watcher as module
 from ciir.service.jobs.job import Event, Job, Request
+from ciir.service.jobs.queue import Queue
 from ciir.service.jobs.records import Records
 from ciir.service.jobs.watcher import Watcher
 
@@ -27,16 +28,16 @@ def run_async(coroutine):
 
 
 @pytest.fixture
-def records(queue, monkeypatch):
-    monkeypatch.setattr(module, "POLL_SECONDS", (60.0, 60.0))  # so that only a notification can end a wait in time
+def records(queue):
+    queue.poll_seconds = (60.0, 60.0)  # so that only a notification can end a wait in time
     records = Records(queue.jobs)
     records.update("a", create)
     return records
 
 
 @pytest.fixture
-def watcher(records):
-    return Watcher(records)
+def watcher(records, queue):
+    return Watcher(records, queue)
 
 
 def start_waiting(watcher, count=1):
@@ -94,6 +95,30 @@ def test_an_update_in_another_thread_is_noticed_at_once_in_one_event_loop_after_
     for _ in range(2):
         records.update("a", lambda job: NEW)  # without an event loop, which is no error
         run_async(follow())
+
+
+def test_a_redis_server_notifies_of_changes_by_other_processes(redis_server, tmp_path):
+    queues = [Queue(tmp_path, redis_server.url) for _ in range(2)]
+    queues[0].poll_seconds = (60.0, 60.0)
+    here, elsewhere = (Records(queue.jobs) for queue in queues)
+    elsewhere.update("a", create)
+    watcher = Watcher(here, queues[0])
+    server = redis.Redis.from_url(redis_server.url)
+
+    async def follow(seen):
+        waiting = asyncio.create_task(watcher.wait_for_change("a", seen))
+        while not server.pubsub_channels():
+            await asyncio.sleep(0.01)
+        updated = await asyncio.to_thread(elsewhere.update, "a", add_event)
+        assert await waiting == updated
+
+    run_async(follow(1))
+    redis_server.kill()
+    redis_server.start()
+    run_async(follow(2))
+    for queue in queues:
+        queue.close()
+    server.close()
 
 
 def test_nothing_is_read_when_nobody_waits_any_more(watcher, records, reads):
