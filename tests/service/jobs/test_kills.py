@@ -54,15 +54,20 @@ class Killer:
         self.stage, self.killed = "", []
 
     def run(self, task, *, begun, progress, cancelled):
+        pids = []
+
+        def keep_pid(pid):
+            pids.append(pid)
+            begun(pid)
+
         def kill_in_stage(data):
             stage = "written" if data["views_done"] else data["stage"]
             if stage == self.stage and self.stage not in self.killed:
                 self.killed.append(self.stage)
-                (worker,) = find_workers(os.getpid())
-                os.kill(worker, signal.SIGKILL)
+                os.kill(pids[-1], signal.SIGKILL)
             progress(data)
 
-        return self._pool.run(task, begun=begun, progress=kill_in_stage, cancelled=cancelled)
+        return self._pool.run(task, begun=keep_pid, progress=kill_in_stage, cancelled=cancelled)
 
 
 def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):
@@ -139,6 +144,41 @@ def test_a_server_that_is_killed_with_fifty_jobs_waiting_loses_none(start_server
             assert (status["state"], status["attempts"]) == ("done", 2 if index == 0 else 1)
             result = client.get(f"{url}{place}/result").content
             assert np.array_equal(decode(result, name="x"), eia[1::3, 1::3])
+
+
+def test_a_job_under_which_two_workers_are_killed_can_be_posted_again(start_server, tmp_path):
+    process, url = start_server()
+    data = {"lenses": "400x400", "views": "all", "model": "none", "backend": "raytrace"}  # half a minute
+    with httpx2.Client() as client:
+
+        def post():
+            return client.post(f"{url}{POST}", files={"file": ("mesh.stl", make_stl())}, data=data, headers=ASYNC)
+
+        def find_run(attempts):
+            status = client.get(f"{url}{place}").json()
+            return status["state"] == "running" and status["attempts"] == attempts and status["progress"]
+
+        place = post().headers["location"]
+        for attempts in (1, 2):
+            wait_until(lambda attempts=attempts: find_run(attempts))
+            worker = find_workers(process.pid)[0]
+            if attempts == 2:
+                metrics = client.get(f"{url}/metrics").text
+                assert 'ciir_queue_jobs{lane="large",state="running"} 1.0' in metrics
+                assert (
+                    float(re.search(r'ciir_queue_oldest_seconds{lane="large",state="running"} (\S+)', metrics)[1]) > 0
+                )
+            os.kill(worker, signal.SIGKILL)  # as the kernel does when memory is short
+        wait_until(lambda: client.get(f"{url}{place}").json()["state"] == "failed")
+        failed = client.get(f"{url}{place}/result")
+        assert (failed.status_code, failed.headers["retry-after"]) == (503, "10")
+        assert post().json()["attempts"] == 0  # not the failed job, but a new one
+        wait_until(lambda: find_run(1))
+        assert [client.delete(f"{url}{place}").json()["state"] for _ in range(2)] == ["cancelled"] * 2
+        assert client.get(f"{url}{place}").status_code == 404
+    log = (tmp_path / "log0").read_text()
+    assert re.search(rf"run 2 begins in worker process {worker}, large lane: upload.stl {{.*400x400", log)
+    assert re.search(r"after [\d.]+ s the worker process was ended by signal 9", log)
 
 
 def test_a_redis_that_is_restarted_loses_no_job(start_server, redis_server):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import logging
 import os
 import signal
 import threading
@@ -18,6 +19,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Request, Result
+from ciir.service.jobs.workers import consumer
 from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
@@ -26,6 +28,7 @@ from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
+from tests.support.jobs import submit_data, wait_for_end
 from tests.support.paths import ROOT
 from tests.support.servers import find_workers, run_python
 from tests.support.waiting import wait_until
@@ -50,6 +53,28 @@ def open_pool(monkeypatch):
     for pool in pools:
         pool.close()
     assert find_workers(os.getpid(), COLD) == []
+
+
+def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, service, monkeypatch, caplog):
+    """Two small files whose views have 16 million pixels, which only their content shows, and one that is small."""
+    monkeypatch.setattr(consumer, "SMALL_SECONDS", 1.0)
+    jobs = service.open_jobs()
+    options = {"pixels": "2x2", "model": "paper", "skip": "none"}
+    with caplog.at_level(logging.INFO, logger="ciir.jobs"):
+        ids = [
+            submit_data(jobs, encode_png(np.full((side, side, 3), grey, np.uint8)), **options).id
+            for grey, side in ((1, 4000), (2, 4000), (3, 40))
+        ]
+        assert {jobs.get(id_).lane for id_ in ids} == {"small"}
+        service.start_consumer(jobs, open_pool(workers=2), 2)
+        assert wait_for_end(jobs, ids[2]).state == "done"
+    assert sorted((jobs.get(id_).lane, jobs.get(id_).attempts >= 1) for id_ in ids[:2]) == [
+        ("large", True),
+        ("small", True),
+    ]
+    assert {jobs.get(id_).state for id_ in ids[:2]} <= {"queued", "running"}
+    assert "moved to the large lane" in caplog.text
+    service.close()
 
 
 @pytest.fixture
@@ -306,7 +331,7 @@ def test_a_ready_worker_has_loaded_the_models():
     try:
         assert not pool.is_ready()
         wait_until(pool.is_ready)
-        (pid,) = find_workers(os.getpid())
+        (pid,) = (worker.pid for worker in pool._ready)
         maps = Path(f"/proc/{pid}/maps").read_text()
     finally:
         pool.close()
