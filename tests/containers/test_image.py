@@ -9,6 +9,7 @@ import tifffile
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from tests.containers import docker
+from tests.support.object_store import run_store
 
 LIMIT = 650e6
 HARD = ("--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL", "--security-opt", "no-new-privileges")  # noqa: S108 - there
@@ -73,6 +74,22 @@ def test_meshes_are_rendered(service, backend):
     picture = decode(answer.content, name="x")
     assert picture.shape == (40, 40, 3)
     assert len(np.unique(picture)) > 2
+
+
+def test_files_in_s3(image):
+    eia, data = docker.make_noise(24, 36, seed=1)
+    port = docker.find_free_port()
+    with run_store() as (environment, objects):
+        variables = [f"--env={name}={value}" for name, value in (environment | {"CIIR_FILES": "s3://b/c"}).items()]
+        command = ("docker", "run", "--detach", "--network", "host", *HARD, *variables, image, "serve", "--port", port)
+        started = docker.run(*command)
+        try:
+            docker.wait_for(lambda: docker.is_ready(f"http://127.0.0.1:{port}"), "it is ready")
+            answer = docker.post(f"http://127.0.0.1:{port}", data, lenses="6x9", views="1,2", model="none")
+            assert np.array_equal(decode(answer.content, name="x"), eia[1::4, 2::4])
+            assert answer.content in list(objects.values())
+        finally:
+            docker.run("docker", "rm", "--force", "--volumes", started)
 
 
 def test_nothing_is_sent_to_anyone(service):

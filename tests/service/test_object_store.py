@@ -1,0 +1,21 @@
+"""Inputs and results in S3: a real server and its workers with s3fs, and a store that speaks S3."""
+
+import numpy as np
+
+from ciir.renderer.readers.pictures import decode
+from ciir.service.client import Client
+from tests.support.inputs import EIA
+from tests.support.object_store import run_store
+from tests.support.servers import run_server
+
+
+def test_jobs_of_a_server_whose_files_are_in_s3(eia_file, tmp_path):
+    with run_store() as (environment, objects):
+        settings = environment | {"CIIR_FILES": "s3://bucket/ciir", "CIIR_WORKERS": "1"}
+        with run_server(tmp_path / "log", **settings) as server, Client(server.url) as client:
+            result = client.reconstruct(eia_file, lenses=(6, 9), views=(1, 2), model="none")
+            assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
+            assert result.content in [bytes(data) for data in objects.values()]
+            again = client.reconstruct(eia_file, lenses=(6, 9), views=(1, 2), model="none")
+            assert (again.content, set(again.timings_ms)) == (result.content, {"stored", "total"})
+        assert {key.rpartition("/")[0] for key in objects} == {"bucket/ciir/results"}  # the input was removed
