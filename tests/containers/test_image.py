@@ -9,7 +9,7 @@ import tifffile
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from tests.containers import docker
-from tests.support.object_store import run_store
+from tests.containers.object_store import run_store
 
 LIMIT = 650e6
 HARD = ("--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL", "--security-opt", "no-new-privileges")  # noqa: S108 - there

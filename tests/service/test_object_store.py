@@ -4,8 +4,8 @@ import numpy as np
 
 from ciir.renderer.readers.pictures import decode
 from ciir.service.client import Client
+from tests.containers.object_store import run_store
 from tests.support.inputs import EIA
-from tests.support.object_store import run_store
 from tests.support.servers import run_server
 
 
