@@ -1,14 +1,18 @@
-"""Inputs and results: files in a folder, or in an object store through fsspec. Writes are atomic.
+"""Inputs and results: files in a folder, or in an object store through fsspec.
 
+Writes are atomic, and in a folder they are on the disk when a method returns; an object store must promise that itself.
 Worker processes read and write the files of a folder in place, and local copies of those of an object store.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shutil
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, BinaryIO
 
@@ -19,11 +23,42 @@ from ciir.errors import InvalidOption
 from ciir.service.jobs.resource import Resource
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
 INPUTS, RESULTS, RUNS = "inputs", "results", "runs"
+RECORD = ".json"
+"""Suffix of the record of an accepted job, which is kept beside the input in case the queue's database is lost."""
 CHUNK = 1 << 20
 _PARTIAL = ".partial"
+_HASHES = 65_536
+"""Files whose hash is kept in memory."""
+
+
+def hash_content(file: IO[bytes]) -> str:
+    """SHA-256 of all of `file` in hexadecimal digits; leaves it at its beginning."""
+    digest = hashlib.sha256()
+    file.seek(0)
+    while chunk := file.read(CHUNK):
+        digest.update(chunk)
+    file.seek(0)
+    return digest.hexdigest()
+
+
+def make_folder(folder: Path, mode: int = 0o777) -> None:
+    """Creates the folder and those above it, on the disk too."""
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(mode=mode, parents=True, exist_ok=True)
+    for path in new:
+        _sync(path.parent)
+
+
+def _sync(path: str | Path) -> None:
+    """Waits until a file, or the names in a folder, are on the disk."""
+    opened = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)
 
 
 @dataclass(frozen=True)
@@ -33,8 +68,8 @@ class RunFiles:
     source: Path
     target: Path
     """In a folder of its own, which is removed when the run ends."""
-    publish: Callable[[], None]
-    """Moves `target` to the results; raises `QueueUnavailable`."""
+    publish: Callable[[], tuple[int, str]]
+    """Moves `target` to the results and returns its size in bytes and its SHA-256; raises `QueueUnavailable`."""
 
 
 class Files:
@@ -46,35 +81,46 @@ class Files:
         Raises `InvalidOption` if it can't be used.
         """
         self._place = Resource("the files", self._describe)
+        self._writes = Resource("writing files", lambda error: self._describe(error, is_write=True))
+        self._hash = lru_cache(_HASHES)(self._hash_file)
         try:
             self._fs, root = fsspec.core.url_to_fs(place, use_listings_cache=False)  # other servers write there too
             self._is_local = isinstance(self._fs, LocalFileSystem)
             self._root = root.rstrip("/")
-            self._runs = (Path(self._root) if self._is_local else scratch) / RUNS
-            self._runs.mkdir(parents=True, exist_ok=True)
+            self.runs = (Path(self._root) if self._is_local else scratch) / RUNS
+            """The local folder of the files of runs."""
+            make_folder(self.runs)
             for folder in (INPUTS, RESULTS):
-                self._fs.makedirs(self._path(folder), exist_ok=True)
+                if self._is_local:
+                    make_folder(Path(self._path(folder)))
+                else:
+                    self._fs.makedirs(self._path(folder), exist_ok=True)
         except (OSError, ImportError, ValueError) as error:
             raise InvalidOption(f"{place}: files can't be stored there ({error}); name another place") from error
 
     def _path(self, *names: str) -> str:
         return "/".join((self._root, *names))
 
-    def put(self, folder: str, name: str, file: BinaryIO) -> None:
-        """Writes all of `file`, from its beginning."""
-        with self._place.use():
-            file.seek(0)
+    def put(self, folder: str, files: Mapping[str, BinaryIO]) -> None:
+        """Writes all of each file, from its beginning, under its name."""
+        with self._writes.use():
+            for name, file in files.items():
+                file.seek(0)
+                if self._is_local:
+                    self._put_locally(self._path(folder, name), name, file)
+                else:
+                    with self._fs.open(self._path(folder, name), "wb") as out:
+                        shutil.copyfileobj(file, out, CHUNK)
             if self._is_local:
-                self._put_locally(self._path(folder, name), name, file)
-            else:
-                with self._fs.open(self._path(folder, name), "wb") as out:
-                    shutil.copyfileobj(file, out, CHUNK)
+                _sync(self._path(folder))
 
     def _put_locally(self, path: str, name: str, file: BinaryIO) -> None:
-        partial = self._runs / f"{name}{_PARTIAL}"
+        partial = self.runs / f"{name}{_PARTIAL}"
         try:
             with partial.open("xb") as out:
                 shutil.copyfileobj(file, out, CHUNK)
+                out.flush()
+                os.fsync(out.fileno())
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -90,43 +136,68 @@ class Files:
         with self._place.use():
             return bool(self._fs.exists(self._path(folder, name)))
 
-    def remove(self, folder: str, name: str) -> None:
-        """Removes the file, and what an interrupted `put` left, if there is any."""
+    def matches(self, folder: str, name: str, size: int, sha256: str) -> bool:
+        """Whether there is such a file, of that size and SHA-256.
+
+        Its bytes are read once, and again when its size, its times or its inode have changed.
+        """
+        path = self._path(folder, name)
         with suppress(FileNotFoundError), self._place.use():
-            (self._runs / f"{name}{_PARTIAL}").unlink(missing_ok=True)
-            self._fs.rm_file(self._path(folder, name))
+            info = self._fs.info(path)
+            return bool(info["size"] == size) and self._hash(path, str(info)) == sha256
+        return False
+
+    def _hash_file(self, path: str, identity: str) -> str:  # noqa: ARG002 - a part of the cache's key
+        with self._fs.open(path, "rb") as file:
+            return hash_content(file)
+
+    def remove(self, folder: str, *names: str) -> None:
+        """Removes the files, and what an interrupted `put` left, if there are any."""
+        for name in names:
+            with suppress(FileNotFoundError), self._place.use():
+                (self.runs / f"{name}{_PARTIAL}").unlink(missing_ok=True)
+                self._fs.rm_file(self._path(folder, name))
 
     @contextmanager
-    def open_run(self, source: str, result: str) -> Iterator[RunFiles]:
+    def open_run(self, source: str, result: str, sha256: str = "") -> Iterator[RunFiles]:
         """The local files of a run that makes `result` of the input `source`; removes them at the end.
 
-        Raises `FileNotFoundError` if there is no such input.
+        Raises `FileNotFoundError` if there is no such input, or if its SHA-256 is not `sha256`, unless that is empty.
         """
-        folder = self._runs / result
+        folder = self.runs / result
         try:
-            with self._place.use():
+            with self._writes.use():
                 folder.mkdir()
+            with self._place.use():
                 path = Path(self._path(INPUTS, source))
                 if not self._is_local:
                     path = folder / "input"
                     self._fs.get_file(self._path(INPUTS, source), str(path))
-                elif not path.exists():
-                    raise FileNotFoundError(path)
+                with path.open("rb") as file:
+                    if sha256 and hash_content(file) != sha256:
+                        raise FileNotFoundError(f"{path}: damaged, its SHA-256 is not that of the upload")
             target = folder / "result"
             yield RunFiles(path, target, lambda: self._publish(target, result))
         finally:
             self.remove_run(result)
 
-    def _publish(self, target: Path, result: str) -> None:
-        with self._place.use():
+    def _publish(self, target: Path, result: str) -> tuple[int, str]:
+        path = self._path(RESULTS, result)
+        with self._writes.use():
             if self._is_local:
-                target.replace(self._path(RESULTS, result))
-            else:
-                self._fs.put_file(str(target), self._path(RESULTS, result))
+                _sync(target)
+                target.replace(path)
+                _sync(self._path(RESULTS))
+                info = self._fs.info(path)
+                return int(info["size"]), self._hash(path, str(info))  # kept in memory, for requests to this process
+            with target.open("rb") as file:
+                found = target.stat().st_size, hash_content(file)
+            self._fs.put_file(str(target), path)
+            return found
 
     def remove_run(self, result: str) -> None:
         """Removes the local files of the run that makes `result`, but not the published result."""
-        shutil.rmtree(self._runs / result, ignore_errors=True)
+        shutil.rmtree(self.runs / result, ignore_errors=True)
 
     def list_names(self, folder: str) -> list[str]:
         """The names of all files in `folder`."""
@@ -142,13 +213,14 @@ class Files:
     def list_runs(self) -> list[str]:
         """The results that runs on this machine are making, or were making when they died."""
         with self._place.use():
-            return [path.name for path in self._runs.iterdir() if path.is_dir()]
+            return [path.name for path in self.runs.iterdir() if path.is_dir()]
 
-    def _describe(self, error: Exception) -> str | None:
-        """The message for an error of the place: any `OSError` but `FileNotFoundError`, or any exception of an object
-        store, as each store's client has its own.
+    def _describe(self, error: Exception, *, is_write: bool = False) -> str | None:
+        """The message for an error of the place: any `OSError`, but `FileNotFoundError` only if a folder is missing
+        (`is_write`), or any exception of an object store, as each store's client has its own.
         """
-        if isinstance(error, FileNotFoundError) or (self._is_local and not isinstance(error, OSError)):
+        is_missing = isinstance(error, FileNotFoundError) and not is_write
+        if is_missing or (self._is_local and not isinstance(error, OSError)):
             return None
         reason = getattr(error, "strerror", None) or "their store doesn't answer"
         return f"the server's files can't be used ({reason}); free disk space, or try again later"

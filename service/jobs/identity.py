@@ -8,7 +8,7 @@ import os
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from ciir.service.pipeline.options import Options
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ciir.service.jobs.job import Request
 
 DIGITS = 32
-CHUNK = 1 << 20
 _PACKAGES = (
     "ciir",
     "numpy",
@@ -36,9 +35,10 @@ _CODE = ("renderer", "models", "service")
 _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
-def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of all bytes of `file`, the suffix, the options, the kind, the format, the
-    limits and the installation. Options are parsed first: an option's default and leaving it out give the same id.
+def compute_id(request: Request, content: str, limits: Mapping[str, int]) -> str:
+    """`DIGITS` hexadecimal digits: the hash of the file's SHA-256 `content`, the suffix, the options, the kind, the
+    format, the limits and the installation. Options are parsed first: an option's default and leaving it out give the
+    same id.
     """
     inputs = [
         hash_installation(),
@@ -47,13 +47,9 @@ def compute_id(request: Request, file: BinaryIO, limits: Mapping[str, int]) -> s
         request.kind,
         request.format,
         dict(limits),
+        content,
     ]
-    digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode() + b"\0")
-    file.seek(0)
-    while chunk := file.read(CHUNK):
-        digest.update(chunk)
-    file.seek(0)
-    return digest.hexdigest()[:DIGITS]
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
 @cache

@@ -49,6 +49,8 @@ class Result:
     """Bytes of the file."""
     report: dict[str, Any]
     """`service.pipeline.report.Report` without its `views`, which a zip and an npz contain."""
+    sha256: str = ""
+    """Of the file; empty until it is published. A file that is not of this size and SHA-256 is never sent."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,8 @@ class Job:
     """The queue that it waits in (`service.jobs.lanes`)."""
     input: str = ""
     """Name of the input file: the id, a dot and random digits, new for each submission."""
+    content: str = ""
+    """SHA-256 of the input, which each run checks; empty in a record of an older version."""
     lease: str = ""
     """The last run's claim on the job: the consumer's name and a number, unique to the run."""
     events: tuple[Event, ...] = ()

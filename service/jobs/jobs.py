@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
+import logging
 import secrets
 import time
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any, BinaryIO
 
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
-from ciir.service.jobs.files import INPUTS, RESULTS, Files
+from ciir.service.jobs.disk import Disk
+from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
 from ciir.service.jobs.identity import compute_id
 from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
 from ciir.service.jobs.lanes import LANES, choose_lane
 from ciir.service.jobs.lifecycle import Lifecycle
-from ciir.service.jobs.queue import Queue
+from ciir.service.jobs.queue import FILE, Queue
 from ciir.service.jobs.records import Records
 from ciir.service.jobs.watcher import Watcher
 
@@ -48,6 +51,7 @@ _LIMITS = (
     "worker_file_bytes",
 )
 """Settings that decide whether a job has a result or a problem."""
+_log = logging.getLogger("ciir.jobs")
 
 
 class Jobs:
@@ -57,7 +61,7 @@ class Jobs:
         """Opens or creates the queue and the folders that `settings` name. Raises `InvalidOption`."""
         self.folder: Path = settings.find_folder()
         try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            make_folder(self.folder, 0o700)
         except OSError as error:
             raise InvalidOption(
                 f"{self.folder}: not usable for jobs ({error.strerror}); name another folder"
@@ -67,13 +71,15 @@ class Jobs:
         self.records = Records(self.queue.jobs)
         self.watcher = Watcher(self.records, self.queue)
         self.lifecycle = Lifecycle(self.queue, self.records, self.files)
+        database = None if settings.queue else self.folder / FILE
+        self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
         self._max_waiting = settings.max_waiting
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
 
     def compute_id(self, request: Request, file: BinaryIO) -> str:
         """The id of the job for this request."""
-        return compute_id(request, file, self._limits)
+        return compute_id(request, hash_content(file), self._limits)
 
     def submit(self, request: Request, file: BinaryIO) -> Job:
         """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now.
@@ -82,17 +88,20 @@ class Jobs:
         its result is. Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a
         little).
         """
-        id_ = self.compute_id(request, file)
+        content = hash_content(file)
+        id_ = compute_id(request, content, self._limits)
         found = self.records.get(id_)
         if found is not None and self._is_valid(found):
             return self._mark_used(found)
+        self.disk.check()
         lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
             raise QueueFull(retry_after=1 + waiting // JOBS_PER_SECOND)
         name = f"{id_}.{secrets.token_hex(8)}"
-        self._put_input(name, file)
-        new = Job(id_, request, created=time.time(), events=(Event("queued"),), lane=lane, input=name)
+        queued = (Event("queued"),)
+        new = Job(id_, request, created=time.time(), events=queued, lane=lane, input=name, content=content)
+        self._put_input(new, file)
         created = self.records.update(id_, lambda job: None if job is not None and self._is_valid(job) else new)
         if created is None:  # another call submitted the same meanwhile
             self.remove_input(name)
@@ -119,9 +128,9 @@ class Jobs:
         return job
 
     def open_result(self, id_: str) -> IO[bytes]:
-        """The opened result of a job that is done; the caller closes it. Raises `ResultExpired`."""
+        """The opened result of a job that is done, whole; the caller closes it. Raises `ResultExpired`."""
         job = self.records.get(id_)
-        if job is not None and job.result is not None:
+        if job is not None and self._has_result(job):
             with suppress(FileNotFoundError):
                 file = self.files.open(RESULTS, job.output)
                 self._mark_used(job)
@@ -171,8 +180,9 @@ class Jobs:
         jobs = self.records.get_many([parse_id(name) for name in results])
         outputs = {job.output for job in jobs.values()}
         inputs = self.files.list_names(INPUTS)
+        active = self.queue.active.items()
         orphans = [(RESULTS, name) for name in results if name not in outputs]
-        orphans += [(INPUTS, name) for name in set(inputs) - set(self.queue.active.items())]
+        orphans += [(INPUTS, name) for name in inputs if name.removesuffix(RECORD) not in active]
         for folder, name in orphans:
             with suppress(FileNotFoundError):
                 if self.files.get_age(folder, name) > max(self._keep_seconds, ORPHAN_SECONDS):
@@ -180,7 +190,7 @@ class Jobs:
 
     def remove_input(self, name: str) -> None:
         """Removes an input that belongs to no job."""
-        self.files.remove(INPUTS, name)
+        self.files.remove(INPUTS, name, name + RECORD)
         self.queue.active.remove(name)
 
     def close(self) -> None:
@@ -190,23 +200,37 @@ class Jobs:
     def _is_valid(self, job: Job) -> bool:
         """Whether the job answers a new request for the same."""
         if job.state == "done":
-            return self.files.exists(RESULTS, job.output)
+            return self._has_result(job)
         if job.state == "failed":
             return job.problem is not None and job.problem.status < 500
         return job.state in ("queued", "running")
 
+    def _has_result(self, job: Job) -> bool:
+        """Whether the result is stored as it was published; a damaged one is removed."""
+        if job.result is None:
+            return False
+        if self.files.matches(RESULTS, job.output, job.result.size, job.result.sha256):
+            return True
+        if self.files.exists(RESULTS, job.output):
+            _log.error(
+                "job %s: removed its result, which is damaged; the next identical request makes it again", job.id
+            )
+            self.files.remove(RESULTS, job.output)
+        return False
+
     def _mark_used(self, job: Job) -> Job:
         if job.state == "done":  # a failure is forgotten in time, even while it is requested
-            self.lifecycle.mark_used(job)
+            with suppress(QueueUnavailable):  # logged; on a full disk the job expires earlier, but is still answered
+                self.lifecycle.mark_used(job)
         return job
 
-    def _put_input(self, name: str, file: BinaryIO) -> None:
+    def _put_input(self, job: Job, file: BinaryIO) -> None:
         """Stores the input's name before the file, so that a process that dies leaves no file without an entry."""
-        self.queue.active.put(name, b"{}")
+        self.queue.active.put(job.input, b"{}")
         try:
-            self.files.put(INPUTS, name, file)
+            self.files.put(INPUTS, {job.input: file, job.input + RECORD: io.BytesIO(job.to_bytes())})
         except QueueUnavailable:
-            self.remove_input(name)
+            self.remove_input(job.input)
             raise
 
     def _expire(self, name: str) -> None:

@@ -8,7 +8,7 @@ import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ciir.service.jobs.files import INPUTS, RESULTS
+from ciir.service.jobs.files import INPUTS, RECORD, RESULTS
 from ciir.service.jobs.job import FINAL, Event, Job, Problem, Result
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class Lifecycle:
         May be repeated: `service.jobs.workers.recovery` does so where a process died before it was complete.
         """
         self.mark_used(job)
-        self._files.remove(INPUTS, job.input)
+        self._files.remove(INPUTS, job.input, job.input + RECORD)
         self._queue.active.remove(job.input)
 
     def mark_used(self, job: Job) -> None:

@@ -2,7 +2,8 @@
 
 Of huey only the storages are used: its consumer loses the task of a process that is killed. The storages have no
 compare and swap, can't wait for two queues, and need a SQLite connection for each queue; these are added here. After a
-power cut a SQLite file may lack the last writes (`synchronous=NORMAL`); with Redis that depends on its `appendfsync`.
+power cut a SQLite file may lack the last writes, but neither a `synced` one nor any before it; a Redis server with
+`appendfsync always` lacks none.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _LISTEN_SECONDS = 0.25
 """How long a thread that listens takes to stop."""
 _JOBS = "ciirjobs"
+_REMEDY = (
+    f"stop the server and remove {FILE}: accepted jobs are then queued again from what is kept beside their inputs, "
+    "and ended jobs are forgotten"
+)
 _SWAP = """\
 if redis.call('hget', KEYS[1], ARGV[1]) ~= ARGV[2] then return 0 end
 redis.call('publish', KEYS[1], ARGV[1])
@@ -51,7 +56,7 @@ class _Sqlite(SqliteStorage):  # type: ignore[misc]
 
     def _create_connection(self) -> Any:
         connection = super()._create_connection()
-        connection.execute("pragma synchronous=normal")
+        connection.execute(f"pragma synchronous={'full' if self._fsync else 'normal'}")
         return connection
 
     def with_name(self, name: str) -> _Sqlite:
@@ -85,18 +90,23 @@ def _describe(error: Exception) -> str | None:
     redis = sys.modules.get("redis")  # an extra, imported where a Redis server is used
     if redis is not None and isinstance(error, redis.RedisError):
         return "the queue can't be used (its server doesn't answer); try again later"
+    if type(error) is sqlite3.DatabaseError:  # damaged, where its subclasses are for passing errors
+        return f"the queue can't be used ({error}); its operator must {_REMEDY}"
     return f"the queue can't be used ({error}); try again later" if isinstance(error, sqlite3.Error) else None
 
 
 class Table:
     """Values by key. Every method raises `QueueUnavailable` if the storage can't be reached or written."""
 
-    def __init__(self, storage: _Sqlite | _Redis, resource: Resource) -> None:
-        self._storage, self._resource = storage, resource
+    def __init__(
+        self, storage: _Sqlite | _Redis, reads: Resource, writes: Resource, synced: _Sqlite | _Redis | None = None
+    ) -> None:
+        """`synced`: the same storage, whose writes are on the disk when they return."""
+        self._storage, self._reads, self._writes, self._synced = storage, reads, writes, synced or storage
 
     def get(self, key: str) -> bytes | None:
         """The value, or None."""
-        with self._resource.use():
+        with self._reads.use():
             value = self._storage.peek_data(key)
         return None if value is EmptyData else bytes(value)
 
@@ -104,29 +114,33 @@ class Table:
         """The values of those keys that have one."""
         if not keys:
             return {}
-        with self._resource.use():
+        with self._reads.use():
             return {key: bytes(value) for key, value in self._storage.peek_many(keys).items()}
 
     def items(self) -> dict[str, bytes]:
         """All values by key."""
-        with self._resource.use():
+        with self._reads.use():
             return {key: bytes(value) for key, value in self._storage.result_items().items()}
 
     def put(self, key: str, value: bytes) -> None:
         """Sets the value."""
-        with self._resource.use():
+        with self._writes.use():
             self._storage.put_data(key, value)
 
-    def swap(self, key: str, old: bytes | None, new: bytes | None) -> bool:
-        """Replaces `old` by `new` atomically; False if the value is not `old`. None stands for no value."""
-        with self._resource.use():
+    def swap(self, key: str, old: bytes | None, new: bytes | None, *, synced: bool = False) -> bool:
+        """Replaces `old` by `new` atomically; False if the value is not `old`. None stands for no value.
+
+        `synced`: returns once this and all earlier writes are on the disk.
+        """
+        storage = self._synced if synced else self._storage
+        with self._writes.use():
             if old is None:
-                return new is not None and bool(self._storage.put_if_empty(key, new))
-            return self._storage.swap(key, old, new)
+                return new is not None and bool(storage.put_if_empty(key, new))
+            return storage.swap(key, old, new)
 
     def remove(self, key: str) -> None:
         """Removes the value, if there is one."""
-        with self._resource.use():
+        with self._writes.use():
             self._storage.delete_data(key)
 
 
@@ -136,19 +150,22 @@ class Queue:
     def __init__(self, folder: Path, url: str = "") -> None:
         """`url`: a Redis server; empty: `FILE` in `folder`. Raises `InvalidOption` if that can't be opened."""
         self._resource = Resource("the queue", _describe)
+        self._writes = Resource("writing to the queue", _describe)  # apart, as a full disk can still be read
         self._pool: ConnectionPool | None = None
         self._sqlite: _Sqlite | None = None
+        self._synced: _Sqlite | None = None
         if url:
             self._pool = _open_pool(url)
         else:
             try:
                 self._sqlite = _Sqlite("ciir", filename=str(folder / FILE))
+                self._synced = _Sqlite(_JOBS, filename=str(folder / FILE), fsync=True, create_tables=False)
             except sqlite3.Error as error:
                 raise InvalidOption(
-                    f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or remove the file"
+                    f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or {_REMEDY}"
                 ) from error
         self._lanes = {lane: self._open(f"ciir{lane}") for lane in LANES}
-        self.jobs = self._open_table(_JOBS)
+        self.jobs = Table(self._open(_JOBS), self._resource, self._writes, self._synced)
         """Id -> the job's record."""
         self.active = self._open_table("ciiractive")
         """Name of a job's input -> nothing, from before the input is stored until the job is settled."""
@@ -169,11 +186,11 @@ class Queue:
         return _Redis(name, self._pool)
 
     def _open_table(self, name: str) -> Table:
-        return Table(self._open(name), self._resource)
+        return Table(self._open(name), self._resource, self._writes)
 
     def push(self, lane: Lane, id_: str) -> None:
         """Appends an id to a lane, which may hold it twice. Raises `QueueUnavailable`."""
-        with self._resource.use():
+        with self._writes.use():
             self._lanes[lane].enqueue(id_.encode())
         self.wake()
 
@@ -238,8 +255,9 @@ class Queue:
         if self._listener is not None:
             self._listener.stop()
             self._listener.join()
-        if self._sqlite is not None:
-            self._sqlite.close()
+        for storage in (self._sqlite, self._synced):
+            if storage is not None:
+                storage.close()
         if self._pool is not None:
             self._pool.disconnect()
 

@@ -41,7 +41,8 @@ class Records:
             after = step(self._parse(id_, before))
             if after is None:
                 return None
-            if self._table.swap(id_, before, after.to_bytes()):
+            synced = after.state != "running"  # an answer may promise it, and the end of a job removes its input
+            if self._table.swap(id_, before, after.to_bytes(), synced=synced):
                 for notify in self._listeners:
                     notify(id_)
                 return after
@@ -55,7 +56,7 @@ class Records:
             job = self._parse(id_, before)
             if job is not None and not condition(job):
                 return None
-            if self._table.swap(id_, before, None):
+            if self._table.swap(id_, before, None, synced=True):
                 return job
 
     def subscribe(self, notify: Callable[[str], object]) -> None:

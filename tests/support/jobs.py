@@ -1,5 +1,6 @@
 """Jobs, consumers and a Redis server for tests, and a pool without worker processes."""
 
+import hashlib
 import io
 import os
 import shutil
@@ -8,6 +9,7 @@ import tempfile
 import threading
 from pathlib import Path
 
+from ciir.service.jobs.files import RECORD
 from ciir.service.jobs.job import FINAL, Request, Result
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
@@ -31,6 +33,11 @@ def read_result(jobs, id_):
         return file.read()
 
 
+def make_result(data=b"result"):
+    """What a run stores that published `data`."""
+    return Result("png", len(data), {"timings_ms": {}}, hashlib.sha256(data).hexdigest())
+
+
 def publish_result(jobs, run, data=b"result"):
     """Puts the result file of a run in its place."""
     with jobs.files.open_run(run.input, run.output) as files:
@@ -48,9 +55,10 @@ def run_in_threads(function, count):
 
 
 def list_files(jobs):
-    """All files of the jobs, relative to their folder."""
+    """All files of the jobs, relative to their folder, without the records beside the inputs."""
     folder = jobs.folder / "files"
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+    return sorted(name for name in names if not (name.endswith(RECORD) and name.removesuffix(RECORD) in names))
 
 
 def read_metrics(metrics, *names):

@@ -6,6 +6,7 @@ import json
 import logging
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -129,20 +130,23 @@ class Consumer:
     def _get_outcome(self, run: _Run) -> Result | Problem | Cancelled | WorkerDied:
         job = run.job
         try:
-            with self._jobs.files.open_run(job.input, job.output) as files:
+            with self._jobs.files.open_run(job.input, job.output, job.content) as files:
                 task = Task(job.id, job.request, files.source, files.target)
                 progress = partial(run.update_progress, self._jobs)
                 outcome = self._pool.run(task, begun=run.begin, progress=progress, cancelled=run.cancelled)
                 if isinstance(outcome, Result):
-                    files.publish()
+                    size, sha256 = files.publish()
+                    outcome = replace(outcome, size=size, sha256=sha256)
                 return outcome
         except (Cancelled, WorkerDied) as reason:
             return reason
         except QueueUnavailable as error:
             return Problem(503, "Not available", str(error))
         except FileNotFoundError:
-            _log.exception("job %s: its input is missing; machines that share a queue must share CIIR_FILES", job.id)
-            return Problem(503, "Not available", "the input is no longer stored; post it again")
+            _log.exception(
+                "job %s: its input is missing or damaged; machines that share a queue must share CIIR_FILES", job.id
+            )
+            return Problem(503, "Not available", "the input is no longer stored as it was sent; post it again")
         except OSError as error:
             _log.exception("job %s: its files can't be used", job.id)
             detail = f"the server's files can't be used ({error.strerror}); try again later"

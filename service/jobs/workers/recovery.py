@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import QueueUnavailable
 from ciir.service.jobs.job import FINAL, parse_id
+from ciir.service.jobs.workers.restore import restore_jobs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -71,13 +72,17 @@ class Recovery:
                 self._jobs.queue.heartbeats.remove(name)
 
     def remove_leftovers(self) -> None:
-        """Removes the files of dead consumers of this machine and files without a job. Call it after `repair`."""
+        """Removes the files of dead consumers of this machine, restores jobs without a record, removes old files.
+
+        Call it after `repair`.
+        """
         dead = [name for name in self._lock.list_names() if self._lock.is_dead(name)]
         for result in self._jobs.files.list_runs():
             if parse_consumer(result.rpartition(".")[2]) in dead:
                 self._jobs.files.remove_run(result)
         for name in dead:
             self._lock.remove(name)
+        restore_jobs(self._jobs)
         self._jobs.remove_orphaned_files()
 
     def _find_defect(

@@ -1,3 +1,4 @@
+import hashlib
 import io
 import logging
 import shutil
@@ -5,7 +6,7 @@ import shutil
 import pytest
 
 from ciir.errors import InvalidOption, QueueUnavailable
-from ciir.service.jobs.files import INPUTS, RESULTS, Files
+from ciir.service.jobs.files import CHUNK, INPUTS, RESULTS, Files, hash_content
 
 DATA = bytes(range(256)) * 10
 
@@ -29,7 +30,7 @@ def read(files, folder, name):
 def test_a_file_is_written_read_and_removed(files):
     file = io.BytesIO(DATA)
     file.seek(100)
-    files.put(INPUTS, "a", file)
+    files.put(INPUTS, {"a": file})
     assert files.exists(INPUTS, "a")
     assert not files.exists(RESULTS, "a")
     assert read(files, INPUTS, "a") == DATA
@@ -42,22 +43,66 @@ def test_a_file_is_written_read_and_removed(files):
         files.open(INPUTS, "a")
 
 
+def test_all_of_a_long_file_is_hashed_and_it_is_rewound():
+    data = bytearray(3 * CHUNK)
+    before = hash_content(io.BytesIO(data))
+    data[-1] = 1
+    file = io.BytesIO(data)
+    file.seek(5)
+    assert hash_content(file) == hashlib.sha256(data).hexdigest() != before
+    assert file.tell() == 0
+
+
+def test_a_file_whose_bytes_changed_does_not_match(files):
+    sha256 = hashlib.sha256(DATA).hexdigest()
+    assert not files.matches(RESULTS, "a", len(DATA), sha256)
+    for data in (DATA, DATA[:-1], DATA[:-1] + b"x", b"", DATA):
+        files.put(RESULTS, {"a": io.BytesIO(data)})
+        assert files.matches(RESULTS, "a", len(DATA), sha256) == (data == DATA)
+
+
+def test_a_file_is_read_once_to_check_it(files, monkeypatch):
+    files.put(RESULTS, {"a": io.BytesIO(DATA)})
+    opened = []
+    open_file = files._fs.open
+    monkeypatch.setattr(files._fs, "open", lambda path, mode: opened.append(path) or open_file(path, mode))
+    for _ in range(3):
+        assert files.matches(RESULTS, "a", len(DATA), hashlib.sha256(DATA).hexdigest())
+    assert len(opened) == 1
+
+
+def test_a_damaged_input_is_not_run(files):
+    files.put(INPUTS, {"a": io.BytesIO(DATA[:-1])})
+    with pytest.raises(FileNotFoundError, match="SHA-256"), files.open_run("a", "b", hashlib.sha256(DATA).hexdigest()):
+        pass
+    assert files.list_runs() == []
+
+
+def test_a_folder_that_was_removed_is_reported(local_files, tmp_path):
+    local_files.put(INPUTS, {"a": io.BytesIO(DATA)})
+    shutil.rmtree(tmp_path / "files")
+    with pytest.raises(QueueUnavailable, match="No such file"):
+        local_files.put(INPUTS, {"b": io.BytesIO(DATA)})
+    with pytest.raises(QueueUnavailable, match="No such file"), local_files.open_run("a", "b"):
+        pass
+
+
 def test_a_run_publishes_its_result(files):
-    files.put(INPUTS, "a", io.BytesIO(DATA))
+    files.put(INPUTS, {"a": io.BytesIO(DATA)})
     with files.open_run("a", "b") as run:
         assert files.list_runs() == ["b"]
         assert run.source.read_bytes() == DATA
         run.target.write_bytes(b"result")
         run.target.with_name("beside").write_bytes(b"x")
         assert not files.exists(RESULTS, "b")
-        run.publish()
+        assert run.publish() == (6, hashlib.sha256(b"result").hexdigest())
     assert read(files, RESULTS, "b") == b"result"
     assert files.list_runs() == []
     assert files.exists(INPUTS, "a")
 
 
 def test_a_run_that_fails_leaves_nothing(files):
-    files.put(INPUTS, "a", io.BytesIO(DATA))
+    files.put(INPUTS, {"a": io.BytesIO(DATA)})
 
     def fail():
         with files.open_run("a", "b") as run:
@@ -86,7 +131,7 @@ def test_a_file_appears_once_it_is_complete(local_files, monkeypatch):
         copy(file, out, length)
 
     monkeypatch.setattr(shutil, "copyfileobj", copy_in_parts)
-    local_files.put(INPUTS, "a", io.BytesIO(DATA))
+    local_files.put(INPUTS, {"a": io.BytesIO(DATA)})
     assert seen == [False]
     assert read(local_files, INPUTS, "a") == DATA
 
@@ -101,7 +146,7 @@ def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, 
     files = Files(f"memory://{tmp_path.name}/files", tmp_path / "scratch")
     monkeypatch.setattr(files._fs, "open", fail)
     with caplog.at_level(logging.WARNING), pytest.raises(QueueUnavailable, match="store doesn't answer"):
-        files.put(INPUTS, "a", io.BytesIO(DATA))
+        files.put(INPUTS, {"a": io.BytesIO(DATA)})
     assert "could not connect" in caplog.text
 
 

@@ -1,4 +1,4 @@
-import io
+from hashlib import sha256
 
 import pytest
 
@@ -9,7 +9,7 @@ LIMITS = {"max_pixels": 10}
 
 
 def compute_id(name="upload.png", data=b"data", form=None, limits=LIMITS, **options):
-    return identity.compute_id(Request(name, options, form), io.BytesIO(data), limits)
+    return identity.compute_id(Request(name, options, form), sha256(data).hexdigest(), limits)
 
 
 def test_equal_requests_have_equal_ids():
@@ -38,13 +38,3 @@ def test_the_installation_is_part_of_the_id(monkeypatch):
     before = compute_id()
     monkeypatch.setattr(identity, "hash_installation", lambda: "another network")
     assert compute_id() != before
-
-
-def test_all_of_a_long_file_is_hashed_and_it_is_rewound():
-    data = bytearray(3 * identity.CHUNK)
-    before = compute_id(data=bytes(data))
-    data[-1] = 1
-    file = io.BytesIO(bytes(data))
-    file.seek(5)
-    assert identity.compute_id(Request("upload.png", {}, None), file, LIMITS) != before
-    assert file.tell() == 0

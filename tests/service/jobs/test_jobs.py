@@ -9,16 +9,16 @@ import pytest
 
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs import jobs as module
-from ciir.service.jobs.job import Event, Problem, Request, Result
+from ciir.service.jobs.job import Event, Problem, Request
 from ciir.service.settings import Settings
-from tests.support.jobs import list_files, publish_result, read_result, run_in_threads, submit_data
+from tests.support.jobs import list_files, make_result, publish_result, read_result, run_in_threads, submit_data
 
 
 def finish_job(jobs, job, data=b"result", lease="c-1"):
     """The job, done, with `data` as its result."""
     run = jobs.lifecycle.start(job.id, lease)
     publish_result(jobs, run, data)
-    assert jobs.lifecycle.finish(run, Result("png", len(data), {"timings_ms": {}}))
+    assert jobs.lifecycle.finish(run, make_result(data))
     return jobs.get(job.id)
 
 
@@ -82,6 +82,30 @@ def test_a_job_whose_result_is_gone_is_run_again(jobs):
     again = submit_data(jobs)
     assert (again.state, again.events) == ("queued", (Event("queued"),))
     assert finish_job(jobs, again).state == "done"
+
+
+@pytest.mark.parametrize("damage", [b"", b"resul", b"Result", b"result and more"])
+def test_a_damaged_result_is_made_again(service, jobs, damage, caplog):
+    job = finish_job(jobs, submit_data(jobs))
+    assert read_result(jobs, job.id) == b"result"
+    path = jobs.folder / "files" / "results" / job.output
+    times = (path.stat().st_atime, path.stat().st_mtime)
+    path.write_bytes(damage)
+    os.utime(path, times)
+    for each in (jobs, service.open_jobs()):
+        with pytest.raises(ResultExpired, match="post the input again"):
+            each.open_result(job.id)
+    assert f"job {job.id}: removed its result, which is damaged" in caplog.text
+    again = submit_data(jobs)
+    assert again.state == "queued"
+    finish_job(jobs, again)
+    assert read_result(jobs, job.id) == b"result"
+
+
+def test_a_damaged_result_is_noticed_by_the_next_identical_request(jobs):
+    job = finish_job(jobs, submit_data(jobs))
+    (jobs.folder / "files" / "results" / job.output).write_bytes(b"")
+    assert submit_data(jobs).state == "queued"
 
 
 @pytest.mark.parametrize(("status", "state"), [(422, "failed"), (413, "failed"), (500, "queued"), (503, "queued")])

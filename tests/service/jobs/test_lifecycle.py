@@ -1,10 +1,10 @@
 import pytest
 
-from ciir.service.jobs.job import Event, Problem, Result
+from ciir.service.jobs.job import Event, Problem
 from ciir.service.jobs.lifecycle import ATTEMPT_LIMIT, WORKER_STOPPED
-from tests.support.jobs import list_files, publish_result, read_result, submit_data
+from tests.support.jobs import list_files, make_result, publish_result, read_result, submit_data
 
-RESULT = Result("png", 6, {"timings_ms": {}})
+RESULT = make_result()
 
 
 def test_only_one_run_gets_a_lease(jobs):

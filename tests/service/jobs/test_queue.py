@@ -132,7 +132,21 @@ def test_a_full_disk_is_reported(tmp_path):
     queue.close()
 
 
+def test_a_damaged_file_is_reported_with_the_remedy(tmp_path):
+    queue = Queue(tmp_path)
+    for number in range(100):
+        queue.jobs.put(str(number), bytes(1000))
+    queue.close()
+    with (tmp_path / FILE).open("r+b") as file:
+        file.seek(4096)
+        file.write(b"x" * 40960)
+    queue = Queue(tmp_path)
+    with pytest.raises(QueueUnavailable, match=rf"malformed.*remove {FILE}: accepted jobs are then queued again"):
+        queue.jobs.items()
+    queue.close()
+
+
 def test_a_file_that_is_no_database(tmp_path):
     (tmp_path / FILE).write_bytes(b"no database" * 1000)
-    with pytest.raises(InvalidOption, match=f"{FILE}.*remove the file"):
+    with pytest.raises(InvalidOption, match=f"{FILE}.*remove {FILE}: accepted jobs are then queued again"):
         Queue(tmp_path)

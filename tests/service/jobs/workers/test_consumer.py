@@ -59,7 +59,7 @@ def test_jobs_are_run(service, jobs, pool):
     for number, id_ in enumerate(ids):
         job = wait_for_end(jobs, id_)
         assert (job.state, job.attempts) == ("done", 1)
-        assert job.result == Result("png", 2, {"timings_ms": {"total": 1.0}})
+        assert job.result == Result("png", 2, {"timings_ms": {"total": 1.0}}, job.result.sha256)
         assert read_result(jobs, id_) == bytes([number]) * 2
     assert sorted(pool.started) == sorted(ids)
     wait_until(lambda: jobs.queue.active.items() == {})
@@ -358,3 +358,18 @@ def test_redis_stops_and_restarts(service, pool, gate, redis_server, caplog):
         wait_until(lambda: "the queue can be used again" in caplog.text)
     assert [wait_for_end(jobs, id_).state for id_ in ids] == ["done"] * 3
     assert sorted(pool.started) == sorted(ids)  # the job that ended meanwhile was not run again
+
+
+@pytest.mark.parametrize("damage", [b"", b"bb", None])
+def test_a_damaged_input_fails_the_job_until_it_is_sent_again(service, jobs, pool, damage):
+    job = submit_data(jobs, b"ab")
+    path = jobs.folder / "files" / "inputs" / job.input
+    path.unlink()
+    if damage is not None:
+        path.write_bytes(damage)
+    service.start_consumer(jobs, pool)
+    failed = wait_for_end(jobs, job.id)
+    assert (failed.state, failed.problem.status, pool.started) == ("failed", 503, [])
+    assert "post it again" in failed.problem.detail
+    assert wait_for_end(jobs, submit_data(jobs, b"ab").id).state == "done"
+    assert read_result(jobs, job.id) == b"abab"

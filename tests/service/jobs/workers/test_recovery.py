@@ -7,7 +7,7 @@ import time
 import pytest
 
 from ciir.errors import QueueUnavailable
-from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.job import Problem
 from ciir.service.jobs.jobs import ORPHAN_SECONDS
 from ciir.service.jobs.workers.consumer_lock import FOLDER, ConsumerLock
 from ciir.service.jobs.workers.recovery import (
@@ -17,7 +17,7 @@ from ciir.service.jobs.workers.recovery import (
     Recovery,
     create_lease,
 )
-from tests.support.jobs import list_files, publish_result, submit_data
+from tests.support.jobs import list_files, make_result, publish_result, submit_data
 
 DIE_WITH_A_JOB = """
 import os, sys
@@ -213,7 +213,7 @@ def test_old_files_without_a_job_are_removed(jobs, recovery, is_old):
     done, waiting = submit_data(jobs), submit_data(jobs, b"waiting")
     run = jobs.lifecycle.start(done.id, "elsewhere-1")
     publish_result(jobs, run)
-    assert jobs.lifecycle.finish(run, Result("png", 6, {}))
+    assert jobs.lifecycle.finish(run, make_result())
     known = [f"inputs/{waiting.input}", f"results/{run.output}"]
     assert list_files(jobs) == known
     for folder, name in (

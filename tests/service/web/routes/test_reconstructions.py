@@ -263,6 +263,28 @@ def test_an_expired_result(own, eia):
     assert own.get(place).status_code == 200
 
 
+@pytest.mark.parametrize("position", [None, 0, -20])
+def test_a_damaged_result_is_never_sent(own, eia, position):
+    fields = {"data": eia, "lenses": "6x9", "model": "none"}
+    first = post_file(own, **fields)
+    place = first.headers["content-location"]
+
+    def damage():
+        job = own.engine.jobs.get(place.split("/")[-2])
+        data = bytearray(first.content) if position is not None else b""
+        if position is not None:
+            data[position] ^= 1
+        (own.engine.jobs.folder / "files" / "results" / job.output).write_bytes(data)
+
+    damage()
+    check_problem(own.get(place), 410, "post the input again")
+    for _ in range(2):
+        again = post_file(own, **fields)
+        assert (again.status_code, again.content) == (200, first.content)
+        assert own.get(place).content == first.content
+        damage()
+
+
 def test_only_the_suffix_of_a_file_name_is_used(client):
     detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
     assert "upload.txt" in detail
