@@ -60,6 +60,8 @@ class Settings(BaseSettings):
     queue: Annotated[str, AfterValidator(_check_queue)] = ""
     """Address of the Redis server that holds the queue, redis://HOST:PORT/NUMBER; several machines can share it.
     Default: a SQLite file in `CIIR_FOLDER`."""
+    queue_file: Path | None = None
+    """File that holds `CIIR_QUEUE`, for an address with a password."""
     files: str = ""
     """Folder for inputs and results, or s3://BUCKET/PATH (`ciir[s3]`; the image has it); default: `files` in
     `CIIR_FOLDER`. Machines that share a queue must share this too."""
@@ -138,6 +140,8 @@ class Settings(BaseSettings):
     api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
     """API keys, separated by commas. A request must send one of them as `Authorization: Bearer KEY` or `X-API-Key`.
     Default: no key is needed."""
+    api_keys_file: Path | None = None
+    """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets."""
     hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
     """Names or addresses that the `Host` of a request may have besides those of this machine (localhost, 127.0.0.0/8,
     [::1]), with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else any."""
@@ -178,21 +182,31 @@ def read_settings() -> Settings:
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
         _log.warning("%s is set, but is no setting; `ciir serve --show-settings` lists all", name)
+    secrets: dict[str, Any] = {}
     try:
-        return Settings()
+        found = Settings()
+        for name, path in (("api_keys", found.api_keys_file), ("queue", found.queue_file)):
+            if path is not None:
+                secrets[name] = _read_secret(f"{PREFIX}{name.upper()}", path)
+        return Settings(**secrets)
     except ValidationError as error:
         name = str(error.errors()[0]["loc"][0])
-        given = os.environ.get(f"{PREFIX}{name.upper()}", "")
+        given = secrets.get(name, os.environ.get(f"{PREFIX}{name.upper()}", ""))
         raise InvalidOption(
             f"{PREFIX}{name.upper()}: {hide_secrets(given)[:80]!r} is not {describe_values(name)}; "
             f"set one, or unset it for the default {Settings.model_fields[name].default!r}"
         ) from error
 
 
-def unset_secrets() -> None:
-    """Removes the API keys and the queue's address, which can hold a password, from the environment of workers."""
-    for name in ("API_KEYS", "QUEUE"):
-        os.environ.pop(f"{PREFIX}{name}", None)
+def _read_secret(variable: str, path: Path) -> str:
+    """The content of the file `path`, which is given in place of `variable`. Raises `InvalidOption`."""
+    if os.environ.get(variable):
+        raise InvalidOption(f"{variable} and {variable}_FILE are both set; unset one")
+    try:
+        return path.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8"
+        raise InvalidOption(f"{variable}_FILE: {path}: {reason}; name a file that can be read") from error
 
 
 def hide_secrets(address: str) -> str:
@@ -214,6 +228,8 @@ def describe_values(name: str) -> str:
 _VALUES = {
     "folder": "a folder's path",
     "queue": "empty, or the address of a Redis server such as redis://localhost:6379/0",
+    "queue_file": "a file's path",
+    "api_keys_file": "a file's path",
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
     "api_keys": "keys separated by commas",
     "hosts": "names separated by commas",

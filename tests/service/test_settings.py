@@ -28,16 +28,16 @@ def test_settings_are_read_from_the_environment(monkeypatch, tmp_path):
         "CIIR_FOLDER": str(tmp_path),
         "CIIR_QUEUE": "redis://localhost:6379/0",
         "CIIR_LOG_FORMAT": "json",
-        "CIIR_API_KEYS": " one, two,one,",
+        "CIIR_API_KEYS": " first, second,first,",
         "CIIR_CORS_ORIGINS": "https://a.example,https://b.example",
     }.items():
         monkeypatch.setenv(name, value)
     found = settings.read_settings()
     assert (found.workers, found.sync_seconds, found.find_folder()) == (3, 0.5, tmp_path)
     assert (found.queue, found.log_format) == ("redis://localhost:6379/0", "json")
-    assert [key.get_secret_value() for key in found.api_keys] == ["one", "two"]
+    assert [key.get_secret_value() for key in found.api_keys] == ["first", "second"]
     assert found.cors_origins == ("https://a.example", "https://b.example")
-    assert "one" not in repr(found)
+    assert "first" not in repr(found)
 
 
 def test_an_empty_variable_counts_as_not_set(monkeypatch):
@@ -45,6 +45,27 @@ def test_an_empty_variable_counts_as_not_set(monkeypatch):
         monkeypatch.setenv(f"CIIR_{name.upper()}", "")
     assert settings.read_settings() == Settings()
     assert settings.read_settings().api_keys == ()
+
+
+@pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_QUEUE"])
+def test_secrets_are_read_from_files(monkeypatch, tmp_path, name):
+    path = tmp_path / "secret"
+    path.write_text("redis://:swordfish@host/0\n")
+    monkeypatch.setenv(f"{name}_FILE", str(path))
+    found = settings.read_settings()
+    assert found.queue == ("redis://:swordfish@host/0" if name == "CIIR_QUEUE" else "")
+    keys = [key.get_secret_value() for key in found.api_keys]
+    assert keys == (["redis://:swordfish@host/0"] if name == "CIIR_API_KEYS" else [])
+    path.write_text("http://:swordfish@host" if name == "CIIR_QUEUE" else "\n")
+    with pytest.raises(InvalidOption, match=f"^{name}: ") as caught:  # an empty file of keys opens no server
+        settings.read_settings()
+    assert "swordfish" not in str(caught.value)
+    path.unlink()
+    with pytest.raises(InvalidOption, match=f"{name}_FILE: .*No such file or directory; name a file"):
+        settings.read_settings()
+    monkeypatch.setenv(name, "redis://host")
+    with pytest.raises(InvalidOption, match=f"{name} and {name}_FILE are both set"):
+        settings.read_settings()
 
 
 @pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_CORS_ORIGINS"])

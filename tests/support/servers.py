@@ -41,18 +41,15 @@ def run_python(*argv: object, **options: Any) -> subprocess.CompletedProcess[str
 
 
 @contextmanager
-def run_ciir(log: Path, *arguments: str, ulimit: str = "", **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+def run_ciir(log: Path, *arguments: str, setup: str = "", **environment: str) -> Iterator[subprocess.Popen[bytes]]:
     """Runs `ciir` in the background, its output in `log`, its jobs beside it unless `CIIR_FOLDER` is given.
 
-    `ulimit`: arguments of the shell's command of that name.
-
-    SIGTERM ends it, and its exit status must be 0.
+    `setup`: what a shell runs first, such as `ulimit -n 256`. SIGTERM ends it, and its exit status must be 0.
     """
     environment = {"CIIR_FOLDER": str(log.with_name("service"))} | environment
     with log.open("wb") as output:
-        command = f'ulimit {ulimit}; exec "$@"' if ulimit else 'exec "$@"'
         process = subprocess.Popen(  # noqa: S603 - our own
-            ["/bin/sh", "-c", command, "sh", sys.executable, "-m", "ciir", *arguments],
+            ["/bin/sh", "-ec", f'{setup}\nexec "$@"', "sh", sys.executable, "-m", "ciir", *arguments],
             stdout=output,
             stderr=output,
             env=os.environ | environment,
@@ -70,9 +67,9 @@ def run_ciir(log: Path, *arguments: str, ulimit: str = "", **environment: str) -
 
 
 @contextmanager
-def run_server(log: Path, ulimit: str = "", **environment: str) -> Iterator[Server]:
+def run_server(log: Path, setup: str = "", **environment: str) -> Iterator[Server]:
     """Runs `ciir serve` on a free port, as `run_ciir` does, and yields it once it is ready."""
-    with run_ciir(log, "serve", "--port", "0", ulimit=ulimit, **environment) as process:
+    with run_ciir(log, "serve", "--port", "0", setup=setup, **environment) as process:
         deadline = time.monotonic() + START_SECONDS
         while (found := re.search(r"http://127\.0\.0\.1:\d+", log.read_text())) is None or not _is_ready(found[0]):
             assert process.poll() is None, log.read_text()[-5000:]

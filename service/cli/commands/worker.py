@@ -26,12 +26,14 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
     from ciir.service import logs, settings
     from ciir.service.jobs.engine import Engine
+    from ciir.service.jobs.workers.sandbox.parent import protect
+    from ciir.service.jobs.workers.worker import KEPT_VARIABLES
     from ciir.service.metrics import Metrics
 
     found = settings.read_settings()
-    settings.unset_secrets()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
+    protect(KEPT_VARIABLES)
     logs.configure(found.log_format)
     stop = threading.Event()
 

@@ -103,5 +103,9 @@ def parse_message(line: bytes) -> Message:
 
 def quote(text: str, limit: int = 10_000) -> str:
     """Text of a worker process for the log: at most `limit` characters, each line marked, so that none seems ours."""
-    lines = text[:limit].splitlines()
-    return "\n".join(f"| {''.join(c if c.isprintable() else '?' for c in line)}" for line in lines)
+    return "\n".join(f"| {make_printable(line)}" for line in text[:limit].splitlines())
+
+
+def make_printable(line: str) -> str:
+    """`line` without the characters that would end it, or control a terminal."""
+    return "".join(character if character.isprintable() else "?" for character in line)

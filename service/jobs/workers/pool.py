@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import queue
+import shutil
 import signal
 import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, WorkerDied
@@ -20,6 +21,7 @@ from ciir.service.jobs.workers.worker import Worker, WorkerExitedError, describe
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from ciir.service.jobs.workers.messages import Message
     from ciir.service.settings import Settings
@@ -104,7 +106,7 @@ class Pool:
         `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
         """
         self.start()
-        with task.source.open("rb") as source, task.target.open("w+b") as target:
+        with task.source.open("rb") as source, TemporaryFile(dir=task.target.parent) as target:
             run = _Run(task, source, target, begun, progress, cancelled)
             for _ in range(_ATTEMPTS):
                 worker = self._take_worker(cancelled)
@@ -192,7 +194,7 @@ class Pool:
             if isinstance(last.outcome, Problem):
                 return last.outcome
             if wanted in (None, last.outcome.format):
-                return replace(last.outcome, size=run.target.seek(0, io.SEEK_END))
+                return replace(last.outcome, size=_copy(run.target, run.task.target))
         raise WorkerDied("sent a message that has no meaning there")
 
     def _keep_worker(self) -> None:
@@ -233,6 +235,14 @@ class Pool:
             if time.monotonic() > deadline:
                 worker.end()
                 raise WorkerExitedError(-signal.SIGKILL, f"it was not ready after {START_SECONDS:g} s")
+
+
+def _copy(file: IO[bytes], target: Path) -> int:
+    """Copies all of `file` and returns its size. The worker may have kept `file` open, but it can't change the copy."""
+    file.seek(0)
+    with target.open("wb") as out:
+        shutil.copyfileobj(file, out, 1 << 20)
+        return out.tell()
 
 
 def _time_problem(reason: str) -> Problem:

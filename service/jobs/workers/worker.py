@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ciir.service.jobs.workers.messages import LIMIT, parse_message, quote
+from ciir.service.jobs.workers.messages import LIMIT, make_printable, parse_message
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -159,7 +159,7 @@ class Worker:
     def _log_line(self, line: str) -> None:
         self._lines += 1
         if self._lines <= LOG_LINES:
-            self.last_line = quote(line).removeprefix("| ")
+            self.last_line = make_printable(line)
             _log.warning("worker process %d: %s", self.pid, self.last_line)
         if self._lines == LOG_LINES:
             _log.warning("worker process %d: its further lines are left out", self.pid)

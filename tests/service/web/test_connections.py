@@ -20,7 +20,7 @@ from tests.support.servers import run_server
 
 def test_more_connections_than_open_files_leave_a_server_at_work(tmp_path):
     log = tmp_path / "log"
-    with ExitStack() as stack, run_server(log, ulimit="-n 256", CIIR_WORKERS="1") as server:
+    with ExitStack() as stack, run_server(log, setup="ulimit -n 256", CIIR_WORKERS="1") as server:
         for _ in range(400):  # neither of them says anything
             stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=10))
         start = time.monotonic()
@@ -39,7 +39,7 @@ def test_more_connections_than_open_files_leave_a_server_at_work(tmp_path):
 
 
 def test_the_soft_limit_is_raised_to_the_hard_one(tmp_path):
-    with run_server(tmp_path / "log", ulimit="-n 1000; ulimit -S -n 200", CIIR_WORKERS="0") as server:
+    with run_server(tmp_path / "log", setup="ulimit -n 1000; ulimit -S -n 200", CIIR_WORKERS="0") as server:
         limits = Path(f"/proc/{server.pid}/limits").read_text()
     assert re.search(r"Max open files +1000 +1000 ", limits)
 

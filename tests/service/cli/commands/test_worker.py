@@ -46,13 +46,15 @@ def test_the_queues_password_is_in_no_log(tmp_path):
 
 
 @pytest.mark.parametrize("words", [("worker",), ("serve", "--port", "0")])
-def test_worker_processes_are_started_without_the_servers_secrets(tmp_path, words):
-    secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0"}
+def test_secrets_are_in_no_environment(tmp_path, words):
+    secret = {"CIIR_API_KEYS": "swordfish", "CIIR_QUEUE": "redis://:swordfish@127.0.0.1:1/0", "AWS_X": "swordfish"}
     with run_ciir(tmp_path / "log", *words, CIIR_WORKERS="1", **secret) as process:
         (worker,) = wait_until(lambda: find_workers(process.pid))
+        parent = Path(f"/proc/{process.pid}/environ").read_bytes()
         environment = Path(f"/proc/{worker}/environ").read_bytes()
+    assert b"HOME=/" in parent
     assert b"CIIR_WORKERS" not in environment
-    assert b"swordfish" not in environment
+    assert b"swordfish" not in parent + environment
 
 
 @pytest.mark.parametrize(

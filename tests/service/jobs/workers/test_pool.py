@@ -4,6 +4,7 @@ import io
 import json
 import logging
 import os
+import pickle
 import signal
 import threading
 import time
@@ -33,7 +34,7 @@ from tests.support.paths import ROOT
 from tests.support.servers import find_workers, run_python
 from tests.support.waiting import wait_until
 
-COLD = "tests.support.cold_worker"
+COLD = "tests.support.workers.cold_worker"
 FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
 LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
 """Takes about ten seconds, so that a test can act meanwhile."""
@@ -255,12 +256,11 @@ def test_the_results_size_is_limited(open_pool, make_task):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_a_problem(open_pool, make_task):
+def test_a_full_disk_is_an_error_of_the_parent(open_pool, make_task):
     task = make_task(FAST)
     task.target.symlink_to("/dev/full")
-    problem = run(open_pool(), task)
-    assert problem.status == 503
-    assert "disk is full" in problem.detail
+    with pytest.raises(OSError, match="No space left"):
+        run(open_pool(), task)
 
 
 def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, monkeypatch, caplog):
@@ -269,6 +269,44 @@ def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, monkeyp
     assert run(pool, make_task(FAST)) == INTERNAL_ERROR
     assert "| RuntimeError: as the test wants" in caplog.text
     assert pool.is_ready()
+
+
+class Touch:
+    """Creates a file where it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+@pytest.mark.parametrize("form", ["pickle", "flood", "ready"])
+def test_a_worker_that_sends_what_is_no_answer_is_replaced(open_pool, make_task, monkeypatch, tmp_path, form):
+    touched = tmp_path / "touched"
+    data = {
+        "pickle": pickle.dumps(Touch(touched)) + b"\n",
+        "flood": b"x" * 60_000,
+        "ready": b'{"kind": "ready", "missing": []}\n',
+    }[form]
+    monkeypatch.setattr(worker_module, "LIMIT", 50_000)
+    monkeypatch.setenv("PYTHON_SEND", data.hex())
+    pool = open_pool()
+    with pytest.raises(WorkerDied):
+        run(pool, make_task(FAST))
+    assert not touched.exists()
+    monkeypatch.delenv("PYTHON_SEND")
+    wait_until(lambda: not pool.is_ready())
+    assert isinstance(run(pool, make_task(FAST)), Result)
+
+
+def test_a_worker_fills_no_log_and_forges_no_line(open_pool, monkeypatch, caplog):
+    monkeypatch.setenv("PYTHON_WRITE", "5000")
+    wait_until(open_pool().is_ready)
+    wait_until(lambda: "its further lines are left out" in caplog.text)
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) == worker_module.LOG_LINES + 1
+    assert all(line.startswith("worker process ") and line.isprintable() and len(line) < 2000 for line in lines)
 
 
 def test_a_missing_input_is_an_error_of_the_parent(open_pool, make_task):

@@ -14,8 +14,21 @@ def fail(*arguments):
 
 
 task.warm_up = lambda: restrictions.missing.extend(filter(None, [os.environ.get("PYTHON_MISSING")]))
+for _ in range(int(os.environ.get("PYTHON_WRITE", "0"))):
+    print("\x1b[2J" + 500 * "x" + "\rERROR ciir: a forged line", flush=True)
 if "PYTHON_FAIL" in os.environ:
     task.write_result = fail
+if "PYTHON_SEND" in os.environ:
+    send = process.Channel.send
+
+    def send_other(self, kind, **fields):
+        """Sends what the test wants in place of the outcome."""
+        if kind == "done":
+            self._socket.sendall(bytes.fromhex(os.environ["PYTHON_SEND"]))
+            time.sleep(1000)
+        send(self, kind, **fields)
+
+    process.Channel.send = send_other
 if "PYTHON_SLEEP" in os.environ:
     print("it sleeps", flush=True)
     time.sleep(float(os.environ["PYTHON_SLEEP"]))
