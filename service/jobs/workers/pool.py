@@ -208,7 +208,7 @@ class Pool:
                 pause = 1.0
                 while worker.is_alive() and not self._closed.wait(TICK_SECONDS):
                     worker.log_output()
-            except (OSError, WorkerExitedError) as error:
+            except Exception as error:  # noqa: BLE001 - logged, and tried again
                 line = worker.last_line if worker is not None else ""
                 self.start_error = f"a worker process can't be started: {error}{f': {line}' if line else ''}"
                 _log.error("%s; the next attempt is in %g s", self.start_error, pause)
