@@ -40,7 +40,7 @@ from tests.load.server import Seen, watch
 from tests.support.servers import Server, run_server
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
 WARM = 200
 """Requests before the count begins: enough of each kind for every worker to have had the largest."""
@@ -223,6 +223,21 @@ def _pictures(body: bytes) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist() if name.endswith(".png")}
 
 
+def print_lines(lines: Iterable[Line]) -> list[Line]:
+    """Prints the lines as they come, with their verdicts, and returns them."""
+    printed = []
+    for line in lines:
+        verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[line.holds]
+        print(f"{line.text}{verdict}", flush=True)
+        printed.append(line)
+    return printed
+
+
+def get_exit_status(lines: list[Line]) -> int:
+    """1 if a bound does not hold."""
+    return 0 if all(line.holds is not False for line in lines) else 1
+
+
 def main(argv: list[str] | None = None) -> int:
     """Prints the lines."""
     parser = argparse.ArgumentParser(prog="tests.load.run", description=main.__doc__)
@@ -232,7 +247,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, help="file for the lines and the machine")
     parser.add_argument("--log", type=Path, help="file for the server's log")
     given = parser.parse_args(argv)
-    lines: list[Line] = []
     with tempfile.TemporaryDirectory(prefix="ciir-load-") as name:
         folder = Path(name)
 
@@ -244,14 +258,10 @@ def main(argv: list[str] | None = None) -> int:
                 yield from measure_single(server)
             yield from compare_answers(folder, processes=2)
 
-        for line in run():
-            verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[line.holds]
-            sys.stdout.write(f"{line.text}{verdict}\n")
-            sys.stdout.flush()
-            lines.append(line)
+        lines = print_lines(run())
     if given.json:
         given.json.write_text(json.dumps({"machine": machine.describe(), "lines": lines}, indent=1))
-    return 0 if all(line.holds is not False for line in lines) else 1
+    return get_exit_status(lines)
 
 
 if __name__ == "__main__":
