@@ -59,7 +59,7 @@ class Process:
         except subprocess.TimeoutExpired:
             self._process.kill()
             status = self._process.wait()
-        if status:
+        if status not in {0, -signal.SIGTERM}:  # the latter if it has only just been started
             self.failures.append(status)
 
 
