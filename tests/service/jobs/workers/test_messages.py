@@ -1,9 +1,16 @@
+import io
 import json
 
+import numpy as np
 import pytest
 
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.jobs.workers.messages import Done, parse_message, quote
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.options import Options
 
 REPORT = {"timings_ms": {"total": 1.5}, "plan": {"skipped": {"pixels": 3, "uniform": 0.5}}}
 RESULT = {"format": "png", "size": 3, "report": REPORT}
@@ -19,6 +26,15 @@ def test_outcomes_are_parsed():
     assert parse_outcome(RESULT) == Done(kind="done", outcome=Result("png", 3, REPORT), is_out_of_memory=False)
     assert parse_outcome(PROBLEM).outcome == Problem(422, "Not readable", "no file")
     assert parse_outcome(RESULT | {"report": {"timings_ms": {}}}).outcome.report == {"timings_ms": {}}
+
+
+def test_the_report_of_a_view_whose_pixels_were_all_skipped_is_parsed():
+    black = Bundle.from_upload("black.png", encode_png(np.zeros((40, 40, 3), np.uint8)))
+    with FileWriter(io.BytesIO(), "png") as writer:
+        options = Options.parse({"lenses": "20x20", "model": "fast"})
+        report = json.loads(json.dumps({**pipeline.reconstruct(black, options, writer), "views": None}))
+    assert report["plan"]["skipped"]["saved_ms"] is None
+    assert parse_outcome(RESULT | {"report": report}).outcome.report == report
 
 
 @pytest.mark.parametrize(
@@ -37,6 +53,7 @@ def test_outcomes_are_parsed():
         RESULT | {"report": REPORT | {"timings_ms": {"a\r\nHeader: b": 1}}},
         RESULT | {"report": REPORT | {"plan": 3}},
         RESULT | {"report": REPORT | {"plan": {"skipped": {"pixels": -3}}}},
+        RESULT | {"report": REPORT | {"plan": {"skipped": {"pixels": None}}}},
         None,
     ],
 )
