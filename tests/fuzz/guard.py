@@ -34,7 +34,7 @@ FORBIDDEN = frozenset(
 """Python's audit events that reading bytes has no need of (https://docs.python.org/3/library/audit_events.html)."""
 
 
-_OURS = ("/proc/", "/sys/", sys.prefix, f"{sys.base_prefix}/lib/python", str(Path(models.__file__).parent))
+_OURS = ("/proc/", "/sys/", sys.prefix, f"{sys.base_prefix}/lib/python", str(Path(models.__file__).resolve().parent))
 """What is about the machine, installed packages, or the networks that ship: none of it is named by an input."""
 
 

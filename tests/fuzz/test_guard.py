@@ -8,6 +8,7 @@ import pytest
 PROGRAM = """
 import json, os, socket, sys, tempfile
 from pathlib import Path
+from ciir import models
 from tests.fuzz.guard import Guard
 guard = Guard()
 Path(sys.argv[1]).read_bytes()
@@ -27,6 +28,7 @@ print(json.dumps(guard.seen))
         ("socket.create_connection(('127.0.0.1', int(sys.argv[2])))", "socket.connect"),
         ("os.system('true')", "os.system"),
         ("Path('/proc/self/status').read_bytes()", None),
+        ("Path(models.__file__).with_name('shipped').joinpath('fast.json').read_bytes()", None),
         ("import colorsys", None),
         ("from importlib.metadata import version; version('numpy')", None),
     ],
