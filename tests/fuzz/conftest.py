@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.fuzz.over_http import list_deaths
 from tests.support.servers import run_server
 
 
@@ -15,3 +16,4 @@ def hostile_server(tmp_path_factory):
         yield server
     log = (folder / "log").read_text()
     assert "Traceback" not in log, log
+    assert list_deaths(folder / "log") == []

@@ -6,7 +6,8 @@ A third each: the seeds of all targets, edited, as the file of a whole form; edi
 first byte of the head on. Starts `ciir serve` with a folder of its own.
 
 Every answer must be one that the API declares (no 500), every error a line of problem+json, each within
-`ANSWER_SECONDS`, and /healthz must answer at the end. Counts by status; exit status 1 where one of these does not hold.
+`ANSWER_SECONDS`; no input may end a worker process, and /healthz must answer at the end. Counts by status; exit status
+1 where one of these does not hold.
 """
 
 from __future__ import annotations
@@ -139,6 +140,11 @@ def attack(host: str, port: int, *, inputs: int, seconds: float, connections: in
         return [answers for part in pool.map(work, range(connections)) for answers in part]
 
 
+def list_deaths(log: Path) -> list[str]:
+    """The lines of a server's log on runs that ended their worker process."""
+    return [line for line in log.read_text().splitlines() if " s the worker process " in line]
+
+
 def main() -> int:
     """Prints the counts."""
     parser = argparse.ArgumentParser(prog="tests.fuzz.over_http", description=main.__doc__)
@@ -148,18 +154,22 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
     given = parser.parse_args()
     host = "127.0.0.1"
-    with tempfile.TemporaryDirectory() as folder, run_server(Path(folder, "log"), CIIR_CACHE=folder) as server:
-        options = {name: getattr(given, name) for name in ("inputs", "seconds", "connections", "seed")}
-        answers = attack(host, server.port, **options)
-        with closing(http.client.HTTPConnection(host, server.port, timeout=ANSWER_SECONDS)) as connection:
-            connection.request("GET", "/healthz")
-            is_alive = connection.getresponse().status == 200
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder, "log")
+        with run_server(log, CIIR_FOLDER=f"{folder}/service", CIIR_CACHE=folder) as server:
+            options = {name: getattr(given, name) for name in ("inputs", "seconds", "connections", "seed")}
+            answers = attack(host, server.port, **options)
+            with closing(http.client.HTTPConnection(host, server.port, timeout=ANSWER_SECONDS)) as connection:
+                connection.request("GET", "/healthz")
+                is_alive = connection.getresponse().status == 200
+        deaths = list_deaths(log)
     counts = collections.Counter(one.status for one in answers)
     errors = [one.error for one in answers if one.error]
     print(f"{len(answers):,} inputs: " + ", ".join(f"{status}: {count:,}" for status, count in sorted(counts.items())))
     print(f"{len(errors)} answers that are not as declared", *errors[:10], sep="\n")
+    print(f"{len(deaths)} runs that ended their worker process", *deaths[:10], sep="\n")
     print(f"/healthz answers at the end: {is_alive}")
-    return 0 if is_alive and not errors else 1
+    return 0 if is_alive and not errors and not deaths else 1
 
 
 if __name__ == "__main__":
