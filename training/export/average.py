@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
+from torch.nn import functional
 
 from ciir.training.loop import checkpoints
 
@@ -20,8 +21,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
+BRANCHES = ("widen", "narrow", "point")
+"""Parameters of a `networks.collapsible.CollapsibleConv` whose products and sums are added to its plain kernel."""
+
+
 def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
-    """Writes a checkpoint with the mean of the networks of `paths`; everything else is from the first.
+    """Writes a checkpoint with the mean of the networks of `paths`, convolution by convolution, with all branches of
+    each added up; everything else is from the first.
 
     Its recipe lists them under `averaged`: it can be exported and started from, but not resumed.
     Raises `ValueError` where there are fewer than two, one is not a checkpoint, or their networks differ.
@@ -34,10 +40,23 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
         designs = [(of["recipe"]["network"], of["recipe"]["options"]) for of in (first, state)]
         if designs[0] != designs[1]:
             raise ValueError(f"{path}: holds {designs[1]}, and {paths[0]} {designs[0]}; give runs of one network")
-    mean = {key: _mean([state["network"][key] for state in states]) for key in first["network"]}
+    networks = [state["network"] for state in states]
+    mean = {key: _mean([network[key] for network in networks]) for key in first["network"]}
+    for name in [key.removesuffix("widen") for key in mean if key.endswith(".widen")]:
+        # Branches are products: the mean kernel goes beside the first network's branches.
+        kernels, branches = zip(*(_split_kernel(network, name) for network in networks), strict=True)
+        mean |= {name + key: networks[0][name + key] for key in BRANCHES}
+        mean[name + "kernel"] = _mean([one + rest for one, rest in zip(kernels, branches, strict=True)]) - branches[0]
     recipe: dict[str, Any] = {**first["recipe"], "averaged": [path.as_posix() for path in paths]}
     out.parent.mkdir(parents=True, exist_ok=True)
     checkpoints.save_checkpoint(out, {**first, "network": mean, "raw": mean, "recipe": recipe})
+
+
+def _split_kernel(network: dict[str, torch.Tensor], name: str) -> tuple[torch.Tensor, torch.Tensor]:
+    """The plain kernel of the `CollapsibleConv` of this name, and the sum of its other branches but the identity."""
+    widen, narrow, point = (network[name + key] for key in BRANCHES)
+    centre = functional.pad(point[..., None, None], (1, 1, 1, 1))
+    return network[name + "kernel"], torch.einsum("ow,wiyx->oiyx", narrow, widen) + centre
 
 
 def _mean(tensors: Sequence[torch.Tensor]) -> torch.Tensor:

@@ -29,6 +29,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
     difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
+    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps.
     Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
     or `network` is not made of such convolutions.
     """
@@ -51,8 +52,11 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     if not layers:
         raise ValueError(f"initial: {path}: only our own generators start from an ONNX file; name a checkpoint")
     missing = []
+    last = max((_place(name) for name in found), default=-1)
     for name, layer in layers.items():
         weight, bias = found.get(f"{name}.weight"), found.get(f"{name}.bias")
+        if layer.identity and _place(name) > last >= 0:
+            weight, bias = nn.init.dirac_(torch.empty_like(layer.kernel)), torch.zeros_like(layer.bias)
         if weight is None or bias is None or weight.shape != layer.kernel.shape:
             missing.append(name)
             continue
@@ -63,6 +67,12 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     for name, parameter in network.named_parameters():
         if "." not in name and name in found:  # a single number, such as `sharpness`
             parameter.copy_(found[name])
+
+
+def _place(name: str) -> int:
+    """The number of a layer, or of its weight, in a generator's body; -1 for others."""
+    parts = name.removeprefix("single.").split(".")
+    return int(parts[1]) if parts[0] == "body" else -1
 
 
 def _split_merged(network: LightFieldGenerator, found: dict[str, Tensor]) -> None:

@@ -78,6 +78,13 @@ def test_it_merges_to_the_same_again(exported):
         torch.testing.assert_close(one, two, atol=1e-5, rtol=1e-5)
 
 
+def test_further_layers_start_as_the_identity(exported):
+    kind, network, path = exported
+    other = make(kind, 4, widths=[8, 16, 8, 8, 8])
+    load_onnx_weights(other, path)
+    assert_alike(upscale(other), upscale(network))
+
+
 def test_another_network_is_refused(exported):
     kind, _, path = exported
     with pytest.raises(ValueError, match=r"initial: .*onnx doesn't hold the weights of .*; name another") as caught:
