@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, TypeAdapter
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.jobs.job import Problem, Result
@@ -14,6 +13,15 @@ from ciir.service.pipeline.report import STAGES
 
 LIMIT = 1 << 20
 """Bytes of a message. A report has some thousand."""
+
+_MOST = 10**12
+"""Of each number that the parent relies on."""
+_DIGITS = 19
+"""Of any integer."""
+_MOST_TEXT = 4000
+"""Characters of a problem's text; longer ones are cut."""
+_COUNTED = {"pixels", "uniform", "repeated"}
+"""What `Metrics.count_result` adds up: all of them, or none."""
 
 
 def _check_stage(stage: str) -> str:
@@ -27,7 +35,9 @@ def _check_outcome(outcome: Result | Problem) -> Result | Problem:
     if isinstance(outcome, Problem):
         if not 400 <= outcome.status <= 599:
             raise ValueError("no status of an error")
-        return outcome
+        return Problem(outcome.status, _clean(outcome.title), _clean(outcome.detail))
+    if not 0 <= outcome.size <= _MOST:
+        raise ValueError("no size")
     if outcome.format not in FORMATS:
         raise ValueError("no format")
     timings = outcome.report.get("timings_ms")
@@ -43,11 +53,23 @@ def _is_skipped(skipped: Any) -> bool:
     """Whether these can be shares of skipped pixels, or null; `saved_ms` is null where all were skipped."""
     if not isinstance(skipped, dict):
         return skipped is None
+    if not skipped.keys() <= {*_COUNTED, "culled", "saved_ms"} or len(_COUNTED & skipped.keys()) not in (0, 3):
+        return False
     return _are_numbers({name: n for name, n in skipped.items() if (name, n) != ("saved_ms", None)})
 
 
 def _are_numbers(values: dict[str, Any]) -> bool:
-    return all(isinstance(value, int | float) and 0 <= value < math.inf for value in values.values())
+    return all(isinstance(value, int | float) and 0 <= value <= _MOST for value in values.values())
+
+
+def _clean(text: str) -> str:
+    return make_printable(text[:_MOST_TEXT])
+
+
+def _parse_integer(digits: str) -> int:
+    if len(digits) > _DIGITS:
+        raise ValueError("an integer of too many digits")
+    return int(digits)
 
 
 class _Message(BaseModel):
@@ -58,7 +80,7 @@ class Ready(_Message):
     """The worker has loaded its models."""
 
     kind: Literal["ready"]
-    missing: list[str]
+    missing: Annotated[list[Annotated[str, AfterValidator(_clean)]], Field(max_length=20)]
     """Restrictions that it lacks, one sentence each."""
 
 
@@ -73,8 +95,8 @@ class Progress(_Message):
 
     kind: Literal["progress"]
     stage: Annotated[str, AfterValidator(_check_stage)]
-    views_done: NonNegativeInt
-    views: NonNegativeInt
+    views_done: int = Field(ge=0, le=_MOST)
+    views: int = Field(ge=0, le=_MOST)
 
 
 class Failed(_Message):
@@ -99,7 +121,7 @@ _ADAPTER: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 def parse_message(line: bytes) -> Message:
     """Checks and parses a line. Raises `ValueError` for anything that is not a message."""
     try:
-        content = json.loads(line)
+        content = json.loads(line, parse_int=_parse_integer)
         # Infinity, NaN and half a surrogate pair are JSON for Python, but can't be stored or sent.
         json.dumps(content, allow_nan=False, ensure_ascii=False).encode()
     except RecursionError as error:

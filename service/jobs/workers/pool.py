@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import queue
 import shutil
 import signal
@@ -10,18 +11,19 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem
 from ciir.service.jobs.workers.messages import Done, Failed, Progress, Ready, Started, quote
+from ciir.service.jobs.workers.sandbox import landlock
 from ciir.service.jobs.workers.task import Outcome, Task, TaskLimits
 from ciir.service.jobs.workers.worker import Worker, WorkerExitedError, describe_exit
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from ciir.service.jobs.workers.messages import Message
     from ciir.service.settings import Settings
@@ -36,6 +38,7 @@ _ATTEMPTS = 3
 """Workers that are tried for one task, where each dies before it receives the task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
+_NOT_RESTRICTED = "a worker process is not fully restricted: %s"
 _log = logging.getLogger("ciir.pool")
 
 
@@ -59,6 +62,7 @@ class Pool:
     """`settings.workers` processes, each replaced when it ends. Methods may be called from any thread."""
 
     def __init__(self, settings: Settings) -> None:
+        self._settings = settings
         self._count, self._max_tasks = settings.workers, settings.worker_jobs
         self._seconds, self._limits = settings.job_seconds, TaskLimits.from_settings(settings)
         self._idle: queue.Queue[Worker] = queue.Queue()
@@ -72,6 +76,8 @@ class Pool:
         """Starts the workers in the background, unless that has been done."""
         with self._lock:
             if not self._keepers and not self._closed.is_set():
+                for restriction in landlock.find_exposed(_list_private(self._settings)):
+                    _log.warning(_NOT_RESTRICTED, restriction)
                 self._keepers = [
                     threading.Thread(target=self._keep_worker, name=f"worker-{number}", daemon=True)
                     for number in range(self._count)
@@ -227,7 +233,7 @@ class Pool:
             worker.log_output()
             if isinstance(message, Ready):
                 for restriction in message.missing:
-                    _log.warning("a worker process is not fully restricted: %s", restriction)
+                    _log.warning(_NOT_RESTRICTED, restriction)
                 self.start_error = ""
                 self._ready.add(worker)
                 self._idle.put(worker)
@@ -235,6 +241,18 @@ class Pool:
             if time.monotonic() > deadline:
                 worker.end()
                 raise WorkerExitedError(-signal.SIGKILL, f"it was not ready after {START_SECONDS:g} s")
+
+
+def _list_private(settings: Settings) -> dict[str, Path]:
+    """Folders of jobs and files of secrets, by the names of the settings."""
+    named = {
+        "CIIR_FOLDER": settings.find_folder(),
+        "CIIR_FILES": None if "://" in settings.files else settings.files,
+        "CIIR_API_KEYS_FILE": settings.api_keys_file,
+        "CIIR_QUEUE_FILE": settings.queue_file,
+        "AWS_SHARED_CREDENTIALS_FILE": os.environ.get("AWS_SHARED_CREDENTIALS_FILE"),
+    }
+    return {name: Path(path) for name, path in named.items() if path}
 
 
 def _copy(file: IO[bytes], target: Path) -> int:

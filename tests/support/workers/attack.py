@@ -118,6 +118,8 @@ ATTEMPTS = {
     "tkill": lambda: call(200, 130, parent, 0),
     "sigqueue": lambda: call(129, 138, parent, signal.SIGURG, bytes(128)),
     "signals by a pipe": own_signals,
+    "lease on a file": lambda: fcntl.fcntl(os.open("/dev/zero", os.O_RDONLY), 1024, fcntl.F_RDLCK),
+    "notice of a folder": lambda: fcntl.fcntl(os.open("/usr", os.O_RDONLY), fcntl.F_NOTIFY, fcntl.DN_ACCESS),
     "prlimit": lambda: call(302, 261, parent, 7, struct.pack("QQ", 64, 64), None),
     "priority": lambda: os.setpriority(os.PRIO_PROCESS, parent, 19),
     "affinity": lambda: os.sched_setaffinity(parent, {0}),

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 _CREATE, _ADD, _RESTRICT = 444, 445, 446  # system calls, the same on x86_64 and aarch64
 _VERSION = 1
@@ -67,6 +67,18 @@ def restrict(readable: Sequence[str]) -> list[str]:
     return []
 
 
+def find_exposed(private: Mapping[str, Path]) -> list[str]:
+    """Sentences on those of `private`, paths by name, that worker processes may read as they lie among libraries."""
+    package = Path(__file__).parents[4]
+    granted = [Path(path).resolve() for path in _list_readable(package, ())]
+    sentences = []
+    for name, path in private.items():
+        above = next((folder for folder in granted if path.resolve().is_relative_to(folder)), None)
+        if above is not None:
+            sentences.append(f"it can read {name} ({path}), which lies beneath {above}; move it out of there")
+    return sentences
+
+
 def _enter(version: int, readable: Sequence[str]) -> None:
     handled = sum(rights for since, rights in _RIGHTS if version >= since)
     network, scopes = (rights if version >= since else 0 for since, rights in (_NETWORK, _SCOPES))
@@ -84,7 +96,11 @@ def _list_readable(package: Path, more: Sequence[str]) -> list[str]:
     """Files and folders to read: of the system, of Python, of installed packages, of this package, and `more`."""
     modules = [str(path.resolve()) for path in package.iterdir()]  # in the repository they are links
     installed = [sys.prefix, sys.base_prefix, *site.getsitepackages(), site.getusersitepackages()]
-    libraries = [path for path in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if path]
+    libraries = [
+        path
+        for path in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+        if Path(path).is_absolute() and os.path.realpath(path) != "/"  # others would be looked up in /, the cwd
+    ]
     return list(dict.fromkeys([*READ, *installed, str(package), *modules, *libraries, *more]))
 
 

@@ -112,6 +112,7 @@ def _list_rules(pid: int) -> list[tuple[tuple[int, int], int, int, tuple[int, ..
         ((302, 261), 0, _JUMP_EQUAL, (0, pid), True),  # prlimit64
         ((203, 122), 0, _JUMP_EQUAL, (0, pid), True),  # sched_setaffinity
         ((157, 167), 0, _JUMP_EQUAL, (1,), False),  # prctl: PR_SET_PDEATHSIG stays
-        ((72, 25), 1, _JUMP_EQUAL, (8, 10, 15), False),  # fcntl: F_SETOWN, F_SETSIG, F_SETOWN_EX send signals
+        # fcntl: F_SETOWN, F_SETSIG, F_SETOWN_EX and F_NOTIFY send signals, F_SETLEASE delays who opens the file
+        ((72, 25), 1, _JUMP_EQUAL, (8, 10, 15, 1024, 1026), False),
         ((16, 29), 1, _JUMP_EQUAL, (0x8901, 0x8902), False),  # ioctl: FIOSETOWN, SIOCSPGRP
     ]

@@ -12,7 +12,7 @@ from ciir.service.jobs.workers.messages import Done, parse_message, quote
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 
-REPORT = {"timings_ms": {"total": 1.5}, "plan": {"skipped": {"pixels": 3, "uniform": 0.5}}}
+REPORT = {"timings_ms": {"total": 1.5}, "plan": {"skipped": {"pixels": 3, "uniform": 0.5, "repeated": 0}}}
 RESULT = {"format": "png", "size": 3, "report": REPORT}
 PROBLEM = {"status": 422, "title": "Not readable", "detail": "no file"}
 
@@ -54,6 +54,11 @@ def test_the_report_of_a_view_whose_pixels_were_all_skipped_is_parsed():
         RESULT | {"report": REPORT | {"plan": 3}},
         RESULT | {"report": REPORT | {"plan": {"skipped": {"pixels": -3}}}},
         RESULT | {"report": REPORT | {"plan": {"skipped": {"pixels": None}}}},
+        RESULT | {"report": REPORT | {"plan": {"skipped": {"pixels": 3, "uniform": 0.5}}}},
+        RESULT | {"report": REPORT | {"plan": {"skipped": {"reasons": 3}}}},
+        RESULT | {"report": REPORT | {"timings_ms": {"total": 1e300}}},
+        RESULT | {"report": REPORT | {"more": 10**400}},
+        RESULT | {"size": -1},
         None,
     ],
 )
@@ -81,6 +86,12 @@ def test_other_outcomes_are_refused(outcome):
 def test_other_lines_are_refused(line):
     with pytest.raises(ValueError, match=r"."):
         parse_message(line)
+
+
+def test_the_text_of_a_problem_is_one_printable_line():
+    forged = parse_outcome(PROBLEM | {"title": "a\n2026 ERROR b", "detail": "\x1b[2J\u2028" + 9000 * "x"}).outcome
+    assert forged.title == "a?2026 ERROR b"
+    assert forged.detail == "?[2J?" + 3995 * "x"
 
 
 def test_quoted_text_has_no_line_of_its_own():

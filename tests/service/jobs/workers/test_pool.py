@@ -345,6 +345,14 @@ def test_missing_restrictions_are_logged(open_pool, monkeypatch, caplog):
     assert "not fully restricted: the network" in caplog.text
 
 
+def test_files_among_the_libraries_are_logged(open_pool, monkeypatch, caplog, tmp_path):
+    exposed = tmp_path / "libraries" / "keys"
+    monkeypatch.setenv("LD_LIBRARY_PATH", f":.:/:{tmp_path / 'libraries'}")
+    wait_until(open_pool(api_keys_file=exposed, folder=tmp_path / "folder").is_ready)
+    (line,) = [record.getMessage() for record in caplog.records if "not fully restricted" in record.getMessage()]
+    assert f"it can read CIIR_API_KEYS_FILE ({exposed}), which lies beneath {tmp_path / 'libraries'}; move" in line
+
+
 def test_close_cancels_tasks(open_pool, make_task):
     pool = open_pool()
     running = Running(pool, make_task(LONG))
