@@ -131,7 +131,7 @@ class Consumer:
         job = run.job
         try:
             with self._jobs.files.open_run(job.input, job.output, job.content) as files:
-                task = Task(job.id, job.request, files.source, files.target)
+                task = Task(job.id, job.request, files.source, files.target, is_repeated=job.worker_deaths > 0)
                 progress = partial(run.update_progress, self._jobs)
                 outcome = self._pool.run(task, begun=run.begin, progress=progress, cancelled=run.cancelled)
                 if isinstance(outcome, Result):

@@ -70,7 +70,9 @@ class Pool:
         self._keepers: list[threading.Thread] = []
         self._lock, self._closed = threading.Lock(), threading.Event()
         self.start_error = ""
-        """Why the last attempt to start a worker failed, in one line; empty after one that succeeded."""
+        """That the last attempt to start a worker failed, in one line without paths; empty after one that succeeded."""
+        self._start_cause = ""
+        """Why the last one that failed did; its traceback is logged once."""
 
     def start(self) -> None:
         """Starts the workers in the background, unless that has been done."""
@@ -108,7 +110,8 @@ class Pool:
         the data of each progress event. A task over `job_seconds` is stopped and gives a `Problem`; an unexpected
         exception gives `INTERNAL_ERROR` and is logged.
 
-        Raises `WorkerDied`, also if a task over `job_seconds` had less processor time than `WORKING_SHARE` of that;
+        Raises `WorkerDied`, also for the first time that a task is over `job_seconds`, and for a later one with
+        less processor time than `WORKING_SHARE` of that;
         `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
         """
         self.start()
@@ -171,9 +174,9 @@ class Pool:
                 if time.monotonic() > deadline:
                     worked = worker.read_cpu_seconds() - worked_before
                     worker.end()
-                    if worked < WORKING_SHARE * self._seconds:
+                    if worked < WORKING_SHARE * self._seconds or not run.task.is_repeated:
                         time_used = f"{worked:.1f} s of processor time in {self._seconds:g} s"
-                        raise WorkerDied(f"had only {time_used}: the machine stood still, or was overloaded")
+                        raise WorkerDied(f"was not done after {time_used}: the machine may have been overloaded")
                     return _time_problem(f"not done after {self._seconds:g} s")
         except WorkerExitedError as error:
             if self._is_cancelled(run):
@@ -216,8 +219,11 @@ class Pool:
                     worker.log_output()
             except Exception as error:  # noqa: BLE001 - logged, and tried again
                 line = worker.last_line if worker is not None else ""
-                self.start_error = f"a worker process can't be started: {error}{f': {line}' if line else ''}"
-                _log.error("%s; the next attempt is in %g s", self.start_error, pause)
+                self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
+                cause = f"{error}{f': {line}' if line else ''}"
+                text = "a worker process can't be started: %s; the next attempt is in %g s"
+                _log.error(text, cause, pause, exc_info=None if cause == self._start_cause else error)
+                self._start_cause = cause
                 self._closed.wait(pause)
                 pause = min(2 * pause, _MAX_PAUSE)
             finally:

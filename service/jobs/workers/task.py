@@ -73,6 +73,8 @@ class Task:
     """The input."""
     target: Path
     """Where to write the result. Unless the outcome is a `Result`, the file may be incomplete or missing."""
+    is_repeated: bool = False
+    """Whether a worker process was ended under the job before."""
 
 
 @dataclass(frozen=True)
