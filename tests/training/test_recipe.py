@@ -125,7 +125,7 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
 
 @pytest.mark.parametrize(
     ("name", "folder"),
-    [("fast", "fast-seventh"), ("quality", "quality-sixth"), ("field", "field-shipped-eighth")],
+    [("fast", "fast-seventh"), ("quality", "quality-sixth"), ("field", "field-shipped-seventh")],
 )
 def test_what_ships_is_what_its_recipe_makes(name, folder):
     (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == name)

@@ -15,14 +15,14 @@ MISMATCHED = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = (0.01, 0.1)
 """Share of crops under heavy noise, different in each view, and its standard deviation."""
-GRAIN = (0.07, 6 / 255)
+GRAIN = (0.14, 6 / 255)
 """Share of crops with camera grain in the LR views, and its largest standard deviation."""
-BRIGHTNESS = (0.20, 0.015, 0.004)
+BRIGHTNESS = (0.35, 0.015, 0.004)
 """Share of crops whose views differ in brightness; by which factor, at most, from one view to the next; and the
 standard deviation of the factors about that."""
-BLUR = (0.15, 0.12)
+BLUR = (0.25, 0.12)
 """Share of crops whose views differ in blur, and the largest weight of a pixel's neighbour along each axis."""
-JPEG = (0.05, 0.03, 55)
+JPEG = (0.07, 0.05, 55)
 """Shares of crops whose elemental image array, and whose views, went through JPEG, and the lowest quality."""
 
 
