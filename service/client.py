@@ -50,7 +50,8 @@ class Client(httpx2.Client):
         retries: int = 5,
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
-        """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`."""
+        """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`;
+        a GET only if the response has one."""
         super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 

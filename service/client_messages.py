@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ class Result:
     """A result: the file and how long it took."""
 
     id: str
-    content: bytes
+    content: bytes = field(repr=False)
     """A picture, a zip with `report.json`, or an npz."""
     format: str
     """`png`, `tiff`, `jpeg`, `webp`, `zip` or `npz`."""
@@ -115,10 +115,15 @@ def open_source(path: Path) -> tuple[str, IO[bytes]]:
 
 
 def find_pause(response: httpx2.Response, failures: int, retries: int) -> float:
-    """Seconds until the request is repeated, which failed for the time `failures`; raises its error otherwise."""
-    if failures > retries or response.status_code not in (429, 503):
+    """Seconds until the request is repeated, which failed for the time `failures`; raises its error otherwise.
+
+    Without `Retry-After` a GET is not repeated: the result of a job that failed comes only after a new POST.
+    """
+    wait = _read_retry_after(response)
+    is_final = wait is None and response.request.method == "GET"
+    if failures > retries or response.status_code not in (429, 503) or is_final:
         raise make_error(response)
-    return float(_read_retry_after(response) or PAUSE_SECONDS)
+    return float(wait or PAUSE_SECONDS)
 
 
 def _read_retry_after(response: httpx2.Response) -> int | None:

@@ -30,9 +30,7 @@ class Metrics:
         )
         self.received = counter("ciir_http_received_bytes", "Bytes of request bodies")
         self.sent = counter("ciir_http_sent_bytes", "Bytes of response bodies")
-        self.submitted = counter(
-            "ciir_jobs_submitted", "Reconstructions requested; kind: accepted, known or refused", ("kind",)
-        )
+        self.submitted = counter("ciir_jobs_submitted", "Jobs requested; kind: accepted, known or refused", ("kind",))
         self.waiting = gauge("ciir_queue_waiting", "Waiting jobs")
         self.jobs = gauge("ciir_queue_jobs", "Jobs on all machines; state: queued or running", ("lane", "state"))
         self.oldest = gauge(
@@ -42,11 +40,11 @@ class Metrics:
         self.workers = gauge("ciir_workers", "Worker processes of this machine that have loaded the models")
         self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that run a job")
         self.ended = counter(
-            "ciir_jobs_ended", "Reconstructions ended; status: 200, a problem's, or an exception's name", ("status",)
+            "ciir_jobs_ended", "Jobs ended; status: 200, a problem's, or an exception's name", ("status",)
         )
-        self.seconds = histogram("ciir_job_seconds", "Of a worker process per reconstruction")
-        self.stages = counter("ciir_stage_seconds", "Seconds of finished reconstructions by stage", ("stage",))
-        self.written = counter("ciir_result_bytes", "Bytes of the results of finished reconstructions")
+        self.seconds = histogram("ciir_job_seconds", "Of a worker process per job")
+        self.stages = counter("ciir_stage_seconds", "Seconds of finished jobs by stage", ("stage",))
+        self.written = counter("ciir_result_bytes", "Bytes of the results of finished jobs")
         self.pixels = counter("ciir_model_pixels", "Input pixels of models")
         self.skipped = counter("ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",))
 
@@ -55,7 +53,7 @@ class Metrics:
         return generate_latest(self.registry)
 
     def count_result(self, size: int, report: Mapping[str, Any]) -> None:
-        """Adds the stages, bytes and pixels of a finished reconstruction; `size`: bytes of its result."""
+        """Adds the stages, bytes and pixels of a finished job; `size`: bytes of its result."""
         self.written.inc(size)
         for stage, milliseconds in report["timings_ms"].items():
             self.stages.labels(stage).inc(milliseconds / 1000)

@@ -7,6 +7,7 @@ import os
 import re
 from pathlib import Path  # noqa: TC003 - pydantic evaluates the annotations
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -30,12 +31,12 @@ def _limit(field: str) -> Any:
     return _number(getattr(DEFAULT_LIMITS, field), least, most)
 
 
-def _split_at_commas(given: object) -> object:
-    """The items between commas without repeats and outer spaces."""
+def _split_list(given: object) -> object:
+    """The items between commas or line ends without repeats and outer spaces."""
     if isinstance(given, str):
-        found = tuple(dict.fromkeys(part.strip() for part in given.split(",") if part.strip()))
+        found = tuple(dict.fromkeys(part.strip() for part in re.split(r"[,\r\n]", given) if part.strip()))
         if not found:  # an empty list of keys would open the server to everybody
-            raise ValueError("nothing is between the commas")
+            raise ValueError("the list is empty")
         return found
     return given
 
@@ -44,6 +45,21 @@ def _check_queue(given: str) -> str:
     if given and re.match(r"(rediss?|unix)://.", given) is None:
         raise ValueError("no address of a Redis server, such as redis://localhost:6379/0")
     return given
+
+
+def parse_host(host: str) -> str:
+    """The name or address in a `Host`, in lower case, without port and brackets. Raises `ValueError`."""
+    parts = urlsplit(f"//{host}")
+    if parts.netloc != host or "@" in host or not parts.hostname:
+        raise ValueError("no host")
+    return parts.hostname
+
+
+def _parse_hosts(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The hosts as `parse_host` gives them; an IPv6 address may be without brackets."""
+    if any("*" in host and host != "*" for host in given):
+        raise ValueError("an asterisk stands for no part of a name")
+    return tuple(parse_host(f"[{host}]" if host.count(":") > 1 and host[0] != "[" else host) for host in given)
 
 
 class Settings(BaseSettings):
@@ -69,7 +85,7 @@ class Settings(BaseSettings):
     # Parallel work and time limits
 
     workers: int = _number(2, 0, 64)
-    """Worker processes on this machine; each runs one reconstruction at a time. 0: this server runs none, and
+    """Worker processes on this machine; each runs one job at a time. 0: this server runs none, and
     `ciir worker` does the jobs."""
     max_waiting: int = _number(256, 1, 1_000_000)
     """Maximum number of waiting jobs in each of the two lanes, small and large jobs; further requests are answered with
@@ -124,28 +140,28 @@ class Settings(BaseSettings):
     # Limits on a worker process
 
     job_seconds: float = _number(300.0, 0.1, 86_400.0)
-    """Seconds after which a running reconstruction is stopped."""
+    """Seconds after which a running job is stopped."""
     worker_cpu_seconds: int = _number(3600, 1, 864_000)
-    """Maximum processor seconds of one reconstruction, summed over all cores."""
+    """Maximum processor seconds of one job, summed over all cores."""
     worker_memory_bytes: int = _number(4 * 2**30, 2**30, _MOST)
     """Maximum bytes of address space of a worker process (RLIMIT_AS). Libraries and thread stacks count too, so that
     machines with very many cores need more."""
     worker_file_bytes: int = _number(2 * 2**30, 2**20, _MOST)
     """Maximum bytes of a file that a worker process writes, and so of a result (RLIMIT_FSIZE)."""
     worker_jobs: int = _number(1000, 1, 1_000_000)
-    """Number of reconstructions after which a worker process is replaced by a new one."""
+    """Number of jobs after which a worker process is replaced by a new one."""
 
     # Access, logs and metrics
 
-    api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
-    """API keys, separated by commas. A request must send one of them as `Authorization: Bearer KEY` or `X-API-Key`.
-    Default: no key is needed."""
+    api_keys: Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_list)] = ()
+    """API keys, separated by commas or line ends. A request must send one of them as `Authorization: Bearer KEY` or
+    `X-API-Key`. Default: no key is needed."""
     api_keys_file: Path | None = None
     """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets."""
-    hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
+    hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_hosts)] = ()
     """Names or addresses that the `Host` of a request may have besides those of this machine (localhost, 127.0.0.0/8,
     [::1]), with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else any."""
-    cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_at_commas)] = ()
+    cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list)] = ()
     """Origins of other web pages whose scripts may use the API, such as https://example.org, separated by commas.
     Default: none."""
     log_format: Literal["text", "json"] = "text"
@@ -203,10 +219,13 @@ def _read_secret(variable: str, path: Path) -> str:
     if os.environ.get(variable):
         raise InvalidOption(f"{variable} and {variable}_FILE are both set; unset one")
     try:
-        return path.read_text(encoding="utf-8").strip()
+        content = path.read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise InvalidOption(f"{variable}_FILE: {path}: {reason}; name a file that can be read") from error
+    if not content:
+        raise InvalidOption(f"{variable}_FILE: {path} is empty; write {variable} into it, or unset {variable}_FILE")
+    return content
 
 
 def hide_secrets(address: str) -> str:
@@ -231,7 +250,7 @@ _VALUES = {
     "queue_file": "a file's path",
     "api_keys_file": "a file's path",
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
-    "api_keys": "keys separated by commas",
-    "hosts": "names separated by commas",
+    "api_keys": "keys separated by commas or line ends",
+    "hosts": "`*`, or whole names or addresses separated by commas",
     "cors_origins": "origins separated by commas",
 }

@@ -37,7 +37,7 @@ class Problem:
     detail: str
 
 
-INTERNAL_ERROR = Problem(500, "Internal error", "the reconstruction failed; the server's log says why")
+INTERNAL_ERROR = Problem(500, "Internal error", "the job failed; the server's log says why")
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ class Result:
     """`service.pipeline.report.Report` without its `views`, which a zip and an npz contain."""
     sha256: str = ""
     """Of the file; empty until it is published. A file that is not of this size and SHA-256 is never sent."""
+    views: int = 0
+    """Number of views; 1 for a picture, 0 in a record of an older version."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,6 @@ class ScaledObjectSpec(msgspec.Struct):
     minReplicaCount: int | None = None  # noqa: N815
     maxReplicaCount: int | None = None  # noqa: N815
     pollingInterval: int | None = None  # noqa: N815
-    cooldownPeriod: int | None = None  # noqa: N815
 
 
 class ScaledObject(msgspec.Struct):

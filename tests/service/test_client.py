@@ -26,7 +26,7 @@ from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service import client as client_module
 from ciir.service import client_messages
-from ciir.service.client import AsyncClient, Client, Event
+from ciir.service.client import AsyncClient, Client, Event, Result
 from tests.support.inputs import EIA
 
 JOB = f"/v1/reconstructions/{'0' * 32}"
@@ -167,6 +167,21 @@ def test_requests_are_repeated_after_retry_after(monkeypatch, eia_file, status, 
         client.submit(eia_file)
 
 
+def test_a_get_is_repeated_only_after_retry_after(monkeypatch):
+    slept = []
+    monkeypatch.setattr(client_module.time, "sleep", slept.append)
+    client, _ = make_client(make_problem(503, {"retry-after": "3"}), httpx2.Response(200, json=[]))
+    assert (client.models(), slept) == ([], [3])
+    client, requests = make_client(make_problem(503), httpx2.Response(200, json=[]))
+    with pytest.raises(ServiceError):
+        client.models()
+    assert (len(requests), slept) == (1, [3])
+
+
+def test_the_content_of_a_result_is_not_printed():
+    assert repr(Result("a", b"bytes", "png", {})) == "Result(id='a', format='png', timings_ms={})"
+
+
 def test_the_key_is_sent():
     client, requests = make_client(httpx2.Response(200, json=[]), api_key="k")
     client.models()
@@ -185,7 +200,7 @@ def test_a_broken_event_stream_is_resumed(monkeypatch):
     rest = b': ping\n\nevent: running\ndata: {}\nid: 1\n\nevent: done\ndata: {"a": 1}\nid: 2\n\n'
     client, requests = make_client(
         httpx2.Response(200, headers=head, stream=Breaks()),
-        make_problem(503),
+        make_problem(503, {"retry-after": "1"}),
         httpx2.Response(200, headers=head, content=rest),
     )
     events = list(client_module.Job(client, JOB).events())

@@ -56,15 +56,37 @@ def test_secrets_are_read_from_files(monkeypatch, tmp_path, name):
     assert found.queue == ("redis://:swordfish@host/0" if name == "CIIR_QUEUE" else "")
     keys = [key.get_secret_value() for key in found.api_keys]
     assert keys == (["redis://:swordfish@host/0"] if name == "CIIR_API_KEYS" else [])
-    path.write_text("http://:swordfish@host" if name == "CIIR_QUEUE" else "\n")
-    with pytest.raises(InvalidOption, match=f"^{name}: ") as caught:  # an empty file of keys opens no server
+    path.write_text("http://:swordfish@host" if name == "CIIR_QUEUE" else ",\n")
+    with pytest.raises(InvalidOption, match=f"^{name}: ") as caught:
         settings.read_settings()
     assert "swordfish" not in str(caught.value)
+    path.write_text(" \n")  # it would open the server, or mean a queue of its own
+    with pytest.raises(InvalidOption, match=f"^{name}_FILE: {path} is empty; write {name} into it"):
+        settings.read_settings()
     path.unlink()
     with pytest.raises(InvalidOption, match=f"{name}_FILE: .*No such file or directory; name a file"):
         settings.read_settings()
     monkeypatch.setenv(name, "redis://host")
     with pytest.raises(InvalidOption, match=f"{name} and {name}_FILE are both set"):
+        settings.read_settings()
+
+
+def test_a_file_has_a_key_on_each_line(monkeypatch, tmp_path):
+    (tmp_path / "keys").write_bytes(b"first\r\nsecond\nthird, fourth\n")
+    monkeypatch.setenv("CIIR_API_KEYS_FILE", str(tmp_path / "keys"))
+    keys = [key.get_secret_value() for key in settings.read_settings().api_keys]
+    assert keys == ["first", "second", "third", "fourth"]
+
+
+def test_hosts_are_compared_without_case_port_and_brackets(monkeypatch):
+    monkeypatch.setenv("CIIR_HOSTS", "Example.org, foo.org:8000, [fd00::1]:80, FD00::2, 10.0.0.7, *")
+    assert settings.read_settings().hosts == ("example.org", "foo.org", "fd00::1", "fd00::2", "10.0.0.7", "*")
+
+
+@pytest.mark.parametrize("value", ["*.foo", "a.org,*.b", "http://foo.org", "foo.org/path", "me@foo.org", "[::1", ":80"])
+def test_hosts_that_never_match_are_refused(monkeypatch, value):
+    monkeypatch.setenv("CIIR_HOSTS", value)
+    with pytest.raises(InvalidOption, match=re.escape(f"CIIR_HOSTS: {value!r} is not `*`, or whole names")):
         settings.read_settings()
 
 

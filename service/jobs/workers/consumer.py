@@ -223,7 +223,12 @@ class _Run:
         """Whether it was stopped to be run in the large lane."""
         self._holds_small = holds_small
         self._begun: float | None = None
-        self._fields: dict[str, Any] = {"job": job.id, "lane": job.lane, "attempt": job.attempts}
+        self._fields: dict[str, Any] = {
+            "job": job.id,
+            "kind": job.request.kind,
+            "lane": job.lane,
+            "attempt": job.attempts,
+        }
         self._lock = threading.Lock()
         self._newest: dict[str, Any] | None = None
         self._stored: dict[str, Any] | None = None
@@ -234,9 +239,10 @@ class _Run:
         self._begun = time.monotonic()
         self._fields["worker"] = pid
         options = json.dumps(self.job.request.options)[:200]  # printable, whatever the client sent
-        text = "job %s: run %d begins in worker process %d, %s lane: %s %s"
-        job = self.job
-        _log.info(text, job.id, job.attempts, pid, job.lane, job.request.name, options, extra={FIELDS: self._fields})
+        text = "job %s: %s, run %d begins in worker process %d, %s lane: %s %s"
+        job, asked = self.job, self.job.request
+        values = (job.id, asked.kind, job.attempts, pid, job.lane, asked.name, options)
+        _log.info(text, *values, extra={FIELDS: self._fields})
 
     def log_end(self, outcome: Result | Problem | Cancelled | WorkerDied) -> None:
         """Logs how the run ended, and after how many seconds in the worker process."""
@@ -253,7 +259,8 @@ class _Run:
         else:
             text = "stopped: it was cancelled, or the server stops"
         fields = self._fields | {"seconds": seconds, "status": status}
-        _log.log(level, "job %s: after %g s %s", self.job.id, seconds, text, extra={FIELDS: fields})
+        kind = self.job.request.kind
+        _log.log(level, "job %s: %s, after %g s %s", self.job.id, kind, seconds, text, extra={FIELDS: fields})
 
     def is_overstaying(self) -> bool:
         """Whether it has kept the thread for small jobs over `SMALL_SECONDS`."""

@@ -154,10 +154,10 @@ def write_result(
     clock = ProgressClock(progress)
     output = one_file.Output(target, request.format, limits.output_pixels, clock.count_views, clock)
     name, report = one_file.RUNS[request.kind](bundle, Options.parse(request.options), output)
-    report.pop("views", None)  # each poll parses the record, and views may be 65,536
+    views = report.pop("views", None)  # each poll parses the record, and views may be 65,536
     stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
     target.flush()
-    return Result(name, target.seek(0, SEEK_END), stored)
+    return Result(name, target.seek(0, SEEK_END), stored, views=1 if views is None else len(views))
 
 
 def warm_up() -> None:

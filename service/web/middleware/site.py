@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import ipaddress
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of dependencies
 from starlette.exceptions import HTTPException
+
+from ciir.service.settings import parse_host
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
@@ -40,7 +41,7 @@ def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[
         host = request.headers.get("host", "")
         if hosts and ANY not in hosts and host and not _is_accepted(host, hosts):
             raise HTTPException(
-                403, f"Host: {host[:80]!r} is none of this server's; use http://localhost, or list it in CIIR_HOSTS"
+                403, f"Host: {host[:80]!r} is none of this server's; use {hosts[0]!r}, or list this name in CIIR_HOSTS"
             )
         origin, site = request.headers.get("origin"), request.headers.get("sec-fetch-site")
         if request.method in SAFE_METHODS or origin in origins or ANY in origins:
@@ -58,7 +59,7 @@ def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[
 
 def _is_accepted(host: str, hosts: Sequence[str]) -> bool:
     try:
-        name = urlsplit(f"//{host}").hostname or ""
+        name = parse_host(host)
     except ValueError:
         return False
     return is_loopback(name) or name in hosts

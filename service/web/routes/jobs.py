@@ -81,7 +81,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     if waits:
         job = await _wait_for_end(state, job, preference.wait_seconds(state.settings.sync_seconds))
     if job.state in ("failed", "cancelled"):
-        response: Response = results.respond_unfinished(job, request.url.path)
+        response: Response = results.respond_unfinished(job, request.url.path, is_post=True)
     elif job.result is None or not waits:
         response = results.respond_with_status(job, 202, {"Location": results.make_url(job)})
     else:
@@ -102,11 +102,11 @@ async def _submit(state: State, given: Upload) -> Job:
         job = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file)
     except (QueueFull, QueueUnavailable) as error:
         state.metrics.submitted.labels("refused").inc()
-        _log.info("refused %s, %d bytes: %s", given.request.name, given.size, error)
+        _log.info("refused %s of %s, %d bytes: %s", given.request.kind, given.request.name, given.size, error)
         raise
     state.metrics.submitted.labels("known" if job.state in FINAL else "accepted").inc()
     trace.get_current_span().set_attribute("ciir.job", job.id)
-    _log.info("job %s: %s, %d bytes, %s", job.id, given.request.name, given.size, job.state)
+    _log.info("job %s: %s of %s, %d bytes, %s", job.id, job.request.kind, given.request.name, given.size, job.state)
     return job
 
 
@@ -135,7 +135,7 @@ async def cancel_job(job: FoundJob, state: State) -> Response:
 async def read_result(request: Request, job: FoundJob, state: State) -> Response:
     """The file with the views; if the job failed, its problem."""
     if job.result is None:
-        return results.respond_unfinished(job, request.url.path)
+        return results.respond_unfinished(job, request.url.path, is_post=False)
     tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
     if tag is not None:
         return results.respond_unchanged(tag, job.request.kind)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.web import problems
 from ciir.service.web.routes import results, schemas
+from ciir.service.web.routes.document import make_schemas, to_openapi_3_0
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -123,8 +124,8 @@ def add_schemas(app: FastAPI) -> None:
     def make_document() -> dict[str, Any]:
         if app.openapi_schema is None:
             document = make()
-            document["paths"] = schemas.to_openapi_3_0(document["paths"])
-            document["components"]["schemas"] = schemas.make_schemas()
+            document["paths"] = to_openapi_3_0(document["paths"])
+            document["components"]["schemas"] = make_schemas()
             app.openapi_schema = document
         return app.openapi_schema
 

@@ -29,7 +29,7 @@ CHUNK = 2**18
 RETRY_SECONDS = "1"
 """`Retry-After` while a job is not done."""
 FAILED_RETRY_SECONDS = "10"
-"""`Retry-After` of a job that failed through an error of the server: what it lacked takes longer to come back."""
+"""`Retry-After` of a POST whose job failed through an error of the server: what it lacked takes longer to come back."""
 
 
 def find_root(kind: KindName) -> str:
@@ -70,9 +70,8 @@ def describe_job(job: Job) -> dict[str, Any]:
 
 def _find_progress(job: Job) -> dict[str, Any] | None:
     """The last progress of the current run; of a job that is done: all views."""
-    if job.result is not None and "views" in job.result.report:
-        count = len(job.result.report["views"])
-        return {"stage": "encode", "views_done": count, "views": count}
+    if job.result is not None and job.result.views:  # the last event may be older: there are at most 4 a second
+        return {"stage": "encode", "views_done": job.result.views, "views": job.result.views}
     for event in reversed(job.events):
         if event.kind == "progress":
             return event.data
@@ -88,11 +87,17 @@ def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | 
     return JSONResponse(describe_job(job), code, fixed | again | dict(headers or {}))
 
 
-def respond_unfinished(job: Job, path: str) -> JSONResponse:
-    """The problem that answers a request for the result of a job that is not done."""
+def respond_unfinished(job: Job, path: str, *, is_post: bool) -> JSONResponse:
+    """The problem that answers a request for the result of a job that is not done.
+
+    `is_post`: whether the same request runs a job again that failed through an error of the server.
+    """
     if job.problem is not None:
-        again = {"Retry-After": FAILED_RETRY_SECONDS} if job.problem.status >= 500 else {}
-        return problems.respond_problem(path, **asdict(job.problem), headers=again)
+        response = problems.respond_problem(path, **asdict(job.problem))
+        del response.headers["Retry-After"]
+        if is_post and job.problem.status >= 500:
+            response.headers["Retry-After"] = FAILED_RETRY_SECONDS
+        return response
     if job.state == "cancelled":
         detail = "the job was cancelled; post the input again to run it"
         return problems.respond_problem(path, 409, detail, title=CANCELLED)

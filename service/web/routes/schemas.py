@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter, with_config
+from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
 
 from ciir.models.cards import Card  # noqa: TC001 - pydantic evaluates the annotations
 from ciir.service.jobs.job import State  # noqa: TC001
-from ciir.service.pipeline.options import KINDS, Kind, KindName
-from ciir.service.web.routes import upload
+from ciir.service.pipeline.options import KindName  # noqa: TC001
 
-_REF = "#/components/schemas/{model}"
+REF = "#/components/schemas/{model}"
+"""Where the document has a schema."""
 _Class = TypeVar("_Class", bound=type)
 
 
@@ -41,7 +41,7 @@ class Progress(TypedDict):
     """The last progress of the current run."""
 
     stage: Literal["decode", "plan", "render", "map", "upscale", "encode"]
-    """The latest that has begun; stages overlap."""
+    """The earliest at work, for which the others wait; stages overlap."""
     views_done: int
     views: int
     """0 until it is known."""
@@ -270,56 +270,10 @@ class Model(TypedDict):
 
 STATUSES: dict[KindName, type] = {"reconstruction": Reconstruction, "upscale": Upscale, "elemental": Elemental}
 """The type of a status, by kind of job."""
-_TYPES = (Event, Problem, Model, *STATUSES.values())
-
-
-def describe_form(kind: Kind) -> dict[str, Any]:
-    """JSON schema of the form of a kind of job."""
-    described = {
-        upload.FILE: {"type": "string", "format": "binary", "description": kind.takes},
-        upload.FORMAT: {"type": "string", "enum": list(kind.formats), "description": f"default: {kind.default_format}"},
-    }
-    return {
-        "type": "object",
-        "required": [upload.FILE],
-        "additionalProperties": False,
-        "properties": described | {name: kind.describe_option(name) for name in kind.options},
-    }
+TYPES = (Event, Problem, Model, *STATUSES.values())
+"""All types that the document has by name."""
 
 
 def refer(name: str) -> dict[str, str]:
     """A reference to a schema in the document."""
-    return {"$ref": _REF.format(model=name)}
-
-
-def make_schemas() -> dict[str, Any]:
-    """The schemas of the document, by name."""
-    _, made = TypeAdapter.json_schemas(
-        [(kind.__name__, "serialization", TypeAdapter(kind)) for kind in _TYPES], ref_template=_REF
-    )
-    forms = {f"{kind.name.title()}Form": describe_form(kind) for kind in KINDS.values()}
-    schemas: dict[str, Any] = to_openapi_3_0(made["$defs"])
-    return schemas | forms
-
-
-def to_openapi_3_0(schema: Any) -> Any:
-    """A document in the dialect of OpenAPI 3.0: `nullable` for the type null, one `example`.
-
-    Titles, which only repeat the names, are left out.
-    """
-    if isinstance(schema, list):
-        return [to_openapi_3_0(each) for each in schema]
-    if not isinstance(schema, dict):
-        return schema
-    changed = {
-        key: to_openapi_3_0(value) for key, value in schema.items() if key != "title" or not isinstance(value, str)
-    }
-    if isinstance(changed.get("examples"), list):
-        changed["example"] = changed.pop("examples")[0]
-    if {"type": "null"} in (options := changed.get("anyOf", [])):
-        options.remove({"type": "null"})
-        if len(options) == 1:
-            (only,) = changed.pop("anyOf")
-            changed = ({"allOf": [only]} if "$ref" in only else only) | changed
-        changed |= {"nullable": True} | ({"enum": [*changed["enum"], None]} if "enum" in changed else {})
-    return changed
+    return {"$ref": REF.format(model=name)}

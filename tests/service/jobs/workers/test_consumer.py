@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
-from ciir.service.jobs.job import INTERNAL_ERROR, Job, Problem, Result
+from ciir.service.jobs.job import INTERNAL_ERROR, Job, Problem, Request, Result
 from ciir.service.jobs.workers import consumer as module
 from ciir.service.jobs.workers import recovery
 from ciir.service.jobs.workers.consumer import Consumer
@@ -139,9 +139,11 @@ def test_the_log_shows_each_run(service, jobs, pool, caplog):
         died = submit_data(jobs, b"3").id
         wait_for_end(jobs, died)
     (begin, end), (fields, at_end) = read_fields(done)
-    assert begin.endswith(f'run 1 begins in worker process {os.getpid()}, small lane: upload.png {{"lenses": "5x5"}}')
-    assert (" s done, 8 bytes" in end, at_end["status"]) == (True, "200")
-    assert fields == {"job": done, "worker": os.getpid(), "lane": "small", "attempt": 1}
+    assert begin.endswith(
+        f': reconstruction, run 1 begins in worker process {os.getpid()}, small lane: upload.png {{"lenses": "5x5"}}'
+    )
+    assert ("reconstruction, after " in end and " s done, 8 bytes" in end, at_end["status"]) == (True, "200")
+    assert fields == {"job": done, "kind": "reconstruction", "worker": os.getpid(), "lane": "small", "attempt": 1}
     assert 0 <= at_end["seconds"] < 30
     (begin, end), (fields, at_end) = read_fields(failed)
     assert 'large lane: upload.png {"views": "all", "model": "\\n"}' in begin
@@ -256,7 +258,7 @@ def test_the_first_and_the_newest_progress_are_stored(service, jobs, pool):
 def test_long_jobs_have_fewer_progress_events(monkeypatch):
     stored, now = [], [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    run = module._Run(Job("an id", None), holds_small=True)
+    run = module._Run(Job("an id", Request("upload.png", {}, None)), holds_small=True)
     lifecycle = SimpleNamespace(add_progress=lambda _, data: stored.append(data["views_done"]) or True)
     jobs = SimpleNamespace(lifecycle=lifecycle)
     for number in range(3600 * 4):  # an hour, four times a second

@@ -2,6 +2,7 @@
 
 import errno
 import io
+from dataclasses import replace
 
 import pytest
 
@@ -29,6 +30,14 @@ def given(tmp_path):
 
 def run_here(given, **settings):
     return run_task(*given, TaskLimits.from_settings(Settings(**settings)), lambda data: None)
+
+
+@pytest.mark.parametrize(("views", "count"), [("center", 1), ("all", 9)])
+def test_a_result_has_the_number_of_its_views(given, views, count):
+    request, *files = given
+    result = run_here((replace(request, options=FAST | {"views": views}), *files)).outcome
+    assert result.views == count
+    assert "views" not in result.report
 
 
 def raise_error(error):

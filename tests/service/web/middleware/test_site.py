@@ -14,7 +14,7 @@ PAGE = "https://page.example"
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
-    with run_app(tmp_path_factory.mktemp("site"), hosts="ciir.example,10.0.0.7", cors_origins=PAGE) as client:
+    with run_app(tmp_path_factory.mktemp("site"), hosts="Ciir.Example:80,10.0.0.7", cors_origins=PAGE) as client:
         yield client
 
 
@@ -32,6 +32,7 @@ def test_hosts_of_the_server(client, host):
 def test_other_hosts(client, host):
     detail = check_problem(client.get("/v1/models", headers={"Host": host}), 403, "CIIR_HOSTS")
     assert repr(host) in detail
+    assert "use 'ciir.example', or list this name" in detail
     assert client.get("/healthz", headers={"Host": host}).status_code == 200  # probes name whatever they like
 
 

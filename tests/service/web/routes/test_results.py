@@ -7,7 +7,7 @@ import pytest
 
 from ciir.service.jobs.job import Event, Job, Problem, Request, Result
 from ciir.service.web.routes import results
-from ciir.service.web.routes.schemas import make_schemas
+from ciir.service.web.routes.document import make_schemas
 
 ID = "0123456789abcdef" * 2
 QUEUED = Job(ID, Request("upload.glb", {"lenses": "5x5"}, None), created=1.5, events=(Event("queued"),))
@@ -47,7 +47,7 @@ def test_a_status_agrees_with_openapi(job):
 
 
 def test_progress_is_that_of_the_current_run():
-    done = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, {"views": [{}] * 5}))
+    done = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, {}, views=5))
     assert results.describe_job(done)["progress"] == {"stage": "encode", "views_done": 5, "views": 5}
     again = RUNNING.add_event(Event("queued"), state="queued")
     assert results.describe_job(again)["progress"] is None
@@ -58,9 +58,15 @@ def test_progress_is_that_of_the_current_run():
     ("job", "status", "again"), [(QUEUED, 409, "1"), (RUNNING, 409, "1"), (CANCELLED, 409, None), (FAILED, 415, None)]
 )
 def test_a_missing_result(job, status, again):
-    response = results.respond_unfinished(job, "/here")
+    response = results.respond_unfinished(job, "/here", is_post=False)
     assert (response.status_code, response.headers.get("retry-after")) == (status, again)
     assert json.loads(response.body)["instance"] == "/here"
+
+
+def test_only_a_post_is_repeated_after_an_error_of_the_server():
+    job = RUNNING.add_event(Event("failed"), state="failed", problem=Problem(503, "Not available", "post it again"))
+    again = [results.respond_unfinished(job, "/", is_post=post).headers.get("retry-after") for post in (True, False)]
+    assert again == ["10", None]
 
 
 def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
