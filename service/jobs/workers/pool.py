@@ -222,7 +222,8 @@ class Pool:
                 self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
                 cause = f"{error}{f': {line}' if line else ''}"
                 text = "a worker process can't be started: %s; the next attempt is in %g s"
-                _log.error(text, cause, pause, exc_info=None if cause == self._start_cause else error)
+                is_plain = isinstance(error, WorkerExitedError) or cause == self._start_cause
+                _log.error(text, cause, pause, exc_info=None if is_plain else error)
                 self._start_cause = cause
                 self._closed.wait(pause)
                 pause = min(2 * pause, _MAX_PAUSE)

@@ -171,7 +171,7 @@ def test_a_job_under_which_two_workers_are_killed_can_be_posted_again(start_serv
             os.kill(worker, signal.SIGKILL)  # as the kernel does when memory is short
         wait_until(lambda: client.get(f"{url}{place}").json()["state"] == "failed")
         failed = client.get(f"{url}{place}/result")
-        assert (failed.status_code, failed.headers["retry-after"]) == (503, "10")
+        assert (failed.status_code, "retry-after" in failed.headers) == (503, False)  # only a POST helps
         assert post().json()["attempts"] == 0  # not the failed job, but a new one
         wait_until(lambda: find_run(1))
         assert [client.delete(f"{url}{place}").json()["state"] for _ in range(2)] == ["cancelled"] * 2

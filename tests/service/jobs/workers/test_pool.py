@@ -327,7 +327,7 @@ def test_a_worker_that_cannot_start_is_reported_and_tried_again(open_pool, monke
     assert "a worker process can't be started: it has ended (ended with status 1): " in caplog.text
     assert "No module named missing_module" in caplog.text
     wait_until(lambda: caplog.text.count("the next attempt is in") > 1)
-    assert caplog.text.count("WorkerExitedError: ") == 1  # one traceback
+    assert "Traceback" not in caplog.text  # it shows nothing of a process that ended
     monkeypatch.setattr(worker_module, "MODULE", COLD)
     wait_until(pool.is_ready)
     assert pool.start_error == ""
