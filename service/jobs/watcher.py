@@ -22,7 +22,7 @@ AT_ONCE = 50
 
 @dataclass
 class _Watch:
-    """What is known of one job."""
+    """A job that is waited for."""
 
     waiters: dict[asyncio.Future[Job | None], int] = field(default_factory=dict)
     """With the number of events that each has seen."""

@@ -52,7 +52,7 @@ def read_limits() -> Limits:
 
 
 def describe_setting(error: TooLarge) -> str:
-    """The remedy that is left to whoever sets the limit that `error` names, to follow its message; or empty."""
+    """What to add to the message of `error`: which setting raises the limit; empty where none does."""
     return f", or set {SETTINGS[error.limit][0]} to a larger number" if error.limit else ""
 
 
