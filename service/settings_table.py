@@ -38,9 +38,9 @@ This page is generated: `python -m ciir.service.settings_table > docs/settings.m
 
 
 FIXED_LIMITS = {
-    "renderer.readers.meshes.gltf.ELEMENTS": "elements in all accessors of a glTF file, per `CIIR_MAX_TRIANGLES`",
+    "renderer.readers.meshes.gltf.document.ELEMENTS": "elements in all accessors of a glTF, per `CIIR_MAX_TRIANGLES`",
     "renderer.readers.meshes.geometry.MAX_NODES": "nodes of a mesh file's scene, each as often as it is instanced",
-    "renderer.readers.meshes.gltf_scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",
+    "renderer.readers.meshes.gltf.scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",
     "renderer.readers.jpeg.MAX_SCANS": "scans in a progressive JPEG",
     "renderer.lens_array.MAX_LENSES": "lenses along one side",
     "renderer.lens_array.MAX_PIXELS": "pixels along one side of an elemental image",

@@ -85,9 +85,9 @@ STL = MeshFormat(
     reader="trimesh_formats:read_stl",
 )
 FORMATS: tuple[Format, ...] = (
-    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf_scene:read"),
+    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read"),
     MeshFormat(
-        name="GLTF", suffixes=(".gltf",), text=re.compile(rb'\A\{.*?"asset"', re.DOTALL), reader="gltf_scene:read"
+        name="GLTF", suffixes=(".gltf",), text=re.compile(rb'\A\{.*?"asset"', re.DOTALL), reader="gltf.scene:read"
     ),
     MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read"),
     STL,

@@ -1,4 +1,4 @@
-"""glTF accessors and Draco-compressed primitives to arrays (glTF 2.0, section 3.6; KHR_draco_mesh_compression)."""
+"""glTF accessors as arrays (glTF 2.0, section 3.6)."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.renderer.readers.meshes.gltf import Document
+    from ciir.renderer.readers.meshes.gltf.document import Document
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -69,28 +69,6 @@ def make_triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     strip = np.stack([flat[:-2], flat[1:-1], flat[2:]], axis=1)
     strip[1::2] = strip[1::2, [0, 2, 1]]
     return strip
-
-
-def decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
-    """A Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses.
-
-    Raises `Unreadable` where it is corrupt; `UnsupportedType` where the decoder is not installed.
-    """
-    try:
-        import DracoPy
-    except ImportError as error:
-        raise UnsupportedType(
-            f"{document.name}: is Draco-compressed and DracoPy is not installed; install it, or export without Draco"
-        ) from error
-    try:
-        mesh = DracoPy.decode(bytes(document.view(extension["bufferView"])))
-    except (DracoPy.FileTypeException, RuntimeError, ValueError) as error:
-        raise Unreadable(f"{document.name}: its Draco data is corrupt; export it again") from error
-    stored = {entry["unique_id"]: np.asarray(entry["data"]) for entry in mesh.attributes}
-    if getattr(mesh, "faces", None) is None:
-        raise Unreadable(f"{document.name}: its Draco data holds points alone; give a mesh with a surface")
-    faces = np.asarray(mesh.faces).astype(np.int64).reshape(-1, 3)
-    return faces, {str(name): stored[unique] for name, unique in extension["attributes"].items()}
 
 
 def _read_strided(

@@ -1,0 +1,91 @@
+"""glTF materials: base colours and their textures (glTF 2.0, sections 3.8 and 3.9)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.renderer.readers.meshes.geometry import normalise
+from ciir.renderer.shading import encode_srgb
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.meshes.gltf.document import Document
+    from ciir.renderer.scene import Texture, Wrap
+
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_BLEND_CUTOFF = 0.5
+
+
+class Material:
+    """The colour of a primitive's material."""
+
+    def __init__(self, document: Document, index: int | None) -> None:
+        entry = {} if index is None else document.item("materials", index)
+        self._document = document
+        self.extensions: dict[str, Any] = entry.get("extensions", {})
+        metallic = entry.get("pbrMetallicRoughness", {})
+        glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness", {})
+        factor = glossy.get("diffuseFactor") if glossy else metallic.get("baseColorFactor")
+        red, green, blue, alpha = (float(value) for value in factor or (1.0, 1.0, 1.0, 1.0))
+        red, green, blue = (float(value) for value in encode_srgb(np.array([red, green, blue])))
+        self.color = red, green, blue, min(max(alpha, 0.0), 1.0)
+        self._texture = glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture")
+        self._transform: dict[str, Any] = (self._texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
+        channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))
+        self.texcoord = "" if self._texture is None else f"TEXCOORD_{channel}"
+        """The attribute that holds the texture's coordinates; empty without a texture."""
+        self.alpha_cutoff = self._cutoff(entry)
+
+    def _cutoff(self, entry: dict[str, Any]) -> float | None:
+        mode = entry.get("alphaMode", "OPAQUE")
+        if mode == "MASK":
+            return min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
+        if mode == "BLEND":
+            self._document.resolver.add_note(
+                f"see-through materials are drawn solid where alpha is {_BLEND_CUTOFF} or more, and not at all below"
+            )
+            return _BLEND_CUTOFF
+        return None
+
+    def texture(self, arrays: dict[str, NDArray[Any]]) -> tuple[Texture | None, NDArray[np.float64] | None]:
+        """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
+        if self.texcoord not in arrays:
+            if self._texture is not None:
+                self._document.resolver.add_note("a texture without texture coordinates is left out")
+            return None, None
+        uv = normalise(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
+        uv = _transform_uv(uv, self._transform)
+        return self._read(), np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
+
+    def _read(self) -> Texture | None:
+        document = self._document
+        entry = document.item("textures", self._texture["index"])
+        if "source" not in entry:
+            document.resolver.add_note("a texture that is neither PNG nor JPEG is left out; export it as one of them")
+            return None
+        sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
+        image = document.item("images", entry["source"])
+        uri = image.get("uri", "")
+        embedded = "bufferView" in image or uri.startswith("data:")
+        return document.resolver.decode_texture(
+            lambda: document.image(image),
+            key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
+            name=f"image {entry['source']}" if embedded else uri,
+            opaque=self.alpha_cutoff is None,
+            wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
+            wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
+        )
+
+
+def _transform_uv(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:
+    """KHR_texture_transform on glTF's own coordinates (origin at the upper left): offset + rotation x scale x uv."""
+    scaled = uv * np.array(transform.get("scale", (1, 1)), np.float64)
+    angle = float(transform.get("rotation", 0.0))
+    # Counter-clockwise where v goes down, as sample models and viewers have it; the extension's GLSL is clockwise
+    # (KhronosGroup/glTF issue 1563).
+    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    turned: NDArray[np.float64] = scaled @ rotation.T + np.array(transform.get("offset", (0, 0)), np.float64)
+    return turned
