@@ -29,9 +29,9 @@ INPUTS, RESULTS, RUNS = "inputs", "results", "runs"
 RECORD = ".json"
 """Suffix of the record of an accepted job, which is kept beside the input in case the queue's database is lost."""
 CHUNK = 1 << 20
+HASHES = 2048
+"""Files whose hash is kept in memory, at 1 KB each."""
 _PARTIAL = ".partial"
-_HASHES = 65_536
-"""Files whose hash is kept in memory."""
 
 
 def hash_content(file: IO[bytes]) -> str:
@@ -82,7 +82,7 @@ class Files:
         """
         self._place = Resource("the files", self._describe)
         self._writes = Resource("writing files", lambda error: self._describe(error, is_write=True))
-        self._hash = lru_cache(_HASHES)(self._hash_file)
+        self._hash = lru_cache(HASHES)(self._hash_file)
         try:
             self._fs, root = fsspec.core.url_to_fs(place, use_listings_cache=False)  # other servers write there too
             self._is_local = isinstance(self._fs, LocalFileSystem)

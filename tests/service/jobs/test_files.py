@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.service.jobs import files as module
 from ciir.service.jobs.files import CHUNK, INPUTS, RESULTS, Files, hash_content
 
 DATA = bytes(range(256)) * 10
@@ -134,6 +135,15 @@ def test_a_file_appears_once_it_is_complete(local_files, monkeypatch):
     local_files.put(INPUTS, {"a": io.BytesIO(DATA)})
     assert seen == [False]
     assert read(local_files, INPUTS, "a") == DATA
+
+
+def test_the_hashes_in_memory_are_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "HASHES", 2)
+    files = Files(str(tmp_path), tmp_path)
+    for name in "abc":
+        files.put(RESULTS, {name: io.BytesIO(DATA)})
+        assert all(files.matches(RESULTS, name, len(DATA), hashlib.sha256(DATA).hexdigest()) for _ in range(2))
+    assert files._hash.cache_info()[:] == (3, 3, 2, 2)  # each was read once, and two are kept
 
 
 def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, caplog):

@@ -13,15 +13,15 @@ import signal
 import struct
 from typing import TYPE_CHECKING
 
+from ciir.service import heaps
 from ciir.service.jobs.workers.sandbox import landlock, seccomp
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _OPEN_FILES = 1024
-_ARENAS = 4
-"""Heaps that threads share: by default there are 8 for each core, each with 64 MiB of address space."""
-_M_ARENA_MAX = -8  # malloc.h
+_HEAPS = 4
+"""Each takes 64 MiB of address space."""
 _PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_NO_NEW_PRIVS = 1, 4, 38
 _CAPABILITY_VERSION_3 = 0x20080522
 
@@ -36,8 +36,7 @@ def enter(memory: int, file: int, parent: int, readable: Sequence[str] = ()) -> 
     besides libraries. Sets `missing`. Call it while the process has one thread: capabilities and Landlock are of a
     thread and those that it starts. Raises `PermissionError` if only root's capabilities allow to read the libraries.
     """
-    if hasattr(_libc(), "mallopt"):  # glibc
-        _libc().mallopt(_M_ARENA_MAX, _ARENAS)
+    heaps.limit_heaps(_HEAPS)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # a service manager sends it to all; the parent ends its workers
     missing[:] = _set_limits(memory, file)
