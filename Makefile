@@ -72,7 +72,7 @@ serve: $(VENV)/.service
 # window alone. It also requires PyOpenGL 3.1.0, which fails on Python 3.12 and newer; 3.1.10 works on all.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
 	--no-emit-trusted-host --unsafe-package pyglet
-WINDOW := --unsafe-package imageio --unsafe-package scipy
+WINDOW := --unsafe-package imageio
 lock: $(VENV)/.dev
 	@$(COMPILE) --extra bench,dev,redis,s3,service,telemetry -o requirements/dev.txt pyproject.toml
 	@$(COMPILE) $(WINDOW) -c requirements/dev.txt -o requirements/core.txt pyproject.toml

@@ -22,6 +22,15 @@ if TYPE_CHECKING:
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
 
+DepthSense = Literal["lenses", "cameras"]
+"""How views move with depth from one view to the next on the right.
+
+- `lenses`: u counts pixels under a lens, so that what is farther from the lens array moves further to the left;
+- `cameras`: u counts cameras from the left, so that what is nearer moves further to the left.
+
+The one becomes the other where the order of views is reversed in v and in u.
+"""
+
 OrderCheck = Literal["auto", "given"]
 """Whether a set of views is put in the right order where its own is certainly wrong, or taken as it is given."""
 
@@ -57,6 +66,8 @@ class LightField:
 
     is_ordered: bool = False
     """Whether the order of the views is known to be right, or was checked (`renderer.view_order`)."""
+
+    depth_sense: DepthSense = "lenses"
 
     def __post_init__(self) -> None:
         views = self.views
@@ -95,7 +106,7 @@ class LightField:
         """
         from ciir.renderer.writers.views import save_light_field
 
-        save_light_field(self.views, Path(path))
+        save_light_field(self, Path(path))
 
     def _repr_png_(self) -> bytes:
         """The centre view, for Jupyter."""

@@ -53,7 +53,9 @@ class Reconstruction:
         """
         from ciir.renderer.writers.views import save_views
 
-        save_views(self.views, self.report, Path(path))
+        array = self.report["lens_array"]
+        grid = array["pixels_v"], array["pixels_u"]
+        save_views(self.views, self.report, Path(path), grid, array["depth_sense"])
 
     def __repr__(self) -> str:
         height, width = next(iter(self.views.values())).shape[:2]
@@ -178,7 +180,7 @@ def upscale(
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
     if isinstance(images, LightField):
         views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
-        return LightField(views, tuple(report["notes"]), images.is_ordered)
+        return LightField(views, tuple(report["notes"]), images.is_ordered, images.depth_sense)
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 

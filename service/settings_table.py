@@ -53,7 +53,7 @@ FIXED_LIMITS = {
     "renderer.readers.meshes.texture_files.MAX_SIDE": "pixels along one side of a texture; larger ones are left out",
     "service.pipeline.limits.MAX_VIEW_PIXELS": "pixels in one view, in or out",
     "service.pipeline.limits.MAX_VIEW_SAMPLES": "points of a mesh that are sampled for one view",
-    "service.pipeline.options.options.MAX_SCALE": "output pixels per view pixel, along one side",
+    "service.pipeline.options.upscaling.MAX_SCALE": "output pixels per view pixel, along one side",
     "service.web.multipart.MAX_FIELDS": "fields in a form",
     "service.web.multipart.MAX_FIELD_BYTES": "bytes of a form field other than the file",
 }

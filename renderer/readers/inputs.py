@@ -5,56 +5,65 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ciir.errors import InvalidOption, Unreadable, UnsupportedType
-from ciir.renderer.light_field import LightField, OrderCheck, Pickup
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import meshes, pictures, view_set
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.readers.registry import Format, MeshFormat, PictureFormat, identify, is_mesh, is_picture
+from ciir.renderer.readers.registry import (
+    ContainerFormat,
+    Format,
+    MeshFormat,
+    PictureFormat,
+    identify,
+    is_container,
+    is_mesh,
+    is_picture,
+)
 from ciir.renderer.view_order import correct_order, estimate_order
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.registry import ContainerReader
     from ciir.renderer.scene import Scene
 
 
-def read(
-    bundle: Bundle,
-    *,
-    lenses: tuple[int, int] | None,
-    pixels: tuple[int, int] | None,
-    pickup: Pickup = "virtual",
-    order: OrderCheck = "auto",
-) -> Scene | LightField:
+def read(bundle: Bundle, layout: Layout = Layout()) -> Scene | LightField:  # noqa: B008 - it is frozen
     """Reads a mesh as a scene, and an elemental image array or a set of views as a light field.
 
-    - One picture: an elemental image array of `lenses` (rows, columns), or of elemental images of `pixels` (v, u).
-    - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of `pixels`
-      (v, u) where their names don't give one. With the `order` auto, views that are certainly in a wrong order are put
-      right, with a note. An elemental image array stays as it is: optics give its order.
+    - One picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`.
+    - A file that holds a light field: read by its format's reader.
+    - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of
+      `layout.pixels` where their names don't give one.
+
+    With the order `auto`, views that are certainly in a wrong order are put right, with a note. An elemental image
+    array stays as it is: optics give its order.
 
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
     """
     found = find_main(bundle)
     if found is None:
-        found_views = view_set.read(bundle.files, name=clean_text(bundle.name), grid=pixels, limits=bundle.limits)
-        return replace(found_views, is_ordered=True) if order == "given" else _check_order(found_views)
+        name = clean_text(bundle.name)
+        return _settle_order(view_set.read(bundle.files, name=name, grid=layout.pixels, limits=bundle.limits), layout)
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_)
-    return replace(_read_eia(bundle, key, lenses, pixels, pickup), is_ordered=order == "given")
+    if isinstance(format_, ContainerFormat):
+        return _settle_order(_read_container(bundle, key, format_, layout), layout)
+    return replace(_read_eia(bundle, key, layout), is_ordered=layout.order == "given")
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
-    """The format and the key of the mesh or the picture that `read` reads; None for a set of views.
+    """The format and the key of the mesh, picture or container that `read` reads; None for a set of views.
 
     Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh.
     """
     name = clean_text(bundle.name)
     if bundle.main is not None:
         format_ = identify(bundle.name, bundle.files[bundle.main])
-        if not isinstance(format_, MeshFormat | PictureFormat):
-            raise UnsupportedType(f"{name}: {format_.name} is neither a mesh nor a picture; give one of them")
+        if not isinstance(format_, MeshFormat | PictureFormat | ContainerFormat):
+            raise UnsupportedType(f"{name}: {format_.name} holds no mesh and no pictures; give one of them")
         return format_, bundle.main
     names = sorted(bundle.files)
     views = [key for key in names if is_picture(key)]
@@ -68,9 +77,30 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
         )
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]
+    containers = [key for key in names if is_container(key)]
+    if not views and len(containers) == 1:
+        return identify(containers[0], bundle.files[containers[0]]), containers[0]
     if not views:
         raise Unreadable(f"{name}: holds neither a mesh nor pictures; give a mesh, or the views of a light field")
     return None
+
+
+def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:
+    name = clean_text(bundle.name)
+    reader: ContainerReader = format_.load_reader()
+    try:
+        return reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise TooLarge(f"{name}: reading it takes more memory than there is; give fewer or smaller views") from error
+    except Exception as error:
+        cause = clean_text(str(error)) or type(error).__name__
+        raise Unreadable(f"{name}: the {format_.name} file is truncated or corrupt ({cause}); give it whole") from error
+
+
+def _settle_order(light_field: LightField, layout: Layout) -> LightField:
+    return replace(light_field, is_ordered=True) if layout.order == "given" else _check_order(light_field)
 
 
 def _check_order(light_field: LightField) -> LightField:
@@ -91,9 +121,8 @@ def _check_order(light_field: LightField) -> LightField:
     return replace(light_field, views=views, notes=notes, is_ordered=True)
 
 
-def _read_eia(
-    bundle: Bundle, key: str, lenses: tuple[int, int] | None, pixels: tuple[int, int] | None, pickup: Pickup
-) -> LightField:
+def _read_eia(bundle: Bundle, key: str, layout: Layout) -> LightField:
+    lenses, pixels = layout.lenses, layout.pixels
     if lenses is None and pixels is None:
         raise InvalidOption(
             f"{clean_text(bundle.name)}: a picture is read as an elemental image array; give the number of lenses, "
@@ -113,4 +142,4 @@ def _read_eia(
             f"lenses, pixels: {rows}x{cols} lenses of {pixels[0]}x{pixels[1]} pixels do not make the picture of "
             f"{height}x{width} pixels; give one of the two options alone"
         )
-    return LightField.from_eia(eia, rows=rows, cols=cols, pickup=pickup)
+    return LightField.from_eia(eia, rows=rows, cols=cols, pickup=layout.pickup)

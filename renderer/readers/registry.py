@@ -17,7 +17,9 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ciir.renderer.light_field import LightField
     from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
     from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.surface import Surface
@@ -40,6 +42,16 @@ class PictureDecoder(Protocol):
         """
 
 
+class ContainerReader(Protocol):
+    """Reads a file that holds a whole light field. Whatever it raises but an `InputError` becomes `Unreadable`."""
+
+    def __call__(self, data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+        """The light field with its depth sense. `name` stands in messages.
+
+        Sizes must be checked against `limits` before anything of that size is allocated.
+        """
+
+
 @dataclass(frozen=True, kw_only=True)
 class Format:
     """A file format that is read."""
@@ -53,7 +65,7 @@ class Format:
     text: re.Pattern[bytes] | None = None
     """For a text format without a signature: found in every file of it, from its first character that is no space."""
     reader: str = ""
-    """`module:function` of its `MeshReader` or `PictureDecoder`, the module relative to `folder`."""
+    """`module:function` of its `MeshReader`, `PictureDecoder` or `ContainerReader`, the module relative to `folder`."""
     folder = "readers"
 
     @property
@@ -75,6 +87,12 @@ class MeshFormat(Format):
 
 class PictureFormat(Format):
     """A picture format."""
+
+
+class ContainerFormat(Format):
+    """A format of whole light fields."""
+
+    folder = "readers.containers"
 
 
 ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
@@ -146,6 +164,11 @@ def is_picture(name: str) -> bool:
 def is_mesh(name: str) -> bool:
     """Whether `name` has the suffix of a mesh format."""
     return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), MeshFormat)
+
+
+def is_container(name: str) -> bool:
+    """Whether `name` has the suffix of a format of whole light fields."""
+    return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), ContainerFormat)
 
 
 def find_by_signature(data: bytes) -> list[Format]:

@@ -47,7 +47,7 @@ def read(
     as a part of a larger one, with a note. Without such names the pictures fill `grid` = (pixels_v, pixels_u), or a
     square, row by row in natural order. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light field.
 
-    Views keep the order of their names, though HCI's cameras run opposite to `LensArray` in v and in u.
+    Views keep the order of their names; Stanford's and HCI's have the depth sense of cameras.
 
     Raises `InvalidOption` where the grid of views is not full or `grid` doesn't fit the names, `UnsupportedType` for a
     file that is not a picture, `Unreadable` where pictures are missing, corrupt or differ in size, channels or depth,
@@ -83,7 +83,12 @@ def read(
                 pass
         finally:
             pool.shutdown(cancel_futures=True)
-    return LightField(views.reshape(pixels_v, pixels_u, *first.shape), notes=_notes(order))
+    is_cameras = any(pattern.fullmatch(_stem(order[0])) for pattern in (STANFORD, HCI))
+    return LightField(
+        views.reshape(pixels_v, pixels_u, *first.shape),
+        notes=_notes(order),
+        depth_sense="cameras" if is_cameras else "lenses",
+    )
 
 
 def _notes(order: Sequence[str]) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Contents
 
 
 class ZipWriter(Writer):
@@ -24,7 +25,7 @@ class ZipWriter(Writer):
     def __init__(self, file: IO[bytes]) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
 
-    def begin(self, count: int, sample: Pixels) -> None:
+    def begin(self, contents: Contents) -> None:
         """A zip holds any views."""
 
     def write(self, view: View, pixels: Pixels) -> str:
@@ -52,9 +53,9 @@ class NpzWriter(Writer):
         self._positions: list[tuple[int, int]] = []
         self._member: IO[bytes] | None = None
 
-    def begin(self, count: int, sample: Pixels) -> None:  # noqa: ARG002 - an npz holds any views
+    def begin(self, contents: Contents) -> None:
         """Keeps the count for the array's header."""
-        self._count = count
+        self._count = len(contents.views)
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Appends the pixels to `views`; all views have one shape and type."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Contents
 
 
 class FolderWriter(Writer):
@@ -34,7 +35,7 @@ class FolderWriter(Writer):
         self._names: set[str] = set()
         self._staged: Staged | None = None
 
-    def begin(self, count: int, sample: Pixels) -> None:  # noqa: ARG002 - a folder holds any views
+    def begin(self, contents: Contents) -> None:  # noqa: ARG002 - a folder holds any views
         """Makes the temporary folder."""
         self._staged = Staged(self._path)
 

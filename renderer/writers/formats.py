@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Contents
 
 
 class SingleWriter(Writer):
@@ -28,13 +29,14 @@ class SingleWriter(Writer):
     def __init__(self, file: IO[bytes], picture: pictures.PictureFormat) -> None:
         self._file, self._picture = file, picture
 
-    def begin(self, count: int, sample: Pixels) -> None:
+    def begin(self, contents: Contents) -> None:
         """Refuses more than one view, and pixels that the format can't hold."""
+        count = len(contents.views)
         if count != 1:
             raise InvalidOption(
                 f"format: {self._picture.name} holds one view and {count} are asked for; give zip or npz, or one view"
             )
-        self._picture.encode(sample)
+        self._picture.encode(contents.sample)
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Writes the picture."""
@@ -92,11 +94,11 @@ class FileWriter(Writer):
         self.format = FORMATS["zip"]
         """Final from `begin` on."""
 
-    def begin(self, count: int, sample: Pixels) -> None:
+    def begin(self, contents: Contents) -> None:
         """Selects the format."""
-        self.format = FORMATS[self._wanted or ("png" if count == 1 else "zip")]
+        self.format = FORMATS[self._wanted or ("png" if len(contents.views) == 1 else "zip")]
         self._writer = self.format.open(self._file)
-        self._writer.begin(count, sample)
+        self._writer.begin(contents)
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Writes the view."""

@@ -12,46 +12,57 @@ from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.writer import Contents
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
 
 
-def save_light_field(views: Pixels, path: Path) -> None:
-    """Writes `views`, `(V, U, H, W, C)`: as an elemental image array into a picture, else view by view.
+def save_light_field(light_field: LightField, path: Path) -> None:
+    """Writes a light field as an elemental image array into a picture, else view by view.
 
     Raises as `save_views` does.
     """
-    suffix = path.suffix.lower()
+    suffix, views = path.suffix.lower(), light_field.views
     if suffix in SUFFIXES:
-        v, u, rows, cols, channels = views.shape
-        eia = views.transpose(2, 0, 3, 1, 4).reshape(rows * v, cols * u, channels)
         with _named_errors(path), replacing(path) as file:
-            file.write(encode(eia, suffix))
+            file.write(encode(light_field.eia(), suffix))
     else:
-        save_views({index: views[index] for index in np.ndindex(views.shape[0], views.shape[1])}, {}, path)
+        grid = views.shape[:2]
+        save_views({index: views[index] for index in np.ndindex(grid)}, {}, path, grid, light_field.depth_sense)
 
 
-def save_views(views: Mapping[View, Pixels], report: Mapping[str, Any], path: Path) -> None:
-    """Writes `views`, `(H, W, C)` by (v, u), and `report` where the format holds one, to a file or a folder.
+def save_views(
+    views: Mapping[View, Pixels],
+    report: Mapping[str, Any],
+    path: Path,
+    grid: tuple[int, int],
+    depth_sense: DepthSense,
+) -> None:
+    """Writes `views`, `(H, W, C)` by (v, u) of a light field with `grid` views, to a file or a folder.
+
+    `report` goes with them where the format holds one.
 
     Raises `InvalidOption` where `path` can't be written or the format can't hold the views.
     """
+    height, width, channels = (first := next(iter(views.values()))).shape
+    contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense)
     suffix = path.suffix.lower()
     if suffix in BY_SUFFIX:
         with _named_errors(path), replacing(path) as file, BY_SUFFIX[suffix].open(file) as writer:
-            _write(views, report, writer)
+            _write(views, report, writer, contents)
     elif suffix and not path.is_dir():
         known = ", ".join(BY_SUFFIX)
         raise InvalidOption(f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder")
     else:
         with _named_errors(path), FolderWriter(path) as writer:
-            _write(views, report, writer)
+            _write(views, report, writer, contents)
 
 
 @contextmanager
@@ -63,8 +74,8 @@ def _named_errors(path: Path) -> Iterator[None]:
         raise InvalidOption(f"{path}: {error.strerror}; name a place that can be written") from error
 
 
-def _write(views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer) -> None:
-    writer.begin(len(views), next(iter(views.values()))[:1, :1])
+def _write(views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer, contents: Contents) -> None:
+    writer.begin(contents)
     written = []
     for (v, u), picture in views.items():
         height, width = picture.shape[:2]

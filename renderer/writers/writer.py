@@ -4,19 +4,45 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from types import TracebackType
     from typing import Self
 
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
 
 REPORT = "report.json"
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 """The earliest date of a zip: the same views make the same bytes."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The views that a writer gets."""
+
+    views: tuple[View, ...]
+    """In the order in which they come."""
+    grid: tuple[int, int]
+    """Rows and columns of the light field's views; `views` may be some of them."""
+    height: int
+    """Of a view, in pixels."""
+    width: int
+    channels: int
+    """1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
+    dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
+    depth_sense: DepthSense = "lenses"
+
+    @property
+    def sample(self) -> Pixels:
+        """A black pixel of the views' type, `(1, 1, C)`."""
+        return np.zeros((1, 1, self.channels), self.dtype)
 
 
 class Writer(ABC):
@@ -26,8 +52,8 @@ class Writer(ABC):
     """
 
     @abstractmethod
-    def begin(self, count: int, sample: Pixels) -> None:
-        """Prepares for `count` views with the channels and the depth of `sample`, `(1, 1, C)`, before any is made.
+    def begin(self, contents: Contents) -> None:
+        """Prepares for `contents`, before any view is made.
 
         Raises `InvalidOption` where the format can't hold them.
         """
@@ -58,7 +84,7 @@ class MemoryWriter(Writer):
     def __init__(self) -> None:
         self.views: dict[View, Pixels] = {}
 
-    def begin(self, count: int, sample: Pixels) -> None:
+    def begin(self, contents: Contents) -> None:
         """Any views can be kept."""
 
     def write(self, view: View, pixels: Pixels) -> str:

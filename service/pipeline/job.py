@@ -14,17 +14,16 @@ from ciir.renderer.scene import Scene
 from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import parse_views
 from ciir.service.pipeline.limits import check_view_count
-from ciir.service.pipeline.options import AUTO, NO_MODEL, Options
+from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import LightField
+    from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.view_order import OrderEstimate
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling, Strategy
 
 LENSES, PIXELS = (100, 100), (15, 15)
 """The lens array in front of a mesh where the options don't give one."""
-_MESH_ONLY = ("backend", "sampling", "background", "neighbour_time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +70,11 @@ class Job:
     def samples(self) -> int:
         """A mesh's samples along each side of a lens's cell; 1 for a light field."""
         return LENSLET_SAMPLES if self.sampling == "lenslet" else 1
+
+    @property
+    def depth_sense(self) -> DepthSense:
+        """How views move with depth; those of a mesh are a lens array's."""
+        return "lenses" if isinstance(self.content, Scene) else self.content.depth_sense
 
     @cached_property
     def is_transparent(self) -> bool:
@@ -142,7 +146,7 @@ def _check_kind(name: str, content: Scene | LightField, options: Options) -> Non
         if options.order != "auto":
             raise InvalidOption(f"order: this is for pictures and {name} is a mesh; leave it out")
         return
-    for option in _MESH_ONLY:
+    for option in MESH:
         if getattr(options, option) != getattr(Options, option):
             raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
     if options.strategy == "direct":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.writer import Contents
 from ciir.service.pipeline.job import Job, resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples, check_size
 from ciir.service.pipeline.options import NO_MODEL
@@ -70,7 +71,7 @@ def reconstruct(
     if plan.model != NO_MODEL:
         with clock.stage("upscale"):  # the first call in a process reads the network
             upscale = load_upscaler(plan, job.grid, skip=job.skip, statistics=statistics)
-    writer.begin(len(job.wanted), views.sample)
+    writer.begin(_describe_contents(job, plan, views.sample))
     if progress is not None:
         progress(0, len(job.wanted))
     views.open()
@@ -205,8 +206,22 @@ def _upscale(
             yield batch.wanted, pictures, share
 
 
+def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
+    """What a writer gets: views like `sample`, `(1, 1, C)`."""
+    rows, cols = job.lenses
+    return Contents(
+        views=job.wanted,
+        grid=job.grid,
+        height=rows * plan.scale,
+        width=cols * plan.scale,
+        channels=sample.shape[2],
+        dtype=sample.dtype,
+        depth_sense=job.depth_sense,
+    )
+
+
 def _describe_array(job: Job) -> Report:
     """The report's `lens_array`; pitch and delta are null where nothing is known of them."""
     rows, cols, pixels_v, pixels_u = *job.lenses, *job.grid
     counts = {"rows": rows, "cols": cols, "pitch": job.pitch, "pixels_v": pixels_v, "pixels_u": pixels_u}
-    return counts | {"delta": job.delta}
+    return counts | {"delta": job.delta, "depth_sense": job.depth_sense}

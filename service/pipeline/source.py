@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scene import Scene
 from ciir.service.pipeline.limits import read_limits
@@ -66,9 +67,8 @@ class Input:
             return load_scene(self._source)
         from ciir.renderer.readers import inputs
 
-        content = inputs.read(
-            self._source, lenses=options.lenses, pixels=options.pixels, pickup=options.pickup, order=options.order
-        )
+        layout = Layout(lenses=options.lenses, pixels=options.pixels, pickup=options.pickup, order=options.order)
+        content = inputs.read(self._source, layout)
         if self._source.main is None and not isinstance(content, Scene):
             self._check_views(content, options)
         return content

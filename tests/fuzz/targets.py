@@ -22,6 +22,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.writers.formats import FileWriter
@@ -107,23 +108,19 @@ def mesh(kind: Format, *beside: str) -> Callable[[bytes], None]:
 
 def archive(data: bytes) -> None:
     """A zip as it comes in."""
-    _check_content(inputs.read(Bundle.from_upload("upload.zip", data, LIMITS), lenses=(1, 1), pixels=None))
+    _check_content(inputs.read(Bundle.from_upload("upload.zip", data, LIMITS), Layout(lenses=(1, 1))))
 
 
 def anything(data: bytes) -> None:
     """A file without a suffix: its kind follows from its content."""
-    _check_content(inputs.read(Bundle.from_upload("upload", data, LIMITS), lenses=(1, 1), pixels=None))
+    _check_content(inputs.read(Bundle.from_upload("upload", data, LIMITS), Layout(lenses=(1, 1))))
 
 
 def view_set(data: bytes) -> None:
     """A set of views: their names, one a line, and their pictures."""
     listed, *contents = parts(data)
     names = listed.decode("latin-1").split("\n")
-    _check_content(
-        inputs.read(
-            Bundle("upload.zip", None, dict(zip(names, contents, strict=False)), LIMITS), lenses=None, pixels=None
-        )
-    )
+    _check_content(inputs.read(Bundle("upload.zip", None, dict(zip(names, contents, strict=False)), LIMITS)))
 
 
 _EIA = encode_png(seeds.noise(24, 36, 3))

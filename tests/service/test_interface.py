@@ -66,7 +66,7 @@ def test_a_result_is_saved(tmp_path, name):
         saved = decode((tmp_path / name).read_bytes(), name=name)
         np.testing.assert_array_equal(saved, result.views[1, 2])
     else:
-        saved = inputs.read(Bundle.from_path(tmp_path / name), lenses=None, pixels=None)
+        saved = inputs.read(Bundle.from_path(tmp_path / name))
         assert all(np.array_equal(saved.view(v, u), picture) for (v, u), picture in result.views.items())
 
 

@@ -29,7 +29,7 @@ def place_scene(name: str, array: LensArray = ARRAY) -> Scene:
     if name in SCENES:
         found = load_scene(name)
     elif SHARED.is_dir():
-        found = read(Bundle.from_path(SHARED / "data" / "meshes" / name), lenses=None, pixels=None)
+        found = read(Bundle.from_path(SHARED / "data" / "meshes" / name))
         assert isinstance(found, Scene)
     else:
         pytest.skip("needs ../shared")

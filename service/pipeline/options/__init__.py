@@ -1,19 +1,9 @@
 """Options and kinds of jobs: one table each, for the command line, HTTP and Python."""
 
 from ciir.service.pipeline.options.kinds import KINDS, Kind, KindName
-from ciir.service.pipeline.options.options import (
-    AUTO,
-    AUTO_MODEL,
-    MAX_SCALE,
-    NAMES,
-    NO_MODEL,
-    OPTIONS,
-    Backend,
-    Options,
-    Sampling,
-    Strategy,
-    write_texts,
-)
+from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
+from ciir.service.pipeline.options.options import NAMES, OPTIONS, Options, write_texts
+from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, Strategy
 from ciir.service.pipeline.options.values import read_pair
 
 __all__ = [
@@ -21,6 +11,7 @@ __all__ = [
     "AUTO_MODEL",
     "KINDS",
     "MAX_SCALE",
+    "MESH",
     "NAMES",
     "NO_MODEL",
     "OPTIONS",

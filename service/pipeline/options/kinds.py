@@ -10,7 +10,8 @@ from ciir.models import catalogue
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.formats import FORMATS
-from ciir.service.pipeline.options.options import AUTO, NAMES, NO_MODEL, describe
+from ciir.service.pipeline.options.options import NAMES, describe
+from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
 
 from ciir.models.cards import Card  # noqa: TC001 - pydantic evaluates the annotations
+from ciir.renderer.light_field import DepthSense  # noqa: TC001
 from ciir.service.jobs.job import State  # noqa: TC001
 from ciir.service.pipeline.options import KindName  # noqa: TC001
 
@@ -104,6 +105,9 @@ class LensArray(TypedDict):
     pixels_u: int
     delta: float | None
     """Tangent from one pixel under a lens to the next."""
+    depth_sense: DepthSense
+    """`lenses`: what is farther moves further to the left from one view to the next on the right; `cameras`: what is
+    nearer does."""
 
 
 @_described

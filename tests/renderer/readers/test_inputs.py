@@ -9,6 +9,7 @@ from ciir.renderer import view_order
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
@@ -22,8 +23,7 @@ PNG = encode_png(EIA)
 
 
 def read(files: dict[str, bytes], main: str | None = None, **options: object) -> Scene | LightField:
-    arguments = {"lenses": None, "pixels": None} | options
-    return inputs.read(Bundle(main or "set", main, files), **arguments)  # type: ignore[arg-type]
+    return inputs.read(Bundle(main or "set", main, files), Layout(**options))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("options", [{"lenses": (3, 2)}, {"pixels": (2, 4)}, {"lenses": (3, 2), "pixels": (2, 4)}])
@@ -77,7 +77,7 @@ def test_two_meshes() -> None:
 def test_neither_mesh_nor_pictures() -> None:
     with pytest.raises(Unreadable, match="neither a mesh nor pictures"):
         read({"a.txt": b"x"})
-    with pytest.raises(UnsupportedType, match="ZIP is neither"):
+    with pytest.raises(UnsupportedType, match="ZIP holds no mesh"):
         read({"a.zip": b"PK\5\6"}, "a.zip")
 
 
@@ -101,7 +101,7 @@ def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
     path = SHARED / "data" / "meshes" / folder
     packed = make_zip({f"top/{file.name}": file.read_bytes() for file in path.iterdir()})
     for bundle in (Bundle.from_path(path), Bundle.from_upload("a.zip", packed)):
-        scene = inputs.read(bundle, lenses=None, pixels=None)
+        scene = inputs.read(bundle)
         assert scene.notes == ()
         assert [part.texture is not None for part in scene.parts] == [True]
 

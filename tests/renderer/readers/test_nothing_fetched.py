@@ -69,7 +69,7 @@ def files(address):
 
 def read(main, given):
     try:
-        return inputs.read(Bundle(main, main, given), lenses=None, pixels=None).notes
+        return inputs.read(Bundle(main, main, given)).notes
     except InputError as error:
         return (str(error),)
 

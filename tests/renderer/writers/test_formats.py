@@ -9,15 +9,19 @@ from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import FileWriter
-from ciir.renderer.writers.writer import file_name
+from ciir.renderer.writers.writer import Contents, file_name
 from tests.support.inputs import EIA, make_picture
 
 VIEWS = [(0, 1), (14, 0), (100, 7)]
 
 
+def describe(views, picture):
+    return Contents(tuple(views), (101, 15), *picture.shape, picture.dtype)
+
+
 def fill(writer, dtype=np.uint8):
     pictures = [make_picture(5, 7, 3, dtype, seed) for seed in range(len(VIEWS))]
-    writer.begin(len(VIEWS), pictures[0][:1, :1])
+    writer.begin(describe(VIEWS, pictures[0]))
     names = [writer.write(view, picture) for view, picture in zip(VIEWS, pictures, strict=True)]
     writer.finish({"answer": 42, "notes": []})
     assert names == [file_name(view) for view in VIEWS]
@@ -39,7 +43,7 @@ def test_folder(tmp_path):
 
 def test_a_folder_that_is_not_finished_leaves_nothing(tmp_path):
     with FolderWriter(tmp_path / "out") as writer:
-        writer.begin(1, EIA[:1, :1])
+        writer.begin(describe([(0, 0)], EIA))
         writer.write((0, 0), EIA)
         assert len(list(tmp_path.iterdir())) == 1
     assert list(tmp_path.iterdir()) == []
@@ -71,8 +75,8 @@ def test_png_holds_one_view():
     file = io.BytesIO()
     writer = FileWriter(file, "png")
     with pytest.raises(InvalidOption, match=r"png.*3"):
-        writer.begin(3, EIA[:1, :1])
-    writer.begin(1, EIA[:1, :1])
+        writer.begin(describe(VIEWS, EIA))
+    writer.begin(describe([(0, 0)], EIA))
     writer.write((0, 0), EIA)
     writer.finish({})
     assert np.array_equal(decode(file.getvalue(), name="x"), EIA)
@@ -81,7 +85,7 @@ def test_png_holds_one_view():
 @pytest.mark.parametrize(("count", "chosen"), [(1, "png"), (2, "zip")])
 def test_format_follows_the_count(count, chosen):
     writer = FileWriter(io.BytesIO(), None)
-    writer.begin(count, np.zeros((1, 1, 3), np.uint8))
+    writer.begin(describe(VIEWS[:count], EIA))
     assert writer.format.name == chosen
 
 

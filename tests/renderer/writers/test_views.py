@@ -5,6 +5,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
 
 
 def light_field(channels=3, dtype=np.uint8):
@@ -14,7 +15,7 @@ def light_field(channels=3, dtype=np.uint8):
 
 def read(path, **options):
     options = {"lenses": None, "pixels": None} | options
-    return inputs.read(Bundle.from_path(path), **options)
+    return inputs.read(Bundle.from_path(path), Layout(**options))
 
 
 @pytest.mark.parametrize("name", ["eia.png", "eia.TIF"])

@@ -32,9 +32,8 @@ class Recorder(MemoryWriter):
     begun = None
     report = None
 
-    def begin(self, count, sample):
-        assert sample.shape[:2] == (1, 1)
-        self.begun = count
+    def begin(self, contents):
+        self.begun = contents
 
     def finish(self, report):
         self.report = report
@@ -44,7 +43,11 @@ def run(source, **options):
     writer = Recorder()
     report = reconstruct(source, Options(**options), writer)
     assert writer.report == report
-    assert writer.begun == len(writer.views) == len(report["views"])
+    assert len(writer.views) == len(report["views"])
+    assert writer.begun.views == tuple(writer.views)
+    for picture in writer.views.values():
+        assert picture.shape == (writer.begun.height, writer.begun.width, writer.begun.channels)
+        assert picture.dtype == writer.begun.dtype
     json.dumps(report, allow_nan=False)
     return writer.views, report
 
@@ -73,7 +76,9 @@ def test_without_a_model_views_are_the_eia_bit_for_bit(channels, dtype):
         "name": "eia.png", "kind": "png", "bytes": len(encode_png(eia)), "files": 1,
         "height": 24, "width": 36, "channels": channels, "bits": dtype().itemsize * 8,
     }  # fmt: skip
-    assert report["lens_array"] == {"rows": 6, "cols": 9, "pitch": None, "pixels_v": 4, "pixels_u": 4, "delta": None}
+    assert report["lens_array"] == {
+        "rows": 6, "cols": 9, "pitch": None, "pixels_v": 4, "pixels_u": 4, "delta": None, "depth_sense": "lenses",
+    }  # fmt: skip
     assert report["scene_transform"] is None
     assert report["model"] is None
     assert set(report["timings_ms"]) == {"decode", "plan", "map", "encode", "total"}
@@ -138,7 +143,7 @@ def test_a_mesh_with_no_option(cube):
 def test_a_mesh_rendered_by_hand_through_the_reported_transform(cube):
     views, report = run(cube, views="all", model="none", background=(9, 8, 7), **SMALL)
     options = Options(**SMALL)
-    scene = read(cube, lenses=None, pixels=None)
+    scene = read(cube)
     array = resolve_array(options)
     matrix = np.array(report["scene_transform"])
     assert np.array_equal(matrix, frame_scene(scene, array))
@@ -209,7 +214,7 @@ def test_elemental_wants_a_mesh():
 def test_direct_is_the_area_average_of_a_finer_array(cube):
     views, report = run(cube, views="0,1", strategy="direct", scale=2, **SMALL)
     array = resolve_array(Options(**SMALL))
-    scene = read(cube, lenses=None, pixels=None)
+    scene = read(cube)
     backend, _ = open_backend("raytrace")
     placed = scene.transform(frame_scene(scene, array))
     (expected,) = backend.render_views(placed, array.refine(2), [(0, 1)], samples=4)
@@ -291,7 +296,7 @@ def test_limit_on_all_pixels_together():
 def test_knights_as_a_folder_and_as_an_eia():
     folder = Bundle.from_path(SHARED / "data/lightfields/knights")
     from_folder, report = run(folder, views="cross", model="none")
-    middle = LightField(read(folder, lenses=None, pixels=None).views[:, :, 96:160, 96:160])  # what is quick to encode
+    middle = LightField(read(folder).views[:, :, 96:160, 96:160])  # what is quick to encode
     from_eia, _ = run(eia_bundle(middle.eia()), lenses=(64, 64), views="cross", model="none")
     assert report["lens_array"]["pixels_v"] == report["lens_array"]["pixels_u"] == 17
     assert from_folder.keys() == from_eia.keys()

@@ -38,7 +38,7 @@ def read_views(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[
         raise ValueError(f"{folder}: no such folder; name a folder of pictures, one for each view")
     bundle = Bundle.from_path(folder)
     try:
-        field = inputs.read(bundle, lenses=None, pixels=None)
+        field = inputs.read(bundle)
     except InputError as error:
         message = str(error).removeprefix(f"{bundle.name}: ")
         problem, _, remedy = message.rpartition("; ")

@@ -1,0 +1,21 @@
+"""How a light field lies in its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ciir.renderer.light_field import OrderCheck, Pickup
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a light field lies in its file, as far as that is given. A reader uses what its format leaves open."""
+
+    lenses: tuple[int, int] | None = None
+    """Rows and columns of lenses: the pixels of a view."""
+    pixels: tuple[int, int] | None = None
+    """Rows and columns of pixels under a lens: the number of views."""
+    pickup: Pickup = "virtual"
+    order: OrderCheck = "auto"
