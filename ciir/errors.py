@@ -23,6 +23,7 @@
     │   ├── QueueUnavailable     the queue can't be reached, or its disk is full
     │   ├── ResultExpired        the result was kept for as long as it may be, and removed
     │   ├── WorkerDied           the worker process ended in the middle of its work
+    │   │   └── TimedOut         it was ended, as the work took all the time that a job has
     │   └── Cancelled            the work was stopped because it is not wanted any more
     ├── NotReady                 the server is still loading its models, or it is stopping
     └── ServiceError             a server's answer can't be used (`ciir.service.client`)
@@ -127,6 +128,10 @@ class ResultExpired(JobError, LookupError):  # noqa: N818
 
 class WorkerDied(JobError):  # noqa: N818
     """The worker process was killed, or crashed, in the middle of its work."""
+
+
+class TimedOut(WorkerDied):
+    """The worker process was ended in the middle of its work, on which it had spent all the time that a job has."""
 
 
 class Cancelled(JobError):  # noqa: N818

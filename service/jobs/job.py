@@ -82,7 +82,9 @@ class Job:
     attempts: int = 0
     """Runs that were started."""
     worker_deaths: int = 0
-    """Worker processes that died during a run."""
+    """Worker processes that died during a run, or were ended in it."""
+    has_timed_out: bool = False
+    """Whether one of them was ended as it took all the time that a job has."""
     lane: Lane = "small"
     """The queue that it waits in (`service.jobs.lanes`)."""
     input: str = ""

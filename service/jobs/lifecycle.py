@@ -75,10 +75,11 @@ class Lifecycle:
         """Puts the job of a run that was stopped back into the queue, in `lane`."""
         self._retry(run, None, lane=lane)
 
-    def retry_after_worker_death(self, run: Job) -> None:
-        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`."""
-        deaths = run.worker_deaths + 1
-        self._retry(run, WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None, worker_deaths=deaths)
+    def retry_after_worker_death(self, run: Job, *, timed_out: bool = False) -> None:
+        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`. `timed_out`: whether that ended the worker."""
+        deaths, timed_out = run.worker_deaths + 1, run.has_timed_out or timed_out
+        problem = WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None
+        self._retry(run, problem, worker_deaths=deaths, has_timed_out=timed_out)
 
     def retry_after_consumer_death(self, run: Job) -> None:
         """Queues the job again, or fails it after `ATTEMPT_LIMIT`; removes the run's files."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
+from ciir.errors import Cancelled, QueueUnavailable, TimedOut, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
 from ciir.service.jobs.lanes import SMALL_SECONDS, order_lanes
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
@@ -131,7 +131,7 @@ class Consumer:
         job = run.job
         try:
             with self._jobs.files.open_run(job.input, job.output, job.content) as files:
-                task = Task(job.id, job.request, files.source, files.target, is_repeated=job.worker_deaths > 0)
+                task = Task(job.id, job.request, files.source, files.target, has_timed_out=job.has_timed_out)
                 progress = partial(run.update_progress, self._jobs)
                 outcome = self._pool.run(task, begun=run.begin, progress=progress, cancelled=run.cancelled)
                 if isinstance(outcome, Result):
@@ -163,7 +163,7 @@ class Consumer:
                 if not self._jobs.lifecycle.finish(job, outcome):
                     _log.info("job %s: was cancelled, or taken over by another consumer", job.id)
             elif isinstance(outcome, WorkerDied):
-                self._jobs.lifecycle.retry_after_worker_death(job)
+                self._jobs.lifecycle.retry_after_worker_death(job, timed_out=isinstance(outcome, TimedOut))
             else:  # changes nothing if the job was cancelled
                 self._jobs.lifecycle.requeue(job, "large" if run.is_moved else job.lane)
         except QueueUnavailable:

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING, Any
 
-from ciir.errors import Cancelled, WorkerDied
+from ciir.errors import Cancelled, TimedOut, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem
 from ciir.service.jobs.workers.messages import Done, Failed, Progress, Ready, Started, quote
 from ciir.service.jobs.workers.sandbox import landlock
@@ -33,9 +33,9 @@ TICK_SECONDS = 0.05
 START_SECONDS = 60.0
 """A worker that is not ready so long after its start is ended, and another one is started."""
 WORKING_SHARE = 0.5
-"""A task that had less processor time than this share of `job_seconds` is not refused: it was the machine's fault."""
+"""A task that had less processor time than this share of `job_seconds` did not time out: the machine was overloaded."""
 _ATTEMPTS = 3
-"""Workers that are tried for one task, where each dies before it receives the task."""
+"""Workers that are tried for one task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
 _NOT_RESTRICTED = "a worker process is not fully restricted: %s"
@@ -56,6 +56,10 @@ class _Run:
 
 class _NotReceivedError(Exception):
     """The worker died before it received the task."""
+
+
+class _MemoryTakenError(Exception):
+    """The worker lacked memory, of which its earlier tasks may have taken some."""
 
 
 class Pool:
@@ -110,27 +114,31 @@ class Pool:
         the data of each progress event. A task over `job_seconds` is stopped and gives a `Problem`; an unexpected
         exception gives `INTERNAL_ERROR` and is logged.
 
-        Raises `WorkerDied`, also for the first time that a task is over `job_seconds`, and for a later one with
-        less processor time than `WORKING_SHARE` of that;
-        `Cancelled` when `cancelled` is set or the pool is closed; `OSError` for the task's files.
+        Raises `WorkerDied`, also for a task that is stopped with less processor time than `WORKING_SHARE` of
+        `job_seconds`; `TimedOut` for one with more, unless it has timed out before; `Cancelled` when `cancelled` is set
+        or the pool is closed; `OSError` for the task's files.
         """
         self.start()
-        with task.source.open("rb") as source, TemporaryFile(dir=task.target.parent) as target:
-            run = _Run(task, source, target, begun, progress, cancelled)
-            for _ in range(_ATTEMPTS):
-                worker = self._take_worker(cancelled)
+        needs_new = False
+        for _ in range(_ATTEMPTS):
+            with task.source.open("rb") as source, TemporaryFile(dir=task.target.parent) as target:
+                worker = self._take_worker(cancelled, is_new=needs_new)
                 try:
-                    return self._run_in(worker, run)
+                    return self._run_in(worker, _Run(task, source, target, begun, progress, cancelled))
                 except _NotReceivedError as error:
                     worker.end()
                     text = "worker process %d died before it received its task (%s); another one runs it"
                     _log.warning(text, worker.pid, error)
+                except _MemoryTakenError:
+                    needs_new = True
+                    text = "job %s: worker process %d lacked memory after %d other tasks; a new one runs it"
+                    _log.warning(text, task.id, worker.pid, worker.tasks)
                 except BaseException:
                     worker.end()
                     raise
                 finally:
                     self._return_worker(worker)
-        raise WorkerDied(f"{_ATTEMPTS} worker processes in a row died before they received the task")
+        raise WorkerDied(f"{_ATTEMPTS} worker processes in a row did not run the task")
 
     def close(self) -> None:
         """Ends all workers; `run` raises `Cancelled` from now on."""
@@ -138,11 +146,14 @@ class Pool:
         for keeper in self._keepers:
             keeper.join()
 
-    def _take_worker(self, cancelled: threading.Event) -> Worker:
+    def _take_worker(self, cancelled: threading.Event, *, is_new: bool) -> Worker:
+        """Waits for an idle worker. `is_new`: for one that has run no task; others are ended, for new ones to start."""
         while not (cancelled.is_set() or self._closed.is_set()):
             with suppress(queue.Empty):
                 worker = self._idle.get(timeout=TICK_SECONDS)
-                if worker.is_alive():
+                if is_new and worker.tasks:
+                    worker.end()
+                elif worker.is_alive():
                     return worker
         raise Cancelled
 
@@ -154,7 +165,7 @@ class Pool:
             self._idle.put(worker)
 
     def _run_in(self, worker: Worker, run: _Run) -> Outcome:
-        """As `run`, in a given worker; raises `_NotReceivedError` if it died before it received the task."""
+        """As `run`, in a given worker. Raises `_NotReceivedError` or `_MemoryTakenError`: another one must run it."""
         deadline = time.monotonic() + self._seconds
         worked_before = worker.read_cpu_seconds()
         is_received = False
@@ -174,10 +185,12 @@ class Pool:
                 if time.monotonic() > deadline:
                     worked = worker.read_cpu_seconds() - worked_before
                     worker.end()
-                    if worked < WORKING_SHARE * self._seconds or not run.task.is_repeated:
-                        time_used = f"{worked:.1f} s of processor time in {self._seconds:g} s"
-                        raise WorkerDied(f"was not done after {time_used}: the machine may have been overloaded")
-                    return _time_problem(f"not done after {self._seconds:g} s")
+                    text = f"was not done after {worked:.1f} s of processor time in {self._seconds:g} s"
+                    if worked < WORKING_SHARE * self._seconds:
+                        raise WorkerDied(f"{text}: the machine was overloaded")
+                    if not run.task.has_timed_out:
+                        raise TimedOut(text)
+                    return _time_problem(f"not done after {self._seconds:g} s, twice")
         except WorkerExitedError as error:
             if self._is_cancelled(run):
                 raise Cancelled from error
@@ -199,6 +212,8 @@ class Pool:
         if isinstance(last, Done):
             if last.is_out_of_memory:
                 worker.end()
+                if worker.tasks:
+                    raise _MemoryTakenError
             wanted = run.task.request.format
             if isinstance(last.outcome, Problem):
                 return last.outcome

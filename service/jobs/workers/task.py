@@ -73,8 +73,8 @@ class Task:
     """The input."""
     target: Path
     """Where to write the result. Unless the outcome is a `Result`, the file may be incomplete or missing."""
-    is_repeated: bool = False
-    """Whether a worker process was ended under the job before."""
+    has_timed_out: bool = False
+    """Whether an earlier run of the job did."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """A worker process without warm-up, which a test makes fail through its environment."""
 
 import json
+import mmap
 import os
 import sys
 import time
@@ -18,6 +19,16 @@ for _ in range(int(os.environ.get("PYTHON_WRITE", "0"))):
     print("\x1b[2J" + 500 * "x" + "\rERROR ciir: a forged line", flush=True)
 if "PYTHON_FAIL" in os.environ:
     task.write_result = fail
+if "PYTHON_KEEP" in os.environ:
+    work, kept = task.write_result, []
+
+    def keep_memory(*arguments):
+        """Does the work, and keeps so many bytes of address space from then on."""
+        result = work(*arguments)
+        kept.append(mmap.mmap(-1, int(os.environ["PYTHON_KEEP"])))
+        return result
+
+    task.write_result = keep_memory
 if "PYTHON_SEND" in os.environ:
     send = process.Channel.send
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ciir.errors import Cancelled, WorkerDied
+from ciir.errors import Cancelled, TimedOut, WorkerDied
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
@@ -162,9 +162,9 @@ def test_an_error_in_a_request_is_a_problem(open_pool, make_task, options, statu
 def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task, monkeypatch):
     monkeypatch.setattr(module, "WORKING_SHARE", 0.0)  # other processes may keep this machine busy
     pool = open_pool(job_seconds=0.5)
-    with pytest.raises(WorkerDied, match=r"not done after"):  # the machine may have been busy
+    with pytest.raises(TimedOut, match=r"not done after"):
         run(pool, make_task(LONG))
-    problem = run(pool, replace(make_task(LONG), is_repeated=True))
+    problem = run(pool, replace(make_task(LONG), has_timed_out=True))
     assert (problem.status, problem.title) == (422, "Takes too long")
     assert "0.5 s" in problem.detail
     pool._seconds = 60
@@ -173,8 +173,11 @@ def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task, monkeypatch
 
 def test_a_machine_that_stood_still_fails_no_task(open_pool, make_task):
     pool = open_pool(job_seconds=1.0)
-    with pytest.raises(WorkerDied, match=r"after 0\.\d s of processor time in 1 s"):
-        run(pool, replace(make_task(LONG), is_repeated=True), begun=lambda pid: os.kill(pid, signal.SIGSTOP))
+    for has_timed_out in (False, True):
+        task = replace(make_task(LONG), has_timed_out=has_timed_out)
+        with pytest.raises(WorkerDied, match=r"after 0\.\d s of processor time in 1 s") as died:
+            run(pool, task, begun=lambda pid: os.kill(pid, signal.SIGSTOP))
+        assert died.type is WorkerDied
     pool._seconds = 60
     assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
 
@@ -242,12 +245,32 @@ def test_memory_is_limited(open_pool, make_task, tmp_path):
     (tmp_path / "input").write_bytes(encode_png(np.zeros((6000, 6000, 4), np.uint8)))  # some 100 KB
     pool = open_pool()
     pool._limits = replace(pool._limits, memory=2**29)  # less than the setting allows: full sooner
-    problem = run(pool, make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png"))
+    pids = []
+    problem = run(pool, make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png"), begun=pids.append)
     assert isinstance(problem, Problem)
+    assert len(pids) == 1  # in a new process it stands at once
     assert (problem.status, problem.title) == (413, "Over a limit")
     assert "memory" in problem.detail
     assert not pool.is_ready()  # the process is replaced
     wait_until(pool.is_ready)
+
+
+def test_memory_that_earlier_tasks_took_fails_no_task(open_pool, make_task, tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("PYTHON_KEEP", str(3 * 2**29))
+    (tmp_path / "input").write_bytes(encode_png(np.zeros((6000, 6000, 4), np.uint8)))
+    pool, pids = open_pool(workers=2), []
+    pool._limits = replace(pool._limits, memory=2**31)
+    large = make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png")
+    small = replace(make_task({"lenses": "30x30", "model": "none"}, name="upload.png"), source=tmp_path / "small")
+    small.source.write_bytes(encode_png(np.zeros((60, 60, 3), np.uint8)))
+    wait_until(lambda: pool.is_ready() and pool.count_ready() == 2)
+    for task in (small, small, large):
+        assert isinstance(run(pool, task, begun=pids.append), Result)
+    first, second, used, new = pids
+    assert first != second
+    assert used in (first, second)
+    assert new not in (first, second)
+    assert "lacked memory after 1 other tasks; a new one runs it" in caplog.text
 
 
 def test_the_results_size_is_limited(open_pool, make_task):
