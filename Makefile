@@ -74,7 +74,7 @@ COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate -
 	--no-emit-trusted-host --unsafe-package pyglet
 WINDOW := --unsafe-package imageio
 lock: $(VENV)/.dev
-	@$(COMPILE) --extra bench,dev,redis,s3,service,telemetry -o requirements/dev.txt pyproject.toml
+	@$(COMPILE) --extra basisu,bench,dev,redis,s3,service,telemetry -o requirements/dev.txt pyproject.toml
 	@$(COMPILE) $(WINDOW) -c requirements/dev.txt -o requirements/core.txt pyproject.toml
 	@$(COMPILE) $(WINDOW) --extra redis,s3,service -c requirements/dev.txt -o requirements/service.txt pyproject.toml
 	@$(COMPILE) --extra training -c requirements/dev.txt -o requirements/training.txt pyproject.toml

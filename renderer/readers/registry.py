@@ -128,6 +128,8 @@ FORMATS: tuple[Format, ...] = (
         signatures=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),  # the last two: BigTIFF
         reader="tiff:decode",
     ),
+    PictureFormat(name="WebP", suffixes=(".webp",), signatures=(b"RIFF",), reader="webp:decode"),
+    PictureFormat(name="KTX2", suffixes=(".ktx2",), signatures=(b"\xabKTX 20\xbb\r\n\x1a\n",), reader="ktx2:decode"),
     ZIP,
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )

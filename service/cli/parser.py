@@ -107,7 +107,9 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("upscale", "upscale any picture, or a folder of pictures")
-    command.add_argument("input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF or JPEG; 8 or 16 bit; grey, RGB, alpha")
+    command.add_argument(
+        "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG or WebP; 8 or 16 bit; grey, RGB, alpha"
+    )
     command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
     _add_options(command, KINDS["upscale"].options, "upscale")
     command.add_argument("--report", metavar="FILE", help=report)

@@ -10,27 +10,37 @@ import base64
 import json
 import struct
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.readers.meshes.gltf import meshopt
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
 DECODED = {
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 }
 """Extensions that are decoded here."""
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
+_VIEW_INDEPENDENT = {"KHR_animation_pointer", "KHR_lights_punctual"}
 ELEMENTS = 15
 """Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
 texture coordinates and indices of the largest. An accessor without data adds none to the file's size."""
+ELEMENT_BYTES = 16
+"""Bytes of an element as `ELEMENTS` counts them in buffer views that are decompressed."""
 
 
 @dataclass(eq=False)
@@ -49,6 +59,8 @@ class Document:
     """Buffers that were read, by index."""
     elements: int = 0
     """Elements in all accessors that were read."""
+    unpacked: dict[int, memoryview] = field(default_factory=dict)
+    """Buffer views that were decompressed, by index."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""
@@ -87,13 +99,40 @@ class Document:
         return data
 
     def view(self, index: object) -> memoryview:
-        """The bytes of a buffer view."""
+        """The bytes of a buffer view, decompressed."""
         entry = self.item("bufferViews", index)
-        data = self.buffer(entry["buffer"])
-        start, length = int(entry.get("byteOffset", 0)), int(entry["byteLength"])
+        extensions = entry.get("extensions", {})
+        packed = next((extensions[name] for name in meshopt.NAMES if name in extensions), None)
+        stored = entry if packed is None else packed
+        data = self.buffer(stored["buffer"])
+        start, length = int(stored.get("byteOffset", 0)), int(stored["byteLength"])
         if start < 0 or length < 0 or start + length > len(data):
             raise Unreadable(f"{self.name}: buffer view {index} ends beyond its buffer; export it again")
-        return memoryview(data)[start : start + length]
+        found = memoryview(data)[start : start + length]
+        if packed is None:
+            return found
+        number = int(str(index))
+        if number not in self.unpacked:
+            self.unpacked[number] = self._unpack(found, packed, number)
+        return self.unpacked[number]
+
+    def _unpack(self, data: memoryview, packed: dict[str, Any], index: int) -> memoryview:
+        """A buffer view of `meshopt.NAMES`. Raises `Unreadable`, or `TooLarge` before anything is allocated."""
+        count, stride = int(packed["count"]), int(packed["byteStride"])
+        size = count * stride
+        most = ELEMENT_BYTES * self.max_elements
+        if sum(len(view) for view in self.unpacked.values()) + size > most:
+            raise TooLarge(
+                f"{self.name}: with buffer view {index} those that are compressed unpack to over {most:,} bytes; "
+                "decimate the mesh",
+                "triangles",
+            )
+        mode, filter_ = str(packed["mode"]), str(packed.get("filter", "NONE"))
+        try:
+            values = meshopt.decode(bytes(data), count=count, stride=stride, mode=mode, filter_=filter_)
+        except Exception as error:
+            raise Unreadable(f"{self.name}: buffer view {index} has corrupt meshopt data; export it again") from error
+        return memoryview(values.tobytes())
 
     def image(self, entry: dict[str, Any]) -> bytes | None:
         """The bytes of an entry of `images`; None with a note where its file is missing."""
@@ -119,8 +158,9 @@ def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> 
     version = str(document["asset"].get("version"))
     if version.partition(".")[0] != "2":
         raise UnsupportedType(f"{name}: glTF version {clean_text(version)}; version 2.0 is read; export it as glTF 2.0")
-    for extension in document.get("extensionsRequired", []):
-        _check_extension(str(extension), name, resolver)
+    required = [str(extension) for extension in document.get("extensionsRequired", [])]
+    for extension in dict.fromkeys(required + [str(used) for used in document.get("extensionsUsed", [])]):
+        _check_extension(extension, name, resolver, is_required=extension in required)
     return Document(name, document, binary, resolver, ELEMENTS * max_triangles)
 
 
@@ -134,15 +174,24 @@ def _decode_data_uri(uri: str, name: str) -> bytes | None:
     return base64.b64decode(payload)
 
 
-def _check_extension(extension: str, name: str, resolver: Resolver) -> None:
+def _check_extension(extension: str, name: str, resolver: Resolver, *, is_required: bool) -> None:
+    """Adds a note of an extension without effect here; raises `UnsupportedType` for one that is needed."""
     if extension in DECODED:
+        if extension == "KHR_texture_basisu" and is_required and find_spec("opengl_basisu") is None:
+            raise UnsupportedType(
+                f"{name}: requires {extension}, which opengl-basisu decodes; run pip install 'ciir[basisu]', or "
+                "export it with PNG, JPEG or WebP textures"
+            )
         return
-    if extension.startswith("KHR_materials_") or extension in {"KHR_lights_punctual", "KHR_animation_pointer"}:
-        resolver.add_note(f"{clean_text(extension)} has no effect on a view-independent picture and is ignored")
-        return
-    raise UnsupportedType(
-        f"{name}: requires the extension {clean_text(extension)}, which is not decoded here; export it again without it"
-    )
+    named = clean_text(extension)
+    if extension.startswith("KHR_materials_") or extension in _VIEW_INDEPENDENT:
+        resolver.add_note(f"{named} has no effect on a view-independent picture and is ignored")
+    elif is_required:
+        raise UnsupportedType(
+            f"{name}: requires the extension {named}, which is not decoded here; export it again without it"
+        )
+    else:
+        resolver.add_note(f"the extension {named} is not decoded here: what it adds is left out")
 
 
 def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:

@@ -63,21 +63,29 @@ class Material:
     def _read(self) -> Texture | None:
         document = self._document
         entry = document.item("textures", self._texture["index"])
-        if "source" not in entry:
-            document.resolver.add_note("a texture that is neither PNG nor JPEG is left out; export it as one of them")
+        source = _find_source(entry)
+        if source is None:
+            document.resolver.add_note("a texture that is no PNG, JPEG, WebP or KTX2 is left out; export it as one")
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
-        image = document.item("images", entry["source"])
+        image = document.item("images", source)
         uri = image.get("uri", "")
         embedded = "bufferView" in image or uri.startswith("data:")
         return document.resolver.decode_texture(
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
-            name=f"image {entry['source']}" if embedded else uri,
+            name=f"image {source}" if embedded else uri,
             opaque=self.alpha_cutoff is None,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
         )
+
+
+def _find_source(texture: dict[str, Any]) -> Any:
+    """The number of a texture's image: WebP first, Basis Universal last, since that is lossy and may need a package."""
+    extensions = texture.get("extensions", {})
+    places = extensions.get("EXT_texture_webp", {}), texture, extensions.get("KHR_texture_basisu", {})
+    return next((place["source"] for place in places if "source" in place), None)
 
 
 def _transform_uv(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:

@@ -1,10 +1,12 @@
 import base64
+import io
 import struct
 import sys
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers import pictures
@@ -14,8 +16,10 @@ from ciir.renderer.readers.meshes.gltf.accessors import read_accessor
 from ciir.renderer.readers.meshes.gltf.nodes import local_matrix
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.shading import encode_srgb, shade
-from tests.support.gltf import INDICES, PIXELS, SQUARE, UV, Model
 from tests.support.meshes import FRONT, assert_refused, read_mesh
+from tests.support.meshes.gltf import INDICES, PIXELS, SQUARE, UV, Model
+from tests.support.meshes.ktx2 import UASTC
+from tests.support.paths import SHARED
 
 
 def test_a_square() -> None:
@@ -51,7 +55,7 @@ def test_a_buffer_that_is_not_there_is_named() -> None:
 @pytest.mark.parametrize("name", ["a.png", "../secret.png", "https://example.org/a.png", ""])
 def test_a_texture_that_is_not_there_or_no_picture_is_left_out_with_a_note(name: str) -> None:
     model = Model(TEXCOORD_0=UV).texture()
-    model.json["images"] = [{"uri": name} if name else {"bufferView": model.view(b"RIFF....WEBP")}]
+    model.json["images"] = [{"uri": name} if name else {"bufferView": model.view(b"BM as bitmaps start")}]
     scene = model.read()
     assert scene.parts[0].texture is None
     assert len(scene.notes) == 1
@@ -227,17 +231,57 @@ def test_quantised_positions() -> None:
 
 
 def test_extensions_that_cannot_be_decoded_are_refused_by_name() -> None:
-    for extension in ("EXT_meshopt_compression", "KHR_texture_basisu", "VENDOR_x"):
+    for extension in ("MPEG_media", "VENDOR_x"):
         model = Model()
         model.json["extensionsRequired"] = [extension]
         with pytest.raises(UnsupportedType, match=f"requires the extension {extension}.*export it again without it"):
             model.read()
 
 
-def test_extensions_that_only_change_shine_are_noted() -> None:
+def test_extensions_without_effect_or_unknown_are_noted() -> None:
     model = Model()
     model.json["extensionsRequired"] = ["KHR_materials_clearcoat"]
-    assert "KHR_materials_clearcoat" in model.read().notes[0]
+    model.json["extensionsUsed"] = ["KHR_materials_clearcoat", "KHR_mesh_quantization", "VENDOR_x"]
+    clearcoat, vendor = model.read().notes
+    assert "KHR_materials_clearcoat has no effect" in clearcoat
+    assert "VENDOR_x is not decoded here: what it adds is left out" in vendor
+
+
+@pytest.mark.parametrize("extension", ["EXT_texture_webp", "KHR_texture_basisu"])
+@pytest.mark.parametrize("is_beside_png", [True, False])
+def test_textures_of_extensions(extension: str, is_beside_png: bool) -> None:
+    if extension == "KHR_texture_basisu":
+        pytest.importorskip("opengl_basisu", reason="needs the extra basisu")
+    model = Model(TEXCOORD_0=UV).texture()
+    pixels = np.full((4, 4, 3), 90, np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "WEBP", lossless=True)
+    data = file.getvalue() if extension == "EXT_texture_webp" else UASTC
+    model.json["images"].append({"bufferView": model.view(data)})
+    texture = {"extensions": {extension: {"source": 1}}}
+    model.json["textures"] = [texture | ({"source": 0} if is_beside_png else {})]
+    model.json["extensionsUsed"] = [extension]
+    (part,) = model.read().parts
+    # WebP is as good as a PNG; Basis Universal is lossy.
+    size = (4, 4) if extension == "EXT_texture_webp" else (2, 2) if is_beside_png else (8, 12)
+    assert part.texture.pixels.shape == (*size, 4)
+
+
+def test_basis_textures_that_are_required_need_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gltf, "find_spec", lambda _: None)
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["extensionsUsed"] = ["KHR_texture_basisu"]
+    assert model.read().parts[0].texture is not None
+    model.json["extensionsRequired"] = ["KHR_texture_basisu"]
+    with pytest.raises(UnsupportedType, match=r"opengl-basisu decodes; run pip install 'ciir\[basisu\]', or export"):
+        model.read()
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_a_real_file_with_webp_textures_under_draco() -> None:
+    scene = read_mesh(".glb", (SHARED / "data/meshes/webp-box.glb").read_bytes())
+    assert scene.triangles == 10
+    assert scene.bounds().tolist() == [[-1, -1, -1], [1, 1, 1]]
 
 
 def draco_model() -> Model:
