@@ -71,7 +71,8 @@ def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
                 c = read_index()
             else:
                 c = last = (last + (1 if low == 14 else -1)) & 0xFFFFFFFF
-            new_edges, new_vertices = ((c, b), (a, c)), (c,) if is_new else ()
+            new_edges: tuple[tuple[int, int], ...] = (c, b), (a, c)
+            new_vertices: tuple[int, ...] = (c,) if is_new else ()
         else:
             pair = table[low] if low < 14 else next(extra)
             if low >= 14 and pair == 0:
