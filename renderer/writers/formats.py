@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from ciir.errors import InvalidOption
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
+from ciir.renderer.writers.html import HtmlWriter
 from ciir.renderer.writers.writer import Writer
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ FORMATS = {
         ),
         Format("zip", (".zip",), "application/zip", ZipWriter, True),
         Format("npz", (".npz",), "application/x-npz", NpzWriter, True),
+        Format("html", (".html",), "text/html", HtmlWriter, False),
     )
 }
 """By name."""

@@ -1,0 +1,76 @@
+"""Writes a light field as one HTML file that shows it: a viewer with the views in it, which needs no server."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from importlib.resources import files
+from string import Template
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.views import parse_views
+from ciir.renderer.writers.pictures import encode
+from ciir.renderer.writers.writer import Writer, file_name
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Contents
+
+MOST_VIEWS = 2048
+"""The layers of a WebGL 2 texture that usual graphics processors have; 256 are certain."""
+
+
+class HtmlWriter(Writer):
+    """Writes one page with all views as JPEG of quality 95 and 8 bit; alpha is left out."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._views: dict[View, str] = {}
+
+    def begin(self, contents: Contents) -> None:
+        """Refuses some views of a light field, and more than `MOST_VIEWS`."""
+        if sorted(contents.views) != parse_views("all", *contents.grid):
+            count = len(contents.views)
+            raise InvalidOption(f"format: html holds whole light fields and {count} views are wanted; give views all")
+        if len(contents.views) > MOST_VIEWS:
+            raise InvalidOption(
+                f"format: {len(contents.views)} views; html holds at most {MOST_VIEWS}; give a light field with fewer"
+            )
+        self._contents = contents
+
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Adds a picture."""
+        if pixels.dtype == np.uint16:
+            pixels = (pixels / 257).round().astype(np.uint8)
+        jpeg = encode(pixels[..., : 1 if pixels.shape[2] < 3 else 3], ".jpg")
+        self._views[view] = "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+        return file_name(view)
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Writes the page."""
+        contents = self._contents
+        light_field = {
+            "rows": contents.grid[0],
+            "cols": contents.grid[1],
+            "width": contents.width,
+            "height": contents.height,
+            "depthSense": contents.depth_sense,
+            "views": [self._views[view] for view in sorted(self._views)],
+        }
+        folder = files("ciir.renderer.writers") / "viewer"
+        style, page, viewer, template = (
+            (folder / name).read_text("utf-8") for name in ("viewer.css", "page.js", "viewer.js", "viewer.html")
+        )
+        filled = Template(template).substitute(
+            title=html.escape(str(report.get("input", {}).get("name", "Light field"))),
+            style=style,
+            script=viewer + re.sub(r"(?m)^import .*$", "", page),
+            light_field=json.dumps(light_field),
+        )
+        self._file.write(filled.encode())

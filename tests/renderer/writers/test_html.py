@@ -1,0 +1,82 @@
+import io
+import json
+import re
+import shutil
+import subprocess
+from base64 import b64decode
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.writer import Contents
+
+CHROMIUM = shutil.which("chromium")
+COLOURS = np.array([[[200, 30, 30], [30, 200, 30], [30, 30, 200]], [[200, 200, 30], [30, 200, 200], [200, 30, 200]]])
+"""Of six views, `(2, 3, 3)`."""
+
+
+def make_light_field(dtype=np.uint8, **options):
+    scale = np.iinfo(dtype).max // 255
+    views = np.broadcast_to((COLOURS * scale).astype(dtype)[:, :, None, None], (2, 3, 40, 60, 3))
+    return LightField(np.ascontiguousarray(views), **options)
+
+
+def read_data(page):
+    return json.loads(re.search(r"await start\((.*)\);", page)[1])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_holds_every_view_in_its_place(tmp_path, dtype):
+    make_light_field(dtype, depth_sense="cameras").save(tmp_path / "a.html")
+    found = read_data((tmp_path / "a.html").read_text())
+    pictures = [decode(b64decode(address.split(",")[1]), name="view") for address in found.pop("views")]
+    assert found == {"rows": 2, "cols": 3, "height": 40, "width": 60, "depthSense": "cameras"}
+    for picture, colour in zip(pictures, COLOURS.reshape(6, 3), strict=True):
+        assert picture.shape == (40, 60, 3)
+        assert np.abs(picture.astype(int) - colour).max() <= 2  # JPEG of quality 95 on a plain colour
+
+
+def test_nothing_is_loaded_from_elsewhere(tmp_path):
+    make_light_field().save(tmp_path / "a.html")
+    assert not re.search(r"https?:|src=|href=|^import", (tmp_path / "a.html").read_text(), re.MULTILINE)
+
+
+def test_the_name_of_an_input_is_text():
+    file = io.BytesIO()
+    writer = FileWriter(file, "html")
+    writer.begin(Contents(((0, 0),), (1, 1), 4, 4, 3, np.dtype(np.uint8)))
+    writer.write((0, 0), np.zeros((4, 4, 3), np.uint8))
+    writer.finish({"input": {"name": "</title><script>alert(1)</script>"}})
+    assert b"<script>alert" not in file.getvalue()
+
+
+def test_some_views_are_refused():
+    writer = FileWriter(io.BytesIO(), "html")
+    with pytest.raises(InvalidOption, match=r"whole light fields and 1 views are wanted; give views all"):
+        writer.begin(Contents(((0, 0),), (2, 2), 4, 4, 3, np.dtype(np.uint8)))
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize(
+    ("address", "expected"), [("v=0&u=2", COLOURS[0, 2]), ("v=1&u=0.5", COLOURS[1, :2].mean(axis=0))]
+)
+def test_a_browser_shows_the_view_that_the_address_names(tmp_path, address, expected):
+    make_light_field().save(tmp_path / "a.html")
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+    ]
+    subprocess.run(  # noqa: S603
+        [CHROMIUM, *flags, f"--user-data-dir={tmp_path}/profile", "--window-size=300,300", "--virtual-time-budget=4000",
+         f"--screenshot={tmp_path}/shot.png", f"file://{tmp_path}/a.html#{address}"],
+        check=True, capture_output=True, timeout=60,
+    )  # fmt: skip
+    shot = decode((tmp_path / "shot.png").read_bytes(), name="shot")[..., :3].astype(int)
+    area = shot[60:100, 120:180]
+    assert np.abs(area - expected).max() <= 3  # JPEG, and the graphics processor's rounding
