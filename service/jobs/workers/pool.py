@@ -76,7 +76,7 @@ class Pool:
         self.start_error = ""
         """That the last attempt to start a worker failed, in one line without paths; empty after one that succeeded."""
         self._start_cause = ""
-        """Why the last one that failed did; its traceback is logged once."""
+        """Why the last one that failed did."""
 
     def start(self) -> None:
         """Starts the workers in the background, unless that has been done."""
@@ -232,14 +232,10 @@ class Pool:
                 pause = 1.0
                 while worker.is_alive() and not self._closed.wait(TICK_SECONDS):
                     worker.log_output()
+                worker.end()
+                worker.log_output()
             except Exception as error:  # noqa: BLE001 - logged, and tried again
-                line = worker.last_line if worker is not None else ""
-                self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
-                cause = f"{error}{f': {line}' if line else ''}"
-                text = "a worker process can't be started: %s; the next attempt is in %g s"
-                is_plain = isinstance(error, WorkerExitedError) or cause == self._start_cause
-                _log.error(text, cause, pause, exc_info=None if is_plain else error)
-                self._start_cause = cause
+                self._log_start_error(worker, error, pause)
                 self._closed.wait(pause)
                 pause = min(2 * pause, _MAX_PAUSE)
             finally:
@@ -247,12 +243,28 @@ class Pool:
                     self._ready.discard(worker)
                     worker.end()
 
+    def _log_start_error(self, worker: Worker | None, error: Exception, pause: float) -> None:
+        """Logs why no worker was started; the worker's output, or the traceback, unless the last cause was the same."""
+        line = ""
+        if worker is not None:
+            worker.end()
+            line = worker.last_line
+        self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
+        cause = f"{error}{f': {line}' if line else ''}"
+        with self._lock:
+            is_new, self._start_cause = cause != self._start_cause, cause
+        if worker is not None and is_new:
+            worker.log_output()
+        traceback = error if is_new and not isinstance(error, WorkerExitedError) else None
+        text = "a worker process can't be started: %s; the next attempt is in %g s"
+        _log.error(text, cause, pause, exc_info=traceback)
+
     def _wait_until_ready(self, worker: Worker) -> None:
         """Waits until a worker has loaded the models and adds it to the idle ones. Raises `WorkerExitedError`."""
         deadline = time.monotonic() + START_SECONDS
         while not self._closed.is_set():
             message = worker.receive(TICK_SECONDS)
-            worker.log_output()
+            worker.read_output()
             if isinstance(message, Ready):
                 for restriction in message.missing:
                     _log.warning(_NOT_RESTRICTED, restriction)

@@ -55,9 +55,9 @@ class Worker:
     def __init__(self, limits: TaskLimits) -> None:
         self._data, self._output = b"", b""
         self._lock, self._log_lock = threading.Lock(), threading.Lock()
-        self._lines = 0
+        self._lines, self._unlogged = 0, list[str]()
         self.last_line = ""
-        """The last line that it wrote to the log."""
+        """The last line of its output."""
         self.tasks = 0
         """Tasks that it has run."""
         arguments = json.dumps({"parent": os.getpid(), "limits": asdict(limits)})
@@ -138,12 +138,20 @@ class Worker:
         self._process.wait()
         with self._lock:
             self._socket.close()
-        self.log_output()
+        self.read_output()
         with self._log_lock:
             self._log_file.close()
 
     def log_output(self) -> None:
-        """Logs what the process has written to its output since the last call. It waits if that is never read."""
+        """Logs the output of the process since the last call."""
+        self.read_output()
+        with self._log_lock:
+            lines, self._unlogged = self._unlogged, []
+        for line in lines:
+            _log.warning("worker process %d: %s", self.pid, line)
+
+    def read_output(self) -> None:
+        """Reads the output of the process, which waits if nothing does, and keeps it for `log_output`."""
         with self._log_lock:
             if self._log_file.closed:
                 return
@@ -154,15 +162,15 @@ class Worker:
             *lines, self._output = (self._output + (part or b"\n")).split(b"\n")
             self._output = self._output[:LINE_BYTES]
             for line in filter(None, lines):
-                self._log_line(line[:LINE_BYTES].decode(errors="replace"))
+                self._keep_line(line[:LINE_BYTES].decode(errors="replace"))
 
-    def _log_line(self, line: str) -> None:
+    def _keep_line(self, line: str) -> None:
         self._lines += 1
         if self._lines <= LOG_LINES:
             self.last_line = make_printable(line)
-            _log.warning("worker process %d: %s", self.pid, self.last_line)
+            self._unlogged.append(self.last_line)
         if self._lines == LOG_LINES:
-            _log.warning("worker process %d: its further lines are left out", self.pid)
+            self._unlogged.append("its further lines are left out")
 
     def _describe_end(self, reason: str) -> WorkerExitedError:
         """The exception for a process that has closed the socket, which it does as it dies."""

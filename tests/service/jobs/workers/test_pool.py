@@ -356,6 +356,14 @@ def test_a_worker_that_cannot_start_is_reported_and_tried_again(open_pool, monke
     assert pool.start_error == ""
 
 
+def test_the_traceback_of_a_worker_that_cannot_start_is_logged_once(open_pool, monkeypatch, caplog):
+    monkeypatch.setenv("PYTHON_WRITE", "no number")
+    open_pool(workers=2).start()
+    wait_until(lambda: caplog.text.count("the next attempt is in") > 3)
+    assert caplog.text.count("Traceback") == 1
+    assert caplog.text.count("with base 10: 'no number'; the next attempt") > 3  # the cause is logged each time
+
+
 def test_a_worker_that_does_not_get_ready_is_ended(open_pool, monkeypatch, caplog):
     monkeypatch.setattr(module, "START_SECONDS", 1.0)
     monkeypatch.setenv("PYTHON_SLEEP", "1000")

@@ -1,7 +1,13 @@
 import re
 
+from fastapi.testclient import TestClient
+
 from ciir.errors import BadCard
 from ciir.models import catalogue
+from ciir.service.jobs.workers import worker
+from ciir.service.settings import Settings
+from ciir.service.web.app import create_app
+from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file, run_app
 
 
@@ -27,6 +33,17 @@ def test_not_ready_while_models_are_loaded(eia, tmp_path):
         client.pool.ready = False  # workers are replaced: jobs wait in the queue
         check_problem(client.get("/readyz"), 503, "worker")
         assert post_file(client, data=eia, lenses="6x9", model="none").status_code == 200
+
+
+def test_not_ready_while_no_worker_can_start(eia, tmp_path, monkeypatch):
+    monkeypatch.setattr(worker, "MODULE", "missing_module")
+    with TestClient(create_app(Settings(folder=tmp_path, workers=1))) as client:
+        wait_until(lambda: "models are being loaded" not in client.get("/readyz").text)
+        for response in (client.get("/readyz"), post_file(client, data=eia, lenses="6x9", model="none")):
+            detail = check_problem(response, 503)
+            assert detail == "a worker process can't be started (WorkerExitedError); the log says why"
+        monkeypatch.setattr(worker, "MODULE", "tests.support.workers.cold_worker")
+        wait_until(lambda: client.get("/readyz").status_code == 200)
 
 
 def test_models(client, monkeypatch):
