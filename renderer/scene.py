@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Wrap = Literal["repeat", "mirror", "clamp"]
+SOLID = 0.5
+"""Alpha from which on a see-through point is solid to what can't blend: OpenGL and the depth channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,9 @@ class Part:
     """`(n, 2)`, origin at the texture's lower left corner (OpenGL's and OBJ's convention); None without a texture."""
     texture: Texture | None = None
     alpha_cutoff: float | None = None
-    """Points with alpha below this are cut out; None for an opaque part."""
+    """Points with alpha below this are cut out; None for a part without cut-outs."""
+    is_see_through: bool = False
+    """Whether alpha is the share of what lies behind a point that it hides; blended in display-referred values."""
 
     def used_vertices(self) -> NDArray[np.float64]:
         """`(k, 3)`: the vertices that a triangle uses."""
@@ -61,6 +65,11 @@ class Scene:
         """Number of triangles over all parts."""
         return sum(len(part.faces) for part in self.parts)
 
+    @property
+    def is_see_through(self) -> bool:
+        """Whether some part is."""
+        return any(part.is_see_through for part in self.parts)
+
     def bounds(self) -> NDArray[np.float64]:
         """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before culling."""
         if self.extent is not None:
@@ -72,7 +81,5 @@ class Scene:
     def transform(self, matrix: NDArray[np.float64]) -> Scene:
         """The scene with every vertex transformed by the 4x4 affine `matrix`, without `extent`; baked light stays."""
         linear, offset = matrix[:3, :3], matrix[:3, 3]
-        parts = tuple(
-            Part(p.vertices @ linear.T + offset, p.faces, p.colors, p.uv, p.texture, p.alpha_cutoff) for p in self.parts
-        )
+        parts = tuple(replace(part, vertices=part.vertices @ linear.T + offset) for part in self.parts)
         return Scene(parts, self.notes)

@@ -26,10 +26,13 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
-def shade(normals: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Light on unit normals `(n, 3)`, from all directions alike: `0.6 + 0.4 (n . LIGHT)` in [0, 1], `(n,)`."""
-    light: NDArray[np.float32] = np.clip(AMBIENT + DIFFUSE * (normals @ LIGHT), 0.0, 1.0).astype(np.float32)
-    return light
+def shade(normals: NDArray[np.floating], light: NDArray[np.float64] = LIGHT) -> NDArray[np.float32]:
+    """Light on unit normals `(n, 3)`, from all directions alike: `0.6 + 0.4 (n . light)` in [0, 1], `(n,)`.
+
+    `light`: the unit direction towards it, `(3,)`.
+    """
+    shaded: NDArray[np.float32] = np.clip(AMBIENT + DIFFUSE * (normals @ light), 0.0, 1.0).astype(np.float32)
+    return shaded
 
 
 def normalize(vectors: NDArray[np.floating]) -> NDArray[np.float64]:

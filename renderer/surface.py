@@ -11,7 +11,7 @@ import numpy as np
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
-from ciir.renderer.shading import compute_normals, normalize, shade
+from ciir.renderer.shading import LIGHT, compute_normals, normalize, shade
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,14 +47,22 @@ class Surface:
     """`(n, 2)`, origin at the lower left."""
     texture: Texture | None = None
     alpha_cutoff: float | None = None
+    is_see_through: bool = False
     lit: bool = True
     """False for a material that is not shaded."""
 
 
 def assemble_scene(
-    surfaces: Sequence[Surface], *, name: str, notes: Sequence[str] = (), max_triangles: int = DEFAULT_LIMITS.triangles
+    surfaces: Sequence[Surface],
+    *,
+    name: str,
+    notes: Sequence[str] = (),
+    max_triangles: int = DEFAULT_LIMITS.triangles,
+    light: NDArray[np.float64] = LIGHT,
 ) -> Scene:
     """Makes a scene of the surfaces of the file called `name`: checks them, computes normals and bakes the light.
+
+    `light`: the unit direction towards it, `(3,)`, in the surfaces' coordinates.
 
     Raises `InvalidGeometry` without one triangle of positive area, or with a vertex that is not finite or beyond
     `MAX_COORDINATE`; `TooLarge` over `max_triangles`; `Unreadable` where a face refers to a vertex that doesn't exist.
@@ -74,7 +82,7 @@ def assemble_scene(
         notes.append(f"{count:,} vertices have a {what} that is NaN, infinite or too large: read as 0")
     if dropped:
         notes.append(f"{dropped:,} of {total:,} triangles have zero area and are left out")
-    return Scene(_join_parts([_bake_light(surface) for surface in _add_normals(kept)]), tuple(notes))
+    return Scene(_join_parts([_bake_light(surface, light) for surface in _add_normals(kept)]), tuple(notes))
 
 
 def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> None:
@@ -166,31 +174,36 @@ def _add_normals(surfaces: list[Surface]) -> list[Surface]:
     return surfaces
 
 
-def _bake_light(surface: Surface) -> Part:
+def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
     """The surface with its material, vertex colours and light multiplied into one colour per vertex."""
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors
     if surface.lit and surface.normals is not None:
-        colors[:, :3] *= shade(surface.normals)[:, None]
-    if surface.alpha_cutoff is None:
+        colors[:, :3] *= shade(surface.normals, light)[:, None]
+    texture = None if surface.uv is None else surface.texture
+    # Many exporters call materials see-through that are opaque throughout.
+    is_see_through = surface.is_see_through and bool(
+        colors[:, 3].min() < 1.0 or (texture is not None and texture.pixels[..., 3].min() < 255)
+    )
+    if surface.alpha_cutoff is None and not is_see_through:
         colors[:, 3] = 1.0
-    textured = surface.texture is not None and surface.uv is not None
     return Part(
         vertices=surface.vertices,
         faces=surface.faces.astype(np.int32),
         colors=np.clip(colors, 0.0, 1.0),
-        uv=surface.uv.astype(np.float32) if textured and surface.uv is not None else None,
-        texture=surface.texture if textured else None,
+        uv=surface.uv.astype(np.float32) if texture is not None and surface.uv is not None else None,
+        texture=texture,
         alpha_cutoff=surface.alpha_cutoff,
+        is_see_through=is_see_through,
     )
 
 
 def _join_parts(parts: list[Part]) -> tuple[Part, ...]:
-    """One part for each texture and cutoff; all else is in the vertices. Each part costs a backend time."""
-    groups: dict[tuple[int, float | None], list[Part]] = {}
+    """One part for each texture and kind of alpha; all else is in the vertices. Each part costs a backend time."""
+    groups: dict[tuple[int, float | None, bool], list[Part]] = {}
     for part in parts:
-        groups.setdefault((id(part.texture), part.alpha_cutoff), []).append(part)
+        groups.setdefault((id(part.texture), part.alpha_cutoff, part.is_see_through), []).append(part)
     return tuple(_concatenate_parts(group) for group in groups.values())
 
 
@@ -204,4 +217,5 @@ def _concatenate_parts(parts: list[Part]) -> Part:
         uv=np.concatenate(uvs) if uvs else None,
         texture=parts[0].texture,
         alpha_cutoff=parts[0].alpha_cutoff,
+        is_see_through=parts[0].is_see_through,
     )

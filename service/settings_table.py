@@ -47,7 +47,7 @@ FIXED_LIMITS = {
     "renderer.readers.meshes.obj.MAX_LIBRARIES": "MTL files that an OBJ names",
     "renderer.readers.meshes.obj.MAX_MATERIALS": "materials that an OBJ uses",
     "renderer.readers.pictures.MAX_SIDE": "pixels along one side of a picture or a view",
-    "renderer.backends.embree.MAX_LAYERS": "cut-out surfaces along a ray",
+    "renderer.backends.embree.MAX_LAYERS": "cut-out or see-through surfaces along a ray",
     "renderer.surface.MAX_COORDINATE": "the largest absolute coordinate",
     "renderer.surface.MAX_TEXTURE_COORDINATE": "the largest absolute texture coordinate; larger ones are taken as 0",
     "renderer.readers.meshes.texture_files.MAX_SIDE": "pixels along one side of a texture; larger ones are left out",

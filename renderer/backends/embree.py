@@ -10,6 +10,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.textures import sample_texture
+from ciir.renderer.scene import SOLID
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,12 +22,20 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 RAYS_PER_BATCH = 1 << 16
-MAX_LAYERS = 32
-"""Most cut-out surfaces that one ray may pass."""
+MAX_LAYERS = 64
+"""Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
+HIDDEN = 1 / 1024
+"""Share of the light from behind at which a ray ends: less changes no 8-bit value by a quarter."""
 EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
-"""How far behind a cut-out point a ray continues: about 50 spacings of float32 at `EXTENT`."""
+"""How far behind a cut-out or see-through point a ray continues: about 50 spacings of float32 at `EXTENT`."""
+
+
+PASSED = (
+    f"raytrace: some rays pass over {MAX_LAYERS} cut-out or see-through surfaces, and end there; what lies behind is "
+    "not drawn"
+)
 
 
 class PreparedScene:
@@ -41,6 +50,9 @@ class PreparedScene:
         low, high = scene.bounds()
         self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
         self._radius = float(np.linalg.norm(high - low)) / 2
+        self._first = 0.0 if high[2] < 0 else -np.inf  # rays start at the array, or before it where the scene reaches
+        self.passed = 0
+        """Rays that ended at `MAX_LAYERS`."""
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
         self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
         self.uv = np.concatenate(
@@ -48,6 +60,7 @@ class PreparedScene:
         )  # (n, 2)
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
         self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
+        self.is_see_through = np.array([part.is_see_through for part in parts])  # (parts,)
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
@@ -69,43 +82,51 @@ class PreparedScene:
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The colour and the distance of the first surface that each of parallel rays meets.
+        """The colour and the distance of what each of parallel rays meets.
 
-        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. A surface closer than `STEP` behind a
-        cut-out point is passed with it.
+        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. See-through surfaces are blended front to
+        back ("over", Porter and Duff, SIGGRAPH 1984). A surface closer than `STEP` behind a point that a ray passes is
+        passed with it.
 
-        Returns RGBA `(n, 4)` in [0, 1], with alpha 1, or all zero where a ray meets nothing; and distances `(n,)` as
-        multiples of `direction`, +inf where a ray meets nothing.
+        Returns RGBA `(n, 4)` in [0, 1], RGB times alpha, all zero where a ray meets nothing; and the distances `(n,)`
+        of the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf where there is none.
         """
         # Rays start where they enter the sphere around the scene: from farther away float32 aims less exactly.
         squared = float(direction @ direction)
         entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
-        entry = np.maximum(entry, 0.0)
+        entry = np.maximum(entry, self._first)
         entries = self._to_embree(origins + entry[:, None] * direction)
         along = np.broadcast_to(direction.astype(np.float32), entries.shape)
         starts, passed = entries, np.zeros(len(origins), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
+        through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
         reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
-        active = np.arange(len(origins))
+        active, last = np.arange(len(origins)), np.full(len(origins), -1)
         for _ in range(MAX_LAYERS):
             triangle, weights, distance = self._find_hits(starts, along)
             hit = np.flatnonzero(triangle >= 0)
-            color, is_solid = self._shade(triangle[hit], weights[hit])
-            solid = hit[is_solid]
-            rgba[active[solid]] = color[is_solid]
-            reached[active[solid]] = passed[solid] + distance[solid]
-            if is_solid.all():
+            color, alpha = self._shade(triangle[hit], weights[hit])
+            alpha[triangle[hit] == last[hit]] = 0.0  # met again by rounding
+            ray = active[hit]
+            rgba[ray] += (through[ray] * alpha)[:, None] * color
+            through[ray] *= 1 - alpha
+            is_first = (alpha >= SOLID) & (reached[ray] == np.inf)
+            reached[ray[is_first]] = (passed[hit] + distance[hit])[is_first]
+            onward = hit[through[ray] > HIDDEN]
+            if not len(onward):
                 break
-            onward = hit[~is_solid]
             passed = passed[onward] + distance[onward] + np.float32(STEP)
-            active, entries, along = active[onward], entries[onward], along[onward]
+            active, last = active[onward], triangle[onward]
+            entries, along = entries[onward], along[onward]
             starts = entries + along * passed[:, None]
+        else:
+            self.passed += len(active)
         return rgba, entry + reached / self._scale
 
     def _shade(
         self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """RGBA of hits `(n, 4)`, with alpha 1, and whether the surface is not cut out there `(n,)`."""
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind that they hide, `(n,)`."""
         corners = self.faces[triangle]  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
         part = self.part[triangle]
@@ -116,23 +137,28 @@ class PreparedScene:
             of_part = part == index
             uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
             product[of_part] *= sample_texture(texture, uv)
-        is_solid = product[:, 3] >= self.cutoff[part]
+        np.clip(product, 0.0, 1.0, out=product)
+        alpha = np.where(self.is_see_through[part], product[:, 3], product[:, 3] >= self.cutoff[part])
         product[:, 3] = 1.0
-        return np.clip(product, 0.0, 1.0), is_solid
+        return product, alpha
 
 
 class RaytraceBackend(Backend):
-    """Casts one ray for each sample, from the lens array's plane."""
+    """Casts one ray for each sample, along the whole line through its point on the lens array."""
 
     name = "raytrace"
 
-    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+    def sample_views(
+        self, scene: Scene, array: LensArray, views: Sequence[View], *, notes: set[str] | None = None
+    ) -> Iterator[NDArray[np.uint8]]:
         """See `Backend.sample_views`."""
         prepared = PreparedScene(scene)
         for view in views:
             rgba = np.empty((array.rows * array.cols, 4), np.uint8)
             for rays, colors, _ in _cast_view(prepared, array, view):
                 rgba[rays] = colors * 255.0 + 0.5
+            if prepared.passed and notes is not None:
+                notes.add(PASSED)
             yield rgba.reshape(array.rows, array.cols, 4)
 
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:

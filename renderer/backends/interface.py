@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ciir.renderer.light_field import interleave_views
 from ciir.renderer.sampling import average_cells, check_samples
 from ciir.renderer.views import parse_views
@@ -12,7 +14,6 @@ from ciir.renderer.views import parse_views
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.renderer.lens_array import LensArray
@@ -25,14 +26,21 @@ BLACK = (0, 0, 0)
 class Backend(ABC):
     """Renders views of a scene given in the lens array's coordinates, in two channels: colour and depth.
 
+    A scene may lie behind the array, before it, or reach through it: a sample shows what its whole line meets first as
+    seen from before the array (+z). `notes`, where given, gets a line on each thing that could not be drawn exactly.
     Safe to call from several threads at once.
     """
 
     name: str
 
     @abstractmethod
-    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
-        """Each of `views` by one point sample for each lens, `(rows, cols, 4)` RGBA with alpha 0 or 255."""
+    def sample_views(
+        self, scene: Scene, array: LensArray, views: Sequence[View], *, notes: set[str] | None = None
+    ) -> Iterator[NDArray[np.uint8]]:
+        """Each of `views` by one point sample for each lens, `(rows, cols, 4)` RGBA, RGB times alpha.
+
+        Alpha is 0 or 255, but where see-through surfaces are blended.
+        """
 
     def render_views(
         self,
@@ -42,6 +50,7 @@ class Backend(ABC):
         *,
         samples: int = 1,
         background: tuple[int, int, int] = BLACK,
+        notes: set[str] | None = None,
     ) -> Iterator[NDArray[np.uint8]]:
         """The colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene covers.
 
@@ -49,30 +58,40 @@ class Backend(ABC):
         0 to 255. Raises `InvalidOption` where `samples` or the size of a view is out of range.
         """
         check_samples(samples)
-        for picture in self.sample_views(scene, array.refine(samples), views):
+        for picture in self.sample_views(scene, array.refine(samples), views, notes=notes):
             yield average_cells(fill_background(picture, background), samples)
 
     @abstractmethod
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
         """The depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene units.
 
-        One ray through each lens's centre is followed to the surface that it meets; +inf where it meets none. Depths
-        are not averaged over a lens: the mean of two surfaces lies on neither. For more samples refine the array.
+        One ray through each lens's centre is followed to the surface that it meets, of see-through ones the first with
+        alpha of at least `renderer.scene.SOLID`; +inf where it meets none, negative before the array. Depths are not
+        averaged over a lens: the mean of two surfaces lies on neither. For more samples refine the array.
 
         Raises `InvalidOption` where the size of a view is out of range.
         """
 
     def render_eia(
-        self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = BLACK,
+        notes: set[str] | None = None,
     ) -> NDArray[np.uint8]:
         """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest."""
         every = parse_views("all", array.pixels_v, array.pixels_u)
-        return interleave_views(self.render_views(scene, array, every, samples=samples, background=background), array)
+        views = self.render_views(scene, array, every, samples=samples, background=background, notes=notes)
+        return interleave_views(views, array)
 
 
 def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """Point samples `(h, w, 4)` with `background` where alpha is 0."""
+    """Point samples `(h, w, 4)`, RGB times alpha, over `background`; alpha is kept."""
     if background != BLACK:
         picture = picture.copy()
-        picture[picture[..., 3] == 0, :3] = background
+        shows = picture[..., 3] < 255
+        behind = (255 - picture[shows, 3:].astype(np.uint16)) * np.array(background, np.uint16)  # (n, 3)
+        picture[shows, :3] += ((behind + 127) // 255).astype(np.uint8)
     return picture

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ciir.errors import BackendUnavailable
+from ciir.renderer.scene import SOLID
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 # pyrender imports its window, and with it X libraries that a server doesn't have; nothing here opens a window.
@@ -121,17 +122,19 @@ class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
 def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
     """`part` as pyrender's primitive, relative to `middle` `(3,)`, so that its distance costs float32 no digits.
 
-    The vertex alpha is scaled so that the part's cutoff becomes one half, as the shader has it.
+    The vertex alpha is scaled so that the part's cutoff becomes one half, as the shader has it. See-through parts are
+    cut out at `SOLID`.
     """
     colors = part.colors.astype(np.float32).copy()
     texture = None
-    if part.alpha_cutoff:
-        colors[:, 3] *= 0.5 / part.alpha_cutoff
+    cutoff = SOLID if part.is_see_through else part.alpha_cutoff
+    if cutoff:
+        colors[:, 3] *= 0.5 / cutoff
     else:
         colors[:, 3] = 1.0
     if part.texture is not None and part.uv is not None:
         pixels = part.texture.pixels
-        if not part.alpha_cutoff:
+        if not cutoff:
             pixels = np.concatenate([pixels[..., :3], np.full_like(pixels[..., 3:], 255)], axis=-1)
         texture = pyrender.Texture(
             source=pixels,
@@ -192,18 +195,21 @@ class Context:
         camera = MatrixCamera(np.eye(4))
         gl_scene.add(camera)
         distance = -bounds[:, 2]
-        margin = 0.01 * float(distance[0] - distance[1]) + 1e-6 * abs(float(distance[0]))
+        far, near = (float(side) for side in distance)
+        # The two planes differ, also for a flat sheet in the array's plane.
+        margin = max(0.01 * (far - near) + 1e-6 * abs(far), 1e-6 * float((bounds[1] - bounds[0]).max()))
         self._gl_scene, self._camera, self._middle, self._scene = gl_scene, camera, middle, scene
         # The near plane of a perspective camera must lie in front of the camera.
-        self.near = max(float(distance[1]) - margin, float(distance[1]) * 0.5)
-        self.far = float(distance[0]) + margin
+        self.near = max(near - margin, near * 0.5) if near > 0 else near - margin
+        self.far = far + margin
 
     def draw_color(self, drawing: Drawing) -> NDArray[np.uint8]:
         """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
         return self._draw(drawing, "color")
 
     def draw_depth(self, drawing: Drawing) -> NDArray[np.float32]:
-        """`(height, width)`: distance of the loaded scene from the camera's plane in its units, +inf where nothing is.
+        """`(height, width)`: distance of the loaded scene from the camera's plane along -z in its units, +inf where
+        nothing is.
 
         `drawing` must be a parallel projection, whose depth buffer is linear. Its 24 bits resolve 6e-8 of the scene's
         extent in z, and the shader's float32 rounds to a few times that.

@@ -14,6 +14,7 @@ from ciir.renderer.backends.interface import BLACK, Backend, fill_background
 from ciir.renderer.backends.opengl import Context, Drawing
 from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
 from ciir.renderer.sampling import average_pictures, check_samples
+from ciir.renderer.scene import SOLID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +29,10 @@ Value = TypeVar("Value", np.uint8, np.float32)
 
 PICTURES_PER_BATCH, SAMPLES_PER_BATCH = 64, 1 << 22
 """Most pictures, and samples in them, that are drawn and held before the thread serves another caller."""
+NOT_BLENDED = (
+    f"raster: see-through materials are drawn solid where alpha is {SOLID} or more, and not at all below; backend "
+    "raytrace blends them"
+)
 
 
 class RasterBackend(Backend):
@@ -40,8 +45,12 @@ class RasterBackend(Backend):
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
         self._context = self._thread.submit(Context).result()
 
-    def sample_views(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+    def sample_views(
+        self, scene: Scene, array: LensArray, views: Sequence[View], *, notes: set[str] | None = None
+    ) -> Iterator[NDArray[np.uint8]]:
         """See `Backend.sample_views`."""
+        if scene.is_see_through and notes is not None:
+            notes.add(NOT_BLENDED)
         return self._draw(scene, _oblique_drawings(array, views), self._context.draw_color)
 
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
@@ -49,17 +58,30 @@ class RasterBackend(Backend):
         return self._draw(scene, _oblique_drawings(array, views), self._context.draw_depth)
 
     def render_eia(
-        self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = BLACK,
+        notes: set[str] | None = None,
     ) -> NDArray[np.uint8]:
-        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer."""
+        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer; a camera at a lens sees nothing
+        before the array, so each view where the scene reaches there.
+        """
         by_view = array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2
-        render = super().render_eia if by_view else self.render_by_lens
-        return render(scene, array, samples=samples, background=background)
+        if by_view or scene.bounds()[1, 2] >= 0:
+            return super().render_eia(scene, array, samples=samples, background=background, notes=notes)
+        if scene.is_see_through and notes is not None:
+            notes.add(NOT_BLENDED)
+        return self.render_by_lens(scene, array, samples=samples, background=background)
 
     def render_by_lens(
         self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """The elemental image array by one perspective drawing for each sample of each lens, as virtual cameras do."""
+        """The elemental image array of a scene behind the array by one perspective drawing for each sample of each
+        lens, as virtual cameras do.
+        """
         check_samples(samples)
         height, width = array.pixels_v, array.pixels_u
         fine, projection = array.refine(samples), partial(make_perspective_matrix, array)

@@ -19,12 +19,13 @@ _refused: dict[str, str] = {}
 """Why a backend can't run, as text: an exception that is kept would keep its callers' frames alive."""
 
 
-def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backend, str]:
+def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through: bool = False) -> tuple[Backend, str]:
     """The backend called `name`, opened once per process, and the reason for it in one line for the report.
 
     `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples each: OpenGL's cost grows with
     the triangles, Embree's with the rays, at about the same rate as measured. The number of views has no influence:
-    a single view equals the same view of an elemental image array. Where OpenGL doesn't work `auto` takes `raytrace`.
+    a single view equals the same view of an elemental image array. Where OpenGL doesn't work, and for see-through
+    materials, which it can't blend in order, `auto` takes `raytrace`.
 
     Raises `BackendUnavailable` where `name` is `raster` and OpenGL doesn't work, `InvalidOption` for unknown names.
     """
@@ -32,6 +33,8 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
         return _open_once(name), f"{name}: asked for"
     if name != "auto":
         raise InvalidOption(f"backend: {name!r} is not known; give auto, raster or raytrace")
+    if is_see_through:
+        return _open_once("raytrace"), "raytrace: rays blend the see-through materials in order"
     if _is_cheap_to_cast(rays, triangles):
         reason = f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"
         return _open_once("raytrace"), reason
@@ -42,11 +45,12 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0) -> tuple[Backe
     return backend, f"raster: {rays:,} rays a view cost more to cast than {triangles:,} triangles to draw"
 
 
-def predict_backend(name: str, *, triangles: int, rays: int) -> str:
+def predict_backend(name: str, *, triangles: int, rays: int, is_see_through: bool = False) -> str:
     """The name of the backend that `open_backend` would return if OpenGL works, without opening it."""
     if name != "auto":
         return name
-    return "raytrace" if _is_cheap_to_cast(rays, triangles) or "raster" in _refused else "raster"
+    cast = is_see_through or _is_cheap_to_cast(rays, triangles) or "raster" in _refused
+    return "raytrace" if cast else "raster"
 
 
 def is_backend_open(name: str) -> bool:

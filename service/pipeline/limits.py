@@ -52,8 +52,11 @@ def read_limits() -> Limits:
 
 
 def describe_setting(error: TooLarge) -> str:
-    """What to add to the message of `error`: which setting raises the limit; empty where none does."""
-    return f", or set {SETTINGS[error.limit][0]} to a larger number" if error.limit else ""
+    """What to add to the message of `error`: what to type for ten times the limit; empty where no setting raises it."""
+    if not error.limit:
+        return ""
+    name, _, most = SETTINGS[error.limit]
+    return f", or type {name}={min(10 * getattr(read_limits(), error.limit), most)} before the command"
 
 
 def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:

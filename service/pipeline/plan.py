@@ -93,7 +93,9 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "direct", f"direct, as {model.unsupported_reason}"
     predicted = predict_times(job, mesh, model, rays)
     taken = min(predicted, key=predicted.__getitem__)
-    backend = backends.predict_backend(job.backend, triangles=mesh.triangles, rays=rays[taken])
+    backend = backends.predict_backend(
+        job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
+    )
     if backend == "raster" and not backends.is_backend_open("raster"):
         with suppress(BackendUnavailable):  # `predict_backend` then takes rays
             backends.open_backend("raster")

@@ -64,7 +64,9 @@ def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Cost
     textures = [(part.texture, len(part.faces)) for part in mesh.parts if part.texture]
     return costs.rendering(
         cost.Rendering(
-            backends.predict_backend(job.backend, triangles=mesh.triangles, rays=rays),
+            backends.predict_backend(
+                job.backend, triangles=mesh.triangles, rays=rays, is_see_through=mesh.is_see_through
+            ),
             triangles=mesh.triangles,
             rays=rays,
             views=views,

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.renderer.framing import FILL, frame_scene
+from ciir.renderer.framing import CLEARANCE, FILL, frame_scene
 from ciir.renderer.lens_array import LensArray
+from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Part, Scene
 
 
@@ -22,12 +23,14 @@ def cloud(seed, stretch):
     st.tuples(*[st.sampled_from([1e-6, 0.01, 1.0, 300.0])] * 3),
     st.sampled_from([(1, 1, 1, 1), (50, 50, 15, 15), (30, 80, 5, 9), (2, 3, 64, 48)]),
     st.sampled_from([1.0, 0.02, 500.0]),
+    st.tuples(st.sampled_from([-1.0, -0.3, 0.0, 1.0]), st.sampled_from([1.0, 0.25, 3.0])),
 )
-def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, counts, pitch):
-    scene, array = cloud(seed, stretch), LensArray(*counts, pitch=pitch)
-    matrix = frame_scene(scene, array)
+def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, counts, pitch, placed_at):
+    (place, zoom), scene, array = placed_at, cloud(seed, stretch), LensArray(*counts, pitch=pitch)
+    matrix = frame_scene(scene, array, Placement(place=place, zoom=zoom, rotate=(40.0, 0.0, 0.0)))
     placed = scene.transform(matrix).parts[0].vertices
-    assert (placed[:, 2] < 0).all()
+    if abs(place) == 1:
+        assert (placed[:, 2] * place > 0).all()
     reach = 0.0
     for tx in array.tangent_x():
         for ty in array.tangent_y():
@@ -35,7 +38,7 @@ def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, 
             down = np.abs(placed[:, 1] + ty * placed[:, 2]).max() / (array.height / 2)
             reach = max(reach, across, down)
     # A flat cloud of 1e-6 stands 10 away from the origin: its own extent keeps 9 digits.
-    assert reach == pytest.approx(FILL, rel=1e-7)
+    assert reach == pytest.approx(zoom * FILL, rel=1e-7)
 
 
 def test_orientation_and_proportions_stay():
@@ -60,3 +63,12 @@ def test_bounding_box_is_centred(axis):
     scene, array = cloud(3, (1, 2, 3)), LensArray(50, 50, 15, 15)
     bounds = scene.transform(frame_scene(scene, array)).bounds()
     assert bounds[:, axis].sum() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [-1.0, -0.5, 0.0, 1.0])
+@pytest.mark.parametrize("zoom", [1.0, 2.0])
+def test_the_bounding_box_lies_behind_astride_or_before_the_array(place, zoom):
+    scene, array = cloud(3, (1, 2, 3)), LensArray(50, 50, 15, 15)
+    low, high = scene.transform(frame_scene(scene, array, Placement(place=place, zoom=zoom))).bounds()
+    sides = high - low
+    assert low[2] + high[2] == pytest.approx(place * (sides[2] + 2 * CLEARANCE * sides.max()))

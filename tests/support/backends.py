@@ -1,11 +1,13 @@
 """Rendering backends, and scenes in front of a lens array for them."""
 
+import numpy as np
 import pytest
 
 from ciir.errors import BackendUnavailable
 from ciir.renderer.backends import Backend, open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
+from ciir.renderer.placement import AS_GIVEN, Placement
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.scene import Scene
@@ -24,8 +26,8 @@ def require_backend(name: str) -> Backend:
         pytest.skip(str(error))
 
 
-def place_scene(name: str, array: LensArray = ARRAY) -> Scene:
-    """A sample scene, or a mesh file of ../shared, in front of `array`; skips the test without ../shared."""
+def place_scene(name: str, array: LensArray = ARRAY, placement: Placement = AS_GIVEN) -> Scene:
+    """A sample scene, or a mesh file of ../shared, placed at `array`; skips the test without ../shared."""
     if name in SCENES:
         found = load_scene(name)
     elif SHARED.is_dir():
@@ -33,4 +35,34 @@ def place_scene(name: str, array: LensArray = ARRAY) -> Scene:
         assert isinstance(found, Scene)
     else:
         pytest.skip("needs ../shared")
-    return found.transform(frame_scene(found, array))
+    return found.transform(frame_scene(found, array, placement))
+
+
+def find_disagreements(one, other, *, textured):
+    """What is out of bounds between two sets of RGBA views `(n, rows, cols, 4)`, `other` being the exact one."""
+    errors = []
+    mask, exact = one[..., 3] > 0, other[..., 3] > 0
+    edge = np.zeros_like(exact)
+    for axis in (1, 2):
+        step = np.diff(exact, axis=axis)
+        before, after = [slice(None)] * 3, [slice(None)] * 3
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        edge[tuple(before)] |= step
+        edge[tuple(after)] |= step
+    differ = mask != exact
+    # OpenGL snaps vertices to 1/256 of a pixel; an edge crosses a pixel's centre within that for about 1 in 100.
+    if differ.sum() > 0.02 * edge.sum():
+        errors.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
+    signed = int(mask.sum()) - int(exact.sum())
+    if abs(signed) > max(3.0, 3.0 * np.sqrt(differ.sum())):
+        errors.append(f"silhouette: biased by {signed} pixels of {differ.sum()}")
+    inside = mask & exact
+    error = (one[..., :3].astype(int) - other[..., :3])[inside]
+    if textured:
+        if np.abs(error).mean() > 2.0:
+            errors.append(f"texture: mean absolute difference {np.abs(error).mean():.2f}")
+        if np.abs(error.mean(0)).max() > 0.3:
+            errors.append(f"texture: bias {error.mean(0)}")
+    elif (np.abs(error).max(-1) <= 3).mean() < 0.995:
+        errors.append(f"colour: {(np.abs(error).max(-1) > 3).mean():.4f} of the pixels differ by more than 3")
+    return errors

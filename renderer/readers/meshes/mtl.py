@@ -60,7 +60,16 @@ def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
     if texture is not None and not any(color[:3]):
         resolver.add_note("a textured material has a black Kd, as some exporters write it: taken as white")
         color = WHITE
-    return Material(color, texture, cutoff)
+    return Material((*color[:3], _read_alpha(entry)), texture, cutoff)
+
+
+def _read_alpha(entry: dict[bytes, bytes]) -> float:
+    """The alpha of `d`, else of `Tr`, which is 1 - alpha. 0 counts as opaque: exporters disagree on which is which."""
+    for keyword in (b"d", b"tr"):
+        numbers = [float(word) for word in entry.get(keyword, b"").split() if _is_number(word)]  # after `-halo`
+        if numbers and 0.0 < numbers[0] < 1.0:
+            return numbers[0] if keyword == b"d" else 1.0 - numbers[0]
+    return 1.0
 
 
 def _map(line: bytes) -> tuple[str, Wrap]:

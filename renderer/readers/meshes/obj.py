@@ -191,7 +191,13 @@ def _group_triangles(
     for material, lacks in zip(materials, incomplete, strict=True):
         if material.texture is not None and lacks[1]:
             resolver.add_note("a texture is left out of a material that has corners without texture coordinates")
-        key = (material.texture, material.alpha_cutoff, material.texture is not None and lacks[1], lacks[2])
+        key = (
+            material.texture,
+            material.alpha_cutoff,
+            material.color[3] < 1,
+            material.texture is not None and lacks[1],
+            lacks[2],
+        )
         group_of.append(groups.setdefault(key, len(groups)))
     group = np.array(group_of, np.intp)[material_of]
     order = np.argsort(group, kind="stable")
@@ -237,4 +243,5 @@ def _surface(
         uv=texture_coordinates[used[:, 1]] if with_uv else None,
         texture=material.texture if with_uv else None,
         alpha_cutoff=material.alpha_cutoff if with_uv else None,
+        is_see_through=material.alpha_cutoff is None and material.color[3] < 1,
     )

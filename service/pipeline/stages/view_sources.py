@@ -9,6 +9,7 @@ import numpy as np
 
 from ciir.renderer.backends.culling import cull_if_worthwhile
 from ciir.service.pipeline.limits import check_view_samples
+from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -45,7 +46,7 @@ class MeshViews:
         """Points of the mesh that are sampled for a view."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
         """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
-        self._shows_object = False
+        self._check, self._notes = ObjectCheck(job.background), set[str]()
         self._triangles_left = mesh.triangles
 
     def open(self) -> None:
@@ -55,7 +56,10 @@ class MeshViews:
             from ciir.renderer.framing import frame_scene
 
             self._backend, self._reason = open_backend(
-                self._job.backend, triangles=self._mesh.triangles, rays=self.samples
+                self._job.backend,
+                triangles=self._mesh.triangles,
+                rays=self.samples,
+                is_see_through=self._mesh.is_see_through,
             )
             self._matrix = frame_scene(self._mesh, self._job.array)
             self._placed = self._mesh.transform(self._matrix)
@@ -68,7 +72,7 @@ class MeshViews:
                 scene = cull_if_worthwhile(scene, self._array, views, self._backend.name, samples=samples)
                 self._triangles_left = scene.triangles
         pictures = self._backend.render_views(
-            scene, self._array, views, samples=samples, background=self._job.background
+            scene, self._array, views, samples=samples, background=self._job.background, notes=self._notes
         )
         return map(self._drop_alpha, pictures)
 
@@ -81,25 +85,28 @@ class MeshViews:
         """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
         with self._clock.stage("render"):
             eia = self._backend.render_eia(
-                self._placed, self._array, samples=self._plan.samples, background=self._job.background
+                self._placed,
+                self._array,
+                samples=self._plan.samples,
+                background=self._job.background,
+                notes=self._notes,
             )
             return np.ascontiguousarray(self._drop_alpha(eia))
 
     def describe(self) -> Report:
         """What the report says of the views."""
-        unseen = "no view that was asked for shows the object; ask for other views or another delta"
         return {
             "backend": self._backend.name,
             "transform": self._matrix.tolist(),
             "reasons": [self._reason],
             "skipped": {"culled": round(1 - self._triangles_left / self._mesh.triangles, 4)},
-            "notes": [*self._mesh.notes] if self._shows_object else [*self._mesh.notes, unseen],
+            "notes": [*self._mesh.notes, *sorted(self._notes), *self._check.list_notes()],
             "packages": ["embreex" if self._backend.name == "raytrace" else "pyrender"],
         }
 
     def _drop_alpha(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """RGB of RGBA, whose alpha is the share of a pixel that the object covers."""
-        self._shows_object = self._shows_object or bool(picture[..., 3].any())
+        self._check.add(picture)
         return picture[..., :3]
 
 

@@ -10,40 +10,10 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene, Texture
 from ciir.renderer.scenes import SCENES, load_scene
-from tests.support.backends import ARRAY, BACKENDS, place_scene, require_backend
+from tests.support.backends import ARRAY, BACKENDS, find_disagreements, place_scene, require_backend
 
 MESHES = ["duck.glb", "spot/spot.obj", "fuze/fuze.obj", "milk-truck.glb"]
 CORNERS_AND_MIDDLE = [(0, 0), (0, 14), (7, 7), (14, 0), (14, 14)]
-
-
-def find_disagreements(one, other, *, textured):
-    """What is out of bounds between two sets of RGBA views `(n, rows, cols, 4)`, `other` being the exact one."""
-    errors = []
-    mask, exact = one[..., 3] > 0, other[..., 3] > 0
-    edge = np.zeros_like(exact)
-    for axis in (1, 2):
-        step = np.diff(exact, axis=axis)
-        before, after = [slice(None)] * 3, [slice(None)] * 3
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        edge[tuple(before)] |= step
-        edge[tuple(after)] |= step
-    differ = mask != exact
-    # OpenGL snaps vertices to 1/256 of a pixel; an edge crosses a pixel's centre within that for about 1 in 100.
-    if differ.sum() > 0.02 * edge.sum():
-        errors.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
-    signed = int(mask.sum()) - int(exact.sum())
-    if abs(signed) > max(3.0, 3.0 * np.sqrt(differ.sum())):
-        errors.append(f"silhouette: biased by {signed} pixels of {differ.sum()}")
-    inside = mask & exact
-    error = (one[..., :3].astype(int) - other[..., :3])[inside]
-    if textured:
-        if np.abs(error).mean() > 2.0:
-            errors.append(f"texture: mean absolute difference {np.abs(error).mean():.2f}")
-        if np.abs(error.mean(0)).max() > 0.3:
-            errors.append(f"texture: bias {error.mean(0)}")
-    elif (np.abs(error).max(-1) <= 3).mean() < 0.995:
-        errors.append(f"colour: {(np.abs(error).max(-1) > 3).mean():.4f} of the pixels differ by more than 3")
-    return errors
 
 
 @pytest.mark.parametrize("name", [*SCENES, *MESHES])

@@ -30,6 +30,13 @@ def test_auto_names_its_reason():
     assert "no display" in reason
 
 
+def test_auto_casts_rays_where_materials_are_see_through():
+    made, reason = open_backend("auto", triangles=1, rays=1 << 20, is_see_through=True)
+    assert made.name == predict_backend("auto", triangles=1, rays=1 << 20, is_see_through=True) == "raytrace"
+    assert "see-through" in reason
+    assert predict_backend("raster", triangles=1, rays=1, is_see_through=True) == "raster"
+
+
 def test_auto_counts_rays_and_triangles():
     require_backend("raster")
     assert is_backend_open("raster")

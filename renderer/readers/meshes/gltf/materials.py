@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Texture, Wrap
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
-_BLEND_CUTOFF = 0.5
 
 
 class Material:
@@ -37,18 +36,10 @@ class Material:
         channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))
         self.texcoord = "" if self._texture is None else f"TEXCOORD_{channel}"
         """The attribute that holds the texture's coordinates; empty without a texture."""
-        self.alpha_cutoff = self._cutoff(entry)
-
-    def _cutoff(self, entry: dict[str, Any]) -> float | None:
-        mode = entry.get("alphaMode", "OPAQUE")
+        mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
         if mode == "MASK":
-            return min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
-        if mode == "BLEND":
-            self._document.resolver.add_note(
-                f"see-through materials are drawn solid where alpha is {_BLEND_CUTOFF} or more, and not at all below"
-            )
-            return _BLEND_CUTOFF
-        return None
+            self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
+        self.is_see_through = mode == "BLEND"
 
     def texture(self, arrays: dict[str, NDArray[Any]]) -> tuple[Texture | None, NDArray[np.float64] | None]:
         """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
@@ -75,7 +66,7 @@ class Material:
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
             name=f"image {source}" if embedded else uri,
-            opaque=self.alpha_cutoff is None,
+            opaque=self.alpha_cutoff is None and not self.is_see_through,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
         )

@@ -64,6 +64,7 @@ def read_primitive(document: Document, primitive: dict[str, Any]) -> Surface | N
         uv=None if texture is None else uv,
         texture=texture,
         alpha_cutoff=material.alpha_cutoff,
+        is_see_through=material.is_see_through,
         lit="KHR_materials_unlit" not in material.extensions,
     )
 

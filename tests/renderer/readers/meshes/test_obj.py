@@ -102,6 +102,18 @@ def test_map_d_of_the_same_picture_cuts_out() -> None:
     assert part.texture.pixels[0, 0, 3] == 3
 
 
+@pytest.mark.parametrize(
+    ("lines", "alpha"),
+    [(b"d 0.25", 0.25), (b"d -halo 0.25", 0.25), (b"Tr 0.75", 0.25), (b"d 1\nTr 0", 1), (b"d 0", 1), (b"Tr 1", 1)],
+)
+def test_dissolve_is_see_through(lines: bytes, alpha: float) -> None:
+    two = b"newmtl b\nKd 1 1 1\nnewmtl a\nKd 1 1 1\n" + lines
+    text = b"mtllib a.mtl\n" + SQUARE + b"usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n"
+    scene = read(text, {"a.mtl": two})
+    assert sorted(part.colors[0, 3] for part in scene.parts) == pytest.approx([alpha, 1][: len(scene.parts)])
+    assert [part.is_see_through for part in scene.parts] == ([True, False] if alpha < 1 else [False])
+
+
 def test_a_black_textured_material_is_taken_as_white_with_a_note() -> None:
     scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 0 0 0\nmap_Kd x.png", "x.png": PICTURE})
     assert scene.parts[0].colors[0, 0] == pytest.approx(FRONT)

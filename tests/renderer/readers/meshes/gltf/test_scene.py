@@ -120,13 +120,21 @@ def test_mask_keeps_alpha_and_its_cutoff() -> None:
     assert np.array_equal(part.texture.pixels, PIXELS)
 
 
-def test_blend_is_drawn_as_a_mask_with_a_note() -> None:
+@pytest.mark.parametrize("mode", ["BLEND", "OPAQUE"])
+def test_blend_is_see_through(mode: str) -> None:
     model = Model()
-    model.material |= {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75]}}
+    model.material |= {"alphaMode": mode, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75]}}
     scene = model.read()
-    assert scene.parts[0].alpha_cutoff == 0.5
-    assert scene.parts[0].colors[:, 3] == pytest.approx(0.75)
-    assert "see-through" in scene.notes[0]
+    assert scene.is_see_through == (mode == "BLEND")
+    assert scene.parts[0].colors[:, 3] == pytest.approx(0.75 if mode == "BLEND" else 1.0)
+
+
+def test_blend_keeps_the_alpha_of_a_texture() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.material |= {"alphaMode": "BLEND"}
+    (part,) = model.read().parts
+    assert part.is_see_through
+    assert np.array_equal(part.texture.pixels, PIXELS)
 
 
 def test_nodes_place_vertices_and_normals() -> None:

@@ -1,0 +1,69 @@
+"""How an object stands before the lens array, and where the light comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ciir.renderer.shading import LIGHT
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Up = Literal["y", "z"]
+_UPRIGHT: dict[Up, NDArray[np.float64]] = {
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),  # its -y side, the front in CAD and Blender, to the array
+}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How an object is oriented, framed and lit.
+
+    Directions are the lens array's: x to the right, y up, z from the object behind the array to who looks at it.
+    """
+
+    up: Up = "y"
+    """The axis of the mesh that points up."""
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Yaw, pitch, roll in degrees, done in this order, each about an axis of the array and counter-clockwise as seen
+    from its positive end: yaw about y turns the front to the right, pitch about x tips the top towards the array, roll
+    about z tips it to the left."""
+    zoom: float = 1.0
+    """Factor on the size at which every view holds the whole object."""
+    place: float = -1.0
+    """-1: the object is wholly behind the array; 0: its bounding box is centred on it; 1: wholly before it."""
+    light: tuple[float, float] | None = None
+    """Where the light comes from, in degrees: the azimuth from the front to the right, and the elevation; None for
+    `renderer.shading.LIGHT`, upper left front."""
+
+    def rotation(self) -> NDArray[np.float64]:
+        """The rotation from the mesh's own axes to those of the array, `(3, 3)`."""
+        yaw, pitch, roll = (_rotate_about(axis, degrees) for axis, degrees in zip((1, 0, 2), self.rotate, strict=True))
+        return roll @ pitch @ yaw @ _UPRIGHT[self.up]
+
+    def light_direction(self) -> NDArray[np.float64]:
+        """The unit direction towards the light, `(3,)`, in the mesh's own axes: it stays as the object turns."""
+        light = LIGHT
+        if self.light is not None:
+            azimuth, elevation = np.radians(self.light)
+            across = np.cos(elevation)
+            light = np.array([np.sin(azimuth) * across, np.sin(elevation), np.cos(azimuth) * across])
+        turned: NDArray[np.float64] = light @ self.rotation()
+        return turned
+
+
+AS_GIVEN = Placement()
+"""The object as its file has it, behind the array."""
+
+
+def _rotate_about(axis: int, degrees: float) -> NDArray[np.float64]:
+    """The rotation about a coordinate axis, counter-clockwise as seen from its positive end."""
+    angle, matrix = np.radians(degrees), np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix[i, i] = matrix[j, j] = np.cos(angle)
+    matrix[i, j], matrix[j, i] = -np.sin(angle), np.sin(angle)
+    return matrix

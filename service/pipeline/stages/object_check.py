@@ -1,0 +1,45 @@
+"""Checks that rendered views show their object, and that it can be told from the background."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+DIFFERENCE = 16
+"""Levels of 8 bits by which a pixel that stands out differs from the background, in some channel."""
+LEAST_SHARE = 0.05
+"""Share of the object's pixels that stand out in a picture that needs no note."""
+
+
+class ObjectCheck:
+    """Counts how much of an object stands out from the background, until a picture leaves no question."""
+
+    def __init__(self, background: tuple[int, int, int]) -> None:
+        self._background = background
+        level = np.array(background, np.int16)
+        self._low, self._high = (np.clip(level + step, 0, 255).astype(np.uint8) for step in (-DIFFERENCE, DIFFERENCE))
+        self._covered = self._outstanding = 0
+
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Counts a picture `(h, w, 4)`, RGBA, whose alpha is the share of a pixel that the object covers."""
+        if self._outstanding > LEAST_SHARE * self._covered:
+            return
+        rgb, covered = picture[..., :3], picture[..., 3] > 0
+        self._covered += int(covered.sum())
+        self._outstanding += int((((rgb < self._low) | (rgb > self._high)).any(axis=-1) & covered).sum())
+
+    def list_notes(self) -> list[str]:
+        """A note where no picture showed the object, or it hardly stands out."""
+        if not self._covered:
+            return ["no view that was asked for shows the object; ask for other views or another delta"]
+        if self._outstanding > LEAST_SHARE * self._covered:
+            return []
+        given = "{:02x}{:02x}{:02x}".format(*self._background)
+        other = "ffffff" if sum(self._background) < 3 * 128 else "000000"
+        share = f"{100 * self._outstanding / self._covered:.1f} % of its pixels"
+        note = f"the object can hardly be told from the background {given}: {share} differ by over {DIFFERENCE} levels"
+        return [f"{note}; give another, as in background {other}"]
