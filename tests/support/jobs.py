@@ -81,10 +81,10 @@ class StandInPool:
         self.started = []
         """Ids of the jobs whose tasks were started."""
 
-    def run(self, task, *, begun, progress, cancelled):
+    def run(self, task, hooks):
         self.started.append(task.id)
-        begun(os.getpid())
-        return self.work(task, progress, cancelled)
+        hooks.begun(os.getpid())
+        return self.work(task, hooks.progress, hooks.cancelled)
 
 
 class JobService:

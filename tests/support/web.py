@@ -30,10 +30,10 @@ class ThreadPool:
         self.before = lambda work, progress, cancelled: None
         """Called before each piece of work."""
 
-    def run(self, work, *, begun, progress, cancelled):
+    def run(self, work, hooks):
         self.runs += 1
-        begun(os.getpid())
-        self.before(work, progress, cancelled)
+        hooks.begun(os.getpid())
+        self.before(work, hooks.progress, hooks.cancelled)
         if self.outcome is not None:
             return self.outcome
         try:

@@ -15,7 +15,7 @@ from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
 from ciir.service.jobs.lanes import SMALL_SECONDS, order_lanes
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import HEARTBEAT_SECONDS, Recovery, create_lease
-from ciir.service.jobs.workers.task import Task
+from ciir.service.jobs.workers.task import Hooks, Task
 from ciir.service.logs import FIELDS
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Consumer:
             with self._jobs.files.open_run(job.input, job.output, job.content) as files:
                 task = Task(job.id, job.request, files.source, files.target, has_timed_out=job.has_timed_out)
                 progress = partial(run.update_progress, self._jobs)
-                outcome = self._pool.run(task, begun=run.begin, progress=progress, cancelled=run.cancelled)
+                outcome = self._pool.run(task, Hooks(run.begin, progress, run.cancelled))
                 if isinstance(outcome, Result):
                     size, sha256 = files.publish()
                     outcome = replace(outcome, size=size, sha256=sha256)

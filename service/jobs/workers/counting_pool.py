@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ciir.service.jobs.job import Problem
 
 if TYPE_CHECKING:
-    import threading
-    from collections.abc import Callable
-
     from ciir.service.jobs.workers.pool import Pool
-    from ciir.service.jobs.workers.task import Outcome, Task
+    from ciir.service.jobs.workers.task import Hooks, Outcome, Task
     from ciir.service.metrics import Metrics
 
 
@@ -22,20 +19,13 @@ class CountingPool:
     def __init__(self, pool: Pool, metrics: Metrics) -> None:
         self._pool, self._metrics = pool, metrics
 
-    def run(
-        self,
-        task: Task,
-        *,
-        begun: Callable[[int], None],
-        progress: Callable[[dict[str, Any]], None],
-        cancelled: threading.Event,
-    ) -> Outcome:
+    def run(self, task: Task, hooks: Hooks) -> Outcome:
         """Runs `task` as the pool does."""
         started = time.perf_counter()
         status = ""
         self._metrics.busy.inc()
         try:
-            outcome = self._pool.run(task, begun=begun, progress=progress, cancelled=cancelled)
+            outcome = self._pool.run(task, hooks)
             status = str(outcome.status) if isinstance(outcome, Problem) else "200"
         except BaseException as error:
             status = type(error).__name__

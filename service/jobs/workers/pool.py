@@ -13,18 +13,16 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 from ciir.errors import Cancelled, TimedOut, WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem
 from ciir.service.jobs.workers.messages import Done, Failed, Progress, Ready, Started, quote
 from ciir.service.jobs.workers.sandbox import landlock
-from ciir.service.jobs.workers.task import Outcome, Task, TaskLimits
+from ciir.service.jobs.workers.task import Hooks, Outcome, Task, TaskLimits
 from ciir.service.jobs.workers.worker import Worker, WorkerExitedError, describe_exit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ciir.service.jobs.workers.messages import Message
     from ciir.service.settings import Settings
 
@@ -44,14 +42,12 @@ _log = logging.getLogger("ciir.pool")
 
 @dataclass(frozen=True)
 class _Run:
-    """A task, its open files, and what `Pool.run` was given with it."""
+    """A task, its open files, and its caller's hooks."""
 
     task: Task
     source: IO[bytes]
     target: IO[bytes]
-    begun: Callable[[int], None]
-    progress: Callable[[dict[str, Any]], None]
-    cancelled: threading.Event
+    hooks: Hooks
 
 
 class _NotReceivedError(Exception):
@@ -100,31 +96,23 @@ class Pool:
         """How many workers have loaded the models and are alive, idle or not."""
         return sum(worker.is_alive() for worker in self._ready.copy())
 
-    def run(
-        self,
-        task: Task,
-        *,
-        begun: Callable[[int], None],
-        progress: Callable[[dict[str, Any]], None],
-        cancelled: threading.Event,
-    ) -> Outcome:
+    def run(self, task: Task, hooks: Hooks) -> Outcome:
         """Waits for a worker, has it run `task`, and returns the outcome; starts the workers if needed.
 
-        Calls, in this thread, `begun` with the worker's process id when it has received the task, and `progress` with
-        the data of each progress event. A task over `job_seconds` is stopped and gives a `Problem`; an unexpected
-        exception gives `INTERNAL_ERROR` and is logged.
+        A task over `job_seconds` that has timed out before gives a `Problem`; an unexpected exception gives
+        `INTERNAL_ERROR` and is logged.
 
-        Raises `WorkerDied`, also for a task that is stopped with less processor time than `WORKING_SHARE` of
-        `job_seconds`; `TimedOut` for one with more, unless it has timed out before; `Cancelled` when `cancelled` is set
-        or the pool is closed; `OSError` for the task's files.
+        Raises `TimedOut` for the first time-out; `WorkerDied`, also for a task over `job_seconds` with less processor
+        time than `WORKING_SHARE` of that; `Cancelled` when `hooks.cancelled` is set or the pool is closed; `OSError`
+        for the task's files.
         """
         self.start()
         needs_new = False
         for _ in range(_ATTEMPTS):
             with task.source.open("rb") as source, TemporaryFile(dir=task.target.parent) as target:
-                worker = self._take_worker(cancelled, is_new=needs_new)
+                worker = self._take_worker(hooks.cancelled, is_new=needs_new)
                 try:
-                    return self._run_in(worker, _Run(task, source, target, begun, progress, cancelled))
+                    return self._run_in(worker, _Run(task, source, target, hooks))
                 except _NotReceivedError as error:
                     worker.end()
                     text = "worker process %d died before it received its task (%s); another one runs it"
@@ -175,9 +163,9 @@ class Pool:
                 message = worker.receive(TICK_SECONDS)
                 if isinstance(message, Started) and not is_received:
                     is_received = True
-                    run.begun(worker.pid)
+                    run.hooks.begun(worker.pid)
                 elif isinstance(message, Progress) and is_received:
-                    run.progress(message.model_dump(exclude={"kind"}))
+                    run.hooks.progress(message.model_dump(exclude={"kind"}))
                 elif message is not None:
                     return self._get_outcome(worker, message if is_received else None, run)
                 if self._is_cancelled(run):
@@ -201,7 +189,7 @@ class Pool:
             raise WorkerDied(describe_exit(error.exitcode)) from error
 
     def _is_cancelled(self, run: _Run) -> bool:
-        return run.cancelled.is_set() or self._closed.is_set()
+        return run.hooks.cancelled.is_set() or self._closed.is_set()
 
     def _get_outcome(self, worker: Worker, last: Message | None, run: _Run) -> Outcome:
         """The outcome by the last message. Raises `WorkerDied` for one that has no meaning there."""

@@ -18,6 +18,7 @@ from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.workers.progress import ProgressClock
 
 if TYPE_CHECKING:
+    import threading
     from collections.abc import Callable
     from pathlib import Path
 
@@ -75,6 +76,18 @@ class Task:
     """Where to write the result. Unless the outcome is a `Result`, the file may be incomplete or missing."""
     has_timed_out: bool = False
     """Whether an earlier run of the job did."""
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """How the caller of a pool follows a task, and stops it. The functions are called in the thread of `Pool.run`."""
+
+    begun: Callable[[int], None]
+    """Gets the worker's process id when that has received the task."""
+    progress: Callable[[dict[str, Any]], None]
+    """Gets the data of each progress event."""
+    cancelled: threading.Event
+    """Stops the task once it is set."""
 
 
 @dataclass(frozen=True)

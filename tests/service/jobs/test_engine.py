@@ -23,7 +23,7 @@ class Pool:
     def start(self):
         self.calls.append("start")
 
-    def run(self, task, *, begun, progress, cancelled):
+    def run(self, task, hooks):
         self.calls.append("run")
         assert self.go.wait(30)
         return Problem(422, "No", "no")

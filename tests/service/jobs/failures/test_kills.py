@@ -18,6 +18,7 @@ from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import FINAL, Request
 from ciir.service.jobs.workers.pool import Pool
+from ciir.service.jobs.workers.task import Hooks
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
@@ -53,21 +54,21 @@ class Killer:
         self._pool = pool
         self.stage, self.killed = "", []
 
-    def run(self, task, *, begun, progress, cancelled):
+    def run(self, task, hooks):
         pids = []
 
         def keep_pid(pid):
             pids.append(pid)
-            begun(pid)
+            hooks.begun(pid)
 
         def kill_in_stage(data):
             stage = "written" if data["views_done"] else data["stage"]
             if stage == self.stage and self.stage not in self.killed:
                 self.killed.append(self.stage)
                 os.kill(pids[-1], signal.SIGKILL)
-            progress(data)
+            hooks.progress(data)
 
-        return self._pool.run(task, begun=keep_pid, progress=kill_in_stage, cancelled=cancelled)
+        return self._pool.run(task, Hooks(keep_pid, kill_in_stage, hooks.cancelled))
 
 
 def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):

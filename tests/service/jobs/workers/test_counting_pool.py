@@ -5,7 +5,7 @@ import pytest
 from ciir.errors import WorkerDied
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.jobs.workers.counting_pool import CountingPool
-from ciir.service.jobs.workers.task import Task
+from ciir.service.jobs.workers.task import Hooks, Task
 from ciir.service.metrics import Metrics
 from tests.support.jobs import StandInPool, read_metrics
 
@@ -15,7 +15,7 @@ RESULT = Result("png", 123, {"timings_ms": {"total": 3000}, "plan": {"skipped": 
 
 def run(metrics, work):
     pool = CountingPool(StandInPool(lambda *_: work()), metrics)
-    return pool.run(TASK, begun=print, progress=print, cancelled=threading.Event())
+    return pool.run(TASK, Hooks(print, print, threading.Event()))
 
 
 def test_outcomes_are_counted_by_status():

@@ -44,7 +44,7 @@ def test_the_report_of_a_view_whose_pixels_were_all_skipped_is_parsed():
         PROBLEM | {"status": "many"},
         PROBLEM | {"title": None},
         PROBLEM | {"detail": "half a pair: \ud800"},
-        RESULT | {"format": "html"},
+        RESULT | {"format": "exe"},
         RESULT | {"report": []},
         RESULT | {"report": {}},
         RESULT | {"report": REPORT | {"more": float("nan")}},

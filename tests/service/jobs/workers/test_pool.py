@@ -24,7 +24,7 @@ from ciir.service.jobs.workers import consumer
 from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
-from ciir.service.jobs.workers.task import Task
+from ciir.service.jobs.workers.task import Hooks, Task
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.settings import Settings
@@ -91,7 +91,7 @@ def make_task(tmp_path):
 
 
 def run(pool, task, progress=lambda _: None, cancelled=None, begun=lambda _: None):
-    return pool.run(task, progress=progress, cancelled=cancelled or threading.Event(), begun=begun)
+    return pool.run(task, Hooks(begun, progress, cancelled or threading.Event()))
 
 
 def get_worker_pid():
