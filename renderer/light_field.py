@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -98,21 +98,55 @@ class LightField:
         view: NDArray[np.uint8] | NDArray[np.uint16] = self.views[v, u]
         return view
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Writes the elemental image array where `path` ends as a picture does (`.png`, `.tif`, `.jpg`), and all views
-        where it ends with `.zip` or `.npz` or names a folder.
+    def save(self, path: str | PathLike[str], format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
+        """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.
 
-        Raises `InvalidOption` where `path` can't be written or the format can't hold the pixels.
+        A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, and a name without a suffix a folder of views.
+        `options` are those of `renderer.writers.options.WriterOptions`.
+
+        Returns notes: what the format doesn't hold, or holds in another way. Raises `InvalidOption` where `path` can't
+        be written or the format can't hold the light field.
         """
+        from ciir.renderer.writers.options import WriterOptions
         from ciir.renderer.writers.views import save_light_field
 
-        save_light_field(self, Path(path))
+        return save_light_field(self, Path(path), format, WriterOptions(**options))
 
     def _repr_png_(self) -> bytes:
         """The centre view, for Jupyter."""
         from ciir.renderer.writers.pictures import encode_png
 
         return encode_png(self.view(*center_view(*self.views.shape[:2])))
+
+    def epi(
+        self, *, y: int | None = None, x: int | None = None, v: int | None = None, u: int | None = None
+    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """An epipolar plane image (Bolles, Baker & Marimont 1987); shares memory.
+
+        Row `y` of the views of row `v`, one below the other from u = 0: `(U, W, C)`; or column `x` of the views of
+        column `u`, side by side from v = 0: `(H, V, C)`. By default those of the centre view, and its middle row.
+
+        Raises `InvalidOption` for both a row and a column, and for one that is not there.
+        """
+        count_v, count_u, rows, cols, _ = self.views.shape
+        if (y is not None or v is not None) and (x is not None or u is not None):
+            raise InvalidOption("epi: a row and a column are asked for; give y and v, or x and u")
+        for name, value, count in (("y", y, rows), ("x", x, cols), ("v", v, count_v), ("u", u, count_u)):
+            if value is not None and not 0 <= value < count:
+                raise InvalidOption(f"epi: there is no {name}={value}; give 0 to {count - 1}")
+        center_v, center_u = center_view(count_v, count_u)
+        if x is None and u is None:
+            line: NDArray[np.uint8] | NDArray[np.uint16]
+            line = self.views[center_v if v is None else v, :, rows // 2 if y is None else y]
+            return line
+        line = self.views[:, center_u if u is None else u, :, cols // 2 if x is None else x]
+        return line.swapaxes(0, 1)
+
+    def with_depth_sense(self, sense: DepthSense) -> LightField:
+        """The same light field with that depth sense: where it is the other one, views are reversed in v and in u."""
+        if sense == self.depth_sense:
+            return self
+        return replace(self, views=self.views[::-1, ::-1], depth_sense=sense)
 
     def is_transparent(self) -> bool:
         """Whether there is alpha, and it is not full everywhere. Looks at every pixel."""

@@ -131,6 +131,8 @@ FORMATS: tuple[Format, ...] = (
     PictureFormat(name="WebP", suffixes=(".webp",), signatures=(b"RIFF",), reader="webp:decode"),
     PictureFormat(name="KTX2", suffixes=(".ktx2",), signatures=(b"\xabKTX 20\xbb\r\n\x1a\n",), reader="ktx2:decode"),
     ZIP,
+    ContainerFormat(name="NPY", suffixes=(".npy",), signatures=(b"\x93NUMPY",), reader="arrays:read_npy"),
+    ContainerFormat(name="NPZ", suffixes=(".npz",), signatures=ZIP.signatures, reader="arrays:read_npz"),
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )
 """Every format that is read. Where content fits several, the suffix decides, and without one the order here."""

@@ -1,23 +1,26 @@
 """The formats that views are written in as one file: one registry.
 
 Picture formats come from `renderer.writers.pictures.registry`. A format for several views is a module with its
-`Writer`, and a line in `FORMATS`.
+`Writer`, and a line in `FORMATS`; one for whole light fields a `WholeWriter` in `renderer/writers/containers`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
 from ciir.renderer.writers.html import HtmlWriter
+from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Writer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
+    from pathlib import PurePath
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -54,28 +57,72 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    """Of file names, lower case."""
+    """Of file names, lower case; the first is the usual one."""
     media_type: str
-    open: Callable[[IO[bytes]], Writer]
+    open: Callable[[IO[bytes], WriterOptions], Writer]
     """Makes a writer into a binary file."""
-    holds_report: bool
+    holds_report: bool = False
     """Whether the report, and with it the times of that run, is in the file."""
+    is_whole: bool = False
+    """Whether it is made of all views of a light field."""
 
+
+def _open_picture(file: IO[bytes], options: WriterOptions, picture: pictures.PictureFormat) -> Writer:  # noqa: ARG001
+    return SingleWriter(file, picture)
+
+
+def _open_plain(file: IO[bytes], options: WriterOptions, writer: Callable[[IO[bytes]], Writer]) -> Writer:  # noqa: ARG001
+    return writer(file)
+
+
+def _open_container(file: IO[bytes], options: WriterOptions, writer: str) -> Writer:
+    module, _, name = writer.partition(":")
+    found: Callable[[IO[bytes], WriterOptions], Writer] = getattr(
+        import_module(f"ciir.renderer.writers.containers.{module}"), name
+    )
+    return found(file, options)
+
+
+def _container(name: str, suffixes: tuple[str, ...], media_type: str, writer: str) -> Format:
+    """A format of whole light fields, whose `writer` is `module:class`, imported when it is first used."""
+    return Format(name, suffixes, media_type, partial(_open_container, writer=writer), is_whole=True)
+
+
+BINARY = "application/octet-stream"
+"""The media type of formats without one of their own."""
 
 FORMATS = {
     entry.name: entry
     for entry in (
         *(
-            Format(picture.name, picture.suffixes, picture.media_type, partial(SingleWriter, picture=picture), False)
+            Format(picture.name, picture.suffixes, picture.media_type, partial(_open_picture, picture=picture))
             for picture in pictures.FORMATS
         ),
-        Format("zip", (".zip",), "application/zip", ZipWriter, True),
-        Format("npz", (".npz",), "application/x-npz", NpzWriter, True),
-        Format("html", (".html",), "text/html", HtmlWriter, False),
+        Format("zip", (".zip",), "application/zip", partial(_open_plain, writer=ZipWriter), holds_report=True),
+        Format("npz", (".npz",), "application/x-npz", partial(_open_plain, writer=NpzWriter), holds_report=True),
+        Format("html", (".html",), "text/html", partial(_open_plain, writer=HtmlWriter)),
+        _container("eia", pictures.SUFFIXES, "image/png", "pictures:EiaWriter"),
+        _container("epi", pictures.SUFFIXES, "image/png", "pictures:EpiWriter"),
+        _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
     )
 }
-"""By name."""
-BY_SUFFIX = {suffix: entry for entry in FORMATS.values() for suffix in entry.suffixes}
+"""By name. Where several have a suffix, the first one is its format."""
+
+
+def _index_suffixes(formats: Iterable[Format]) -> dict[str, Format]:
+    found: dict[str, Format] = {}
+    for entry in formats:
+        for suffix in entry.suffixes:
+            found.setdefault(suffix, entry)
+    return found
+
+
+BY_SUFFIX = _index_suffixes(FORMATS.values())
+"""The format of views that a name asks for: a picture is one view."""
+WHOLE = {name: entry for name, entry in FORMATS.items() if name not in {picture.name for picture in pictures.FORMATS}}
+"""The formats that can hold a whole light field, by name."""
+WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())
+"""The format of a whole light field that a name asks for: a picture is an elemental image array."""
 
 
 def check_format(name: str) -> None:
@@ -84,14 +131,25 @@ def check_format(name: str) -> None:
         raise InvalidOption(f"format: {name[:40]!r} is not known; give {', '.join(FORMATS)}")
 
 
+def find_whole_format(name: str, path: PurePath) -> Format:
+    """The format `name`. Raises `InvalidOption` where it can't hold a light field, or `path` has another suffix."""
+    found = WHOLE.get(name)
+    if found is None:
+        raise InvalidOption(f"format: {name[:40]!r} holds no light field; give {', '.join(WHOLE)}")
+    if path.suffix.lower() not in found.suffixes:
+        raise InvalidOption(f"{path}: {name} is written as {' or '.join(found.suffixes)}; end the name with that")
+    return found
+
+
 class FileWriter(Writer):
     """Writes one file in the format that was asked for; without one, PNG for one view and zip for several."""
 
-    def __init__(self, file: IO[bytes], wanted: str | None) -> None:
+    def __init__(self, file: IO[bytes], wanted: str | None, options: WriterOptions | None = None) -> None:
         if wanted is not None:
             check_format(wanted)
         self._file = file
         self._wanted = wanted
+        self._options = options or WriterOptions()
         self._writer: Writer | None = None
         self.format = FORMATS["zip"]
         """Final from `begin` on."""
@@ -99,7 +157,7 @@ class FileWriter(Writer):
     def begin(self, contents: Contents) -> None:
         """Selects the format."""
         self.format = FORMATS[self._wanted or ("png" if len(contents.views) == 1 else "zip")]
-        self._writer = self.format.open(self._file)
+        self._writer = self.format.open(self._file, self._options)
         self._writer.begin(contents)
 
     def write(self, view: View, pixels: Pixels) -> str:

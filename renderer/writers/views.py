@@ -1,8 +1,9 @@
-"""Writes views that are in memory, or a whole light field, in the format that the name asks for."""
+"""Writes views that are in memory, or a whole light field, in the format that the name asks for or that is given."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX
-from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.formats import BY_SUFFIX, WHOLE_BY_SUFFIX, find_whole_format
+from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 
 if TYPE_CHECKING:
@@ -21,21 +22,27 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.renderer.writers.formats import Format
     from ciir.renderer.writers.writer import Writer
 
 
-def save_light_field(light_field: LightField, path: Path) -> None:
-    """Writes a light field as an elemental image array into a picture, else view by view.
+def save_light_field(
+    light_field: LightField, path: Path, name: str | None = None, options: WriterOptions | None = None
+) -> tuple[str, ...]:
+    """Writes a light field in the format `name`, by default the one that `path` asks for: a picture is an elemental
+    image array, and a name without a suffix a folder of views.
 
-    Raises as `save_views` does.
+    Returns notes: what the format doesn't hold, or holds in another way. Raises as `save_views` does.
     """
-    suffix, views = path.suffix.lower(), light_field.views
-    if suffix in SUFFIXES:
-        with _named_errors(path), replacing(path) as file:
-            file.write(encode(light_field.eia(), suffix))
-    else:
-        grid = views.shape[:2]
-        save_views({index: views[index] for index in np.ndindex(grid)}, {}, path, grid, light_field.depth_sense)
+    views = light_field.views
+    rows, columns, height, width, channels = views.shape
+    sense = light_field.depth_sense
+    positions = tuple(np.ndindex(rows, columns))
+    array = {"rows": height, "cols": width, "pixels_v": rows, "pixels_u": columns, "depth_sense": sense}
+    contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
+    formats = WHOLE_BY_SUFFIX if name is None else {path.suffix.lower(): find_whole_format(name, path)}
+    with _open(path, formats, options or WriterOptions()) as writer:
+        return _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents)
 
 
 def save_views(
@@ -53,16 +60,27 @@ def save_views(
     """
     height, width, channels = (first := next(iter(views.values()))).shape
     contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense)
+    with _open(path, BY_SUFFIX, WriterOptions()) as writer:
+        _write(views, report, writer, contents)
+
+
+@contextmanager
+def _open(path: Path, formats: Mapping[str, Format], options: WriterOptions) -> Iterator[Writer]:
+    """A writer to `path`, of the format that its suffix has in `formats`, or of a folder."""
     suffix = path.suffix.lower()
-    if suffix in BY_SUFFIX:
-        with _named_errors(path), replacing(path) as file, BY_SUFFIX[suffix].open(file) as writer:
-            _write(views, report, writer, contents)
-    elif suffix and not path.is_dir():
-        known = ", ".join(BY_SUFFIX)
-        raise InvalidOption(f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder")
-    else:
-        with _named_errors(path), FolderWriter(path) as writer:
-            _write(views, report, writer, contents)
+    with _named_errors(path):
+        if suffix in formats:
+            options = replace(options, suffix=suffix)
+            with replacing(path) as file, formats[suffix].open(file, options) as writer:
+                yield writer
+        elif suffix and not path.is_dir():
+            known = ", ".join(formats)
+            raise InvalidOption(
+                f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder"
+            )
+        else:
+            with FolderWriter(path) as writer:
+                yield writer
 
 
 @contextmanager
@@ -74,10 +92,16 @@ def _named_errors(path: Path) -> Iterator[None]:
         raise InvalidOption(f"{path}: {error.strerror}; name a place that can be written") from error
 
 
-def _write(views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer, contents: Contents) -> None:
+def _write(
+    views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer, contents: Contents
+) -> tuple[str, ...]:
+    """Writes the views; returns the writer's notes."""
     writer.begin(contents)
     written = []
     for (v, u), picture in views.items():
         height, width = picture.shape[:2]
         written.append({"v": v, "u": u, "file": writer.write((v, u), picture), "height": height, "width": width})
-    writer.finish({"notes": [], **report, "views": written})
+    given = report.get("notes", [])
+    completed = {**report, "notes": [*given], "views": written}
+    writer.finish(completed)
+    return tuple(completed["notes"][len(given) :])

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
+from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
-from ciir.service.pipeline.options import KINDS, NAMES, OPTIONS
+from ciir.service.pipeline.options import KINDS, MESH, NAMES, OPTIONS, READING, WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,6 +26,8 @@ KEPT = (
     "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
     "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
 )
+CONVERSION = tuple(name for name in (*READING, *MESH, *WRITING) if name != "neighbour_time")
+"""Options of `ciir convert`."""
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
 
@@ -99,6 +102,17 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     )
     _add_options(command, NAMES)
     command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
+
+    command = add_command("convert", "write a light field, or all views of a mesh, in another format")
+    command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
+    command.add_argument(
+        "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
+    )
+    command.add_argument(
+        "--to", metavar="FORMAT", help=f"one of {', '.join(WHOLE)} (default: what the name of OUT asks for)"
+    )
+    _add_options(command, CONVERSION)
+    command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("elemental", "render a mesh's elemental image array")
     command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")

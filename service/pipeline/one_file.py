@@ -40,7 +40,7 @@ class Output:
 
 
 def _reconstruct(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
-    with FileWriter(output.file, output.format) as writer:
+    with FileWriter(output.file, output.format, options.make_writer_options()) as writer:
         report = run.reconstruct(
             bundle, options, writer, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
         )

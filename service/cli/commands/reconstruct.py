@@ -37,8 +37,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _to_file(source: Source, options: Options, path: Path) -> Report:
-    name = BY_SUFFIX[path.suffix.lower()].name
-    with replacing(path) as file, FileWriter(file, name) as writer, common.progress_bar("view") as progress:
+    suffix = path.suffix.lower()
+    given = BY_SUFFIX[suffix].name, options.make_writer_options(suffix)
+    with replacing(path) as file, FileWriter(file, *given) as writer, common.progress_bar("view") as progress:
         return pipeline.reconstruct(source, options, writer, progress=progress)
 
 

@@ -3,8 +3,10 @@
 from ciir.service.pipeline.options.kinds import KINDS, Kind, KindName
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, Options, write_texts
+from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, Strategy
 from ciir.service.pipeline.options.values import read_pair
+from ciir.service.pipeline.options.writing import WRITING
 
 __all__ = [
     "AUTO",
@@ -15,6 +17,8 @@ __all__ = [
     "NAMES",
     "NO_MODEL",
     "OPTIONS",
+    "READING",
+    "WRITING",
     "Backend",
     "Kind",
     "KindName",

@@ -144,7 +144,7 @@ async def respond_with_result(
     """
     file, start = await to_thread.run_sync(_open_result, jobs, job.id)
     fields = _make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
-    fields["Content-Disposition"] = f'attachment; filename="{job.id}.{result.format}"'
+    fields["Content-Disposition"] = f'attachment; filename="{job.id}{FORMATS[result.format].suffixes[0]}"'
     media_type = FORMATS[result.format].media_type
     if len(start) == result.size:
         file.close()

@@ -26,6 +26,7 @@ CONTENTS = {
     "a.jpg": (b"\xff\xd8\xff\xe0", SUFFIXES[".jpg"]),
     "a.tiff": (b"MM\0*", SUFFIXES[".tif"]),
     "a.tif": (b"II*\0", SUFFIXES[".tif"]),
+    "a.npy": (b"\x93NUMPY\1\0", SUFFIXES[".npy"]),
     "a.zip": (b"PK\5\6" + bytes(18), SUFFIXES[".zip"]),
 }
 
@@ -100,7 +101,6 @@ def test_a_binary_stl_that_is_cut_short_is_identified_by_suffix() -> None:
     [
         (".exr", b"v/1\1\2\0\0\0"),
         (".svg", b'<svg xmlns="http://www.w3.org/2000/svg"/>'),
-        (".npy", b"\x93NUMPY\1\0"),
         (".pkl", b"\x80\4\x95\0\0\0"),
         (".ps", b"%!PS-Adobe-3.0\n"),
     ],

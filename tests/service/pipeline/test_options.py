@@ -17,13 +17,13 @@ def test_parses_every_option():
     texts = {
         "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
-        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given",
+        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "epi": "y=3,v=1",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
         lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
-        skip="exact", neighbour_time=0.25, order="given",
+        skip="exact", neighbour_time=0.25, order="given", epi="y=3,v=1",
     )  # fmt: skip
 
 
@@ -35,7 +35,7 @@ def test_parses_every_option():
         ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
         ("skip", "all"), ("order", "columns"), ("neighbour_time", "-1"), ("neighbour_time", "nan"),
-        ("neighbour_time", "soon"), ("neighbour_time", "inf"),
+        ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("epi", "3"), ("epi", "x=1,v=2"),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):

@@ -1,0 +1,125 @@
+"""Reads NumPy's npy and npz, never by pickle.
+
+- npy: one array `L[v, u, y, x, c]`;
+- npz: one such array, under any name; or what `renderer.writers.archives.NpzWriter` writes, `views[n, y, x, c]` with
+  `positions[n] = (v, u)` and the report.
+
+The format is that of `numpy.lib.format`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.containers.samples import check_array, convert_samples
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+
+VIEWS, POSITIONS, REPORT = "views.npy", "positions.npy", "report.npy"
+
+
+class Array:
+    """An array in a file: its header, and its samples on demand, without a copy."""
+
+    def __init__(self, data: bytes, name: str) -> None:
+        file = io.BytesIO(data)
+        version = np.lib.format.read_magic(file)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+        if read is None:
+            raise UnsupportedType(f"{name}: version {version[0]}.{version[1]} of npy is not read; save it with NumPy")
+        shape, self._is_fortran, self.dtype = read(file)
+        self.shape: tuple[int, ...] = tuple(map(int, shape))
+        self._data, self._start, self._name = data, file.tell(), name
+        if self.dtype.hasobject:
+            raise UnsupportedType(f"{name}: holds Python objects (pickle), which are never read; save numbers")
+
+    def read(self) -> NDArray[Any]:
+        """The array; it shares memory with the file's bytes and is read-only."""
+        count = math.prod(self.shape)
+        if len(self._data) - self._start < count * self.dtype.itemsize:
+            raise Unreadable(f"{self._name}: the array's samples are cut off; give the whole file")
+        flat = np.frombuffer(self._data, self.dtype, count, self._start)
+        return flat.reshape(self.shape[::-1]).T if self._is_fortran else flat.reshape(self.shape)
+
+
+def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
+    """The array as it is: `views[v, u, y, x, c]`, with the depth sense of lenses, as it holds none."""
+    return _read_array(Array(data, name), name, limits)
+
+
+def _read_array(array: Array, name: str, limits: Limits) -> LightField:
+    check_array(name, array.shape, array.dtype, limits)
+    views, notes = convert_samples(array.read(), name)
+    return LightField(views, notes)
+
+
+def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
+    """The one array with five axes, or the views at their positions, with the depth sense that the report states."""
+    from ciir.renderer.readers.bundle import unpack
+
+    files = unpack(name, data, limits)
+    arrays = {key: Array(content, f"{name}: {clean_text(key)}") for key, content in files.items() if _is_npy(key)}
+    found = {key: array for key, array in arrays.items() if len(array.shape) == 5}
+    if len(found) == 1:
+        key, array = found.popitem()
+        return _read_array(array, f"{name}: {clean_text(key)}", limits)
+    if VIEWS in arrays and POSITIONS in arrays:
+        return _read_views(arrays, name, limits)
+    listed = ", ".join(clean_text(key.removesuffix(".npy")) for key in list(found or arrays)[:5]) or "nothing"
+    raise Unreadable(
+        f"{name}: {len(found)} arrays with five axes ({listed}); give one array (V, U, H, W, C), or the npz that "
+        "ciir convert writes"
+    )
+
+
+def _is_npy(key: str) -> bool:
+    return key.endswith(".npy") and "/" not in key
+
+
+def _read_views(arrays: Mapping[str, Array], name: str, limits: Limits) -> LightField:
+    """The views of our own npz, each at its position; all positions of a grid from (0, 0) must be there."""
+    views, positions = arrays[VIEWS], arrays[POSITIONS]
+    count = views.shape[0] if len(views.shape) == 4 else 0
+    if count < 1 or positions.shape != (count, 2) or positions.dtype.kind not in "iu":
+        raise Unreadable(f"{name}: views and positions don't fit each other; give the npz as it was written")
+    places = positions.read()
+    rows, columns = (int(most) + 1 for most in places.max(axis=0))
+    if rows * columns != count or places.min() < 0:
+        raise Unreadable(
+            f"{name}: {count} views, up to ({rows - 1}, {columns - 1}), fill no grid; write it with views all"
+        )
+    check_array(name, (rows, columns, *views.shape[1:]), views.dtype, limits)
+    order = np.full(count, -1)
+    order[places[:, 0].astype(np.int64) * columns + places[:, 1]] = np.arange(count)
+    if (order < 0).any():
+        raise Unreadable(f"{name}: a position is there twice; give the npz as it was written")
+    stored = views.read()
+    if not np.array_equal(order, np.arange(count)):
+        stored = stored[order]
+    made, notes = convert_samples(stored.reshape(rows, columns, *views.shape[1:]), name)
+    sense = _find_depth_sense(arrays)
+    return LightField(made, notes, depth_sense="cameras" if sense == "cameras" else "lenses")
+
+
+def _find_depth_sense(arrays: Mapping[str, Array]) -> object:
+    """What the report states; None where there is none."""
+    if REPORT not in arrays or arrays[REPORT].shape != () or arrays[REPORT].dtype.kind != "U":
+        return None
+    try:
+        return json.loads(str(arrays[REPORT].read()))["lens_array"]["depth_sense"]
+    except (LookupError, TypeError, ValueError, RecursionError):  # a report of another program
+        return None

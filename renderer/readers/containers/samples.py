@@ -1,0 +1,70 @@
+"""Arrays of files as light fields: their sizes are checked, and floating-point samples become 16 bit."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.readers.pictures import MAX_SIDE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import DTypeLike, NDArray
+
+    from ciir.renderer.limits import Limits
+
+ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
+"""A note."""
+
+
+def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:
+    """Checks that an array can be a light field `(V, U, H, W, C)`; a file's header gives both, before anything is read.
+
+    Raises `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point, `Unreadable` for another
+    shape, `TooLarge` over `limits`.
+    """
+    dtype = np.dtype(dtype)
+    what = f"{name}: an array {'x'.join(map(str, shape))[:60]} of {str(dtype)[:40]}"
+    if dtype.newbyteorder("=") not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
+        raise UnsupportedType(f"{what}; give uint8, uint16, or floating-point numbers from 0 to 1")
+    if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:
+        raise Unreadable(f"{what}; give (V, U, H, W, C): rows and columns of views, and of pixels, 1 to 4 channels")
+    views_v, views_u, height, width, _ = shape
+    if views_v * views_u > limits.views:
+        raise TooLarge(f"{what}; at most {limits.views:,} views are read; give fewer", "views")
+    if height * width > limits.pixels or max(height, width) > MAX_SIDE:
+        raise TooLarge(f"{what}; at most {limits.pixels:,} pixels of a view are read; give smaller views", "pixels")
+    size = math.prod(shape) * dtype.itemsize
+    if size > limits.set_bytes:
+        raise TooLarge(
+            f"{what} comes to {size:,} bytes; at most {limits.set_bytes:,} are read; give fewer views or smaller ones",
+            "set_bytes",
+        )
+
+
+def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """`(V, U, H, W, C)` as uint8 or uint16 in the machine's byte order, with a note where it was rounded.
+
+    Raises `Unreadable` for floating-point samples that are not from 0 to 1.
+    """
+    if array.dtype.kind == "u":
+        return array.astype(array.dtype.newbyteorder("="), copy=False), ()
+    rounded = np.empty(array.shape, np.uint16)
+    for index in np.ndindex(array.shape[:2]):  # one view at a time: the temporary arrays are small
+        view = array[index]
+        low, high = float(view.min()), float(view.max())
+        if not (low >= 0 and high <= 1):  # false for NaN, too
+            raise Unreadable(
+                f"{name}: view {index[0]},{index[1]} has samples from {low:g} to {high:g}; "
+                "give floating-point numbers from 0 to 1, or uint8 or uint16"
+            )
+        np.rint(
+            view * view.dtype.type(65535) if view.itemsize > 2 else view.astype(np.float32) * 65535,
+            casting="unsafe",
+            out=rounded[index],
+        )
+    return rounded, (ROUNDED,)

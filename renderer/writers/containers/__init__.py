@@ -1,0 +1,1 @@
+"""Writers of files that hold a whole light field."""

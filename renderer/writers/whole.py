@@ -1,0 +1,66 @@
+"""The base class of writers that need the whole light field before they can write any of it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.writer import Writer, file_name
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+    from ciir.renderer.writers.options import WriterOptions
+    from ciir.renderer.writers.writer import Contents
+
+
+class WholeWriter(Writer):
+    """Collects all views, and writes them as one light field when it finishes."""
+
+    name = ""
+    """Of the format, for messages."""
+
+    def __init__(self, file: IO[bytes], options: WriterOptions) -> None:
+        self.file, self.options = file, options
+        self._views: Pixels | None = None
+        self._contents: Contents | None = None
+
+    def check(self, contents: Contents) -> None:
+        """Raises `InvalidOption` where the format can't hold the light field, before any view is made."""
+
+    @abstractmethod
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the light field to `file`. Returns notes: what the format doesn't hold, or holds in another way."""
+
+    def begin(self, contents: Contents) -> None:
+        """Refuses a part of the views."""
+        rows, columns = contents.grid
+        if len(contents.views) != rows * columns:
+            raise InvalidOption(
+                f"format: {self.name} is made of all views, and {len(contents.views)} of {rows}x{columns} are asked "
+                "for; give views all"
+            )
+        self.check(contents)
+        shape = (rows, columns, contents.height, contents.width, contents.channels)
+        self._views, self._contents = np.empty(shape, contents.dtype), contents
+
+    def write(self, view: View, pixels: Pixels) -> str:
+        """Keeps a copy of the view."""
+        assert self._views is not None  # noqa: S101 - `begin` was called: the contract of Writer
+        self._views[view] = pixels
+        return file_name(view)
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Writes the file, and adds notes to the report."""
+        assert self._views is not None  # noqa: S101
+        assert self._contents is not None  # noqa: S101
+        light_field = LightField(self._views, is_ordered=True, depth_sense=self._contents.depth_sense)
+        report["notes"] += self.encode(light_field)
+
+    def discard(self) -> None:
+        """Releases the views."""
+        self._views = None

@@ -1,0 +1,59 @@
+"""`ciir convert`: writes a light field in another format, or that of a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.folder import FolderWriter
+from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, find_whole_format
+from ciir.service.cli import common, output_path
+from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.options import NO_MODEL
+from ciir.service.pipeline.source import open_source
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes all views as they are, and prints a line about them."""
+    path = Path(args.out)
+    name = _find_format(args.to, args.out)
+    output_path.check_not_input([args.out, args.report], args.input)
+    common.check_report(args.report, path)
+    options = replace(common.parse_options(args), views="all", model=NO_MODEL)
+    source = open_source(args.input)
+    report = (
+        _to_folder(source, options, path, Path(args.input)) if name is None else _to_file(source, options, path, name)
+    )
+    common.write_report(report, args.report)
+    array = report["lens_array"]
+    grid, size = f"{array['pixels_v']}x{array['pixels_u']}", f"{array['rows']}x{array['cols']}"
+    what = "folder of views" if name is None else name
+    common.print_line(f"{args.out}: {what}, {grid} views of {size} pixels ({common.format_timings(report)})")
+
+
+def _find_format(wanted: str | None, out: str) -> str | None:
+    """The name of the format to write; None for a folder of views."""
+    if wanted is None:
+        is_file = output_path.names_file(out, list(WHOLE_BY_SUFFIX), what="a light field")
+        return WHOLE_BY_SUFFIX[Path(out).suffix.lower()].name if is_file else None
+    return find_whole_format(wanted, Path(out)).name
+
+
+def _to_file(source: Source, options: Options, path: Path, name: str) -> Report:
+    given = options.make_writer_options(path.suffix.lower())
+    with replacing(path) as file, FileWriter(file, name, given) as writer, common.progress_bar("view") as progress:
+        return pipeline.reconstruct(source, options, writer, progress=progress)
+
+
+def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
+    with FolderWriter(path, given) as writer, common.progress_bar("view") as progress:
+        return pipeline.reconstruct(source, options, writer, progress=progress)

@@ -1,0 +1,44 @@
+"""Options of the output file that its format leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from ciir.renderer.writers.options import EpiLine, WriterOptions
+from ciir.service.pipeline.options.option import Option
+from ciir.service.pipeline.options.values import ValueType
+
+
+def _read_line(_: str, text: str) -> str:
+    EpiLine.parse(text.strip())
+    return text.strip()
+
+
+EPI = ValueType(
+    {"type": "string", "pattern": "^(y=[0-9]{1,6}(,v=[0-9]{1,6})?|x=[0-9]{1,6}(,u=[0-9]{1,6})?)?$"},
+    _read_line,
+    EpiLine.parse,
+    "a row 'y=120' or a column 'x=80'",
+)
+
+WRITING = {
+    "epi": Option(
+        "LINE",
+        "format epi: a row y=120 of the views, or a column x=80; with v or u: of the views of that row or column "
+        "(default the middle row of the centre view)",
+        EPI,
+        "y=3",
+    ),
+}
+"""By name, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class WritingOptions:
+    """Values of the options in `WRITING`."""
+
+    epi: str = ""
+
+    def make_writer_options(self, suffix: str = "") -> WriterOptions:
+        """What a writer gets. `suffix`: of the output's name."""
+        return WriterOptions(suffix, **{field.name: getattr(self, field.name) for field in fields(WritingOptions)})

@@ -1,0 +1,159 @@
+import io
+import pickle
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.containers import arrays
+from ciir.renderer.readers.layout import Layout
+
+GRID, SIZE = (2, 3), (4, 5)
+
+
+def read(data, kind="npy", **limits):
+    reader = arrays.read_npy if kind == "npy" else arrays.read_npz
+    return reader(data, name="a", layout=Layout(), limits=Limits(**limits))
+
+
+def saved(array, **options):
+    file = io.BytesIO()
+    np.save(file, array, **options)
+    return file.getvalue()
+
+
+def numbered(dtype, channels=3):
+    """Each sample holds its own place: view, pixel and channel."""
+    array = np.zeros((*GRID, *SIZE, channels), dtype)
+    for v, u, y, x, c in np.ndindex(array.shape):
+        array[v, u, y, x, c] = 100 * v + 50 * u + 10 * y + 2 * x + c
+    return array
+
+
+@pytest.mark.parametrize("dtype", ["u1", "<u2", ">u2"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_npy_is_v_u_y_x_c(dtype, order):
+    found = read(saved(np.asarray(numbered(dtype), order=order)))
+    assert found.views.dtype == np.dtype(dtype).newbyteorder("=")
+    assert found.depth_sense == "lenses"
+    for v, u, y, x, c in np.ndindex(found.views.shape):
+        assert found.view(v, u)[y, x, c] == 100 * v + 50 * u + 10 * y + 2 * x + c
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize("dtype", ["f2", "f4", "f8"])
+def test_floating_point_becomes_16_bit_with_a_note(dtype):
+    found = read(saved(numbered("u1").astype(dtype) / 255))
+    # Half precision has 11 bits: an error of 2**-12 near 1 is 16 of 65535.
+    tolerance = 16 if dtype == "f2" else 0
+    np.testing.assert_allclose(found.views, numbered("u1").astype(np.uint16) * 257, atol=tolerance, rtol=0)
+    assert found.views.dtype == np.uint16
+    assert "rounded to 16 bit" in found.notes[0]
+
+
+@pytest.mark.parametrize("worst", [-0.1, 1.5, np.nan, np.inf])
+def test_floating_point_out_of_range_is_refused(worst):
+    array = numbered("u1") / 255
+    array[1, 2, 3, 4, 0] = worst
+    with pytest.raises(Unreadable, match=r"view 1,2 has samples from .*; give floating-point numbers from 0 to 1"):
+        read(saved(array))
+
+
+@pytest.mark.parametrize(
+    ("array", "error"),
+    [
+        (np.zeros((2, 2, 4, 4), "u1"), Unreadable),
+        (np.zeros((1, 2, 2, 4, 4, 3), "u1"), Unreadable),
+        (np.zeros((2, 2, 4, 4, 5), "u1"), Unreadable),
+        (np.zeros((2, 0, 4, 4, 3), "u1"), Unreadable),
+        (np.zeros((2, 2, 4, 4, 3), "i4"), UnsupportedType),
+        (np.zeros((2, 2, 4, 4, 3), "c8"), UnsupportedType),
+        (np.zeros((2, 2, 4, 4, 3), [("a", "u1")]), UnsupportedType),
+    ],
+)
+def test_other_arrays_are_refused(array, error):
+    with pytest.raises(error, match=r"a: an array .*; give"):
+        read(saved(array))
+
+
+def test_pickle_is_never_read():
+    class Bomb:
+        def __reduce__(self):
+            return pytest.fail, ("it was unpickled",)
+
+    data = saved(np.zeros((1, 1, 1, 1, 1), object))
+    data = data[: data.index(b"\n") + 1] + pickle.dumps(Bomb())
+    with pytest.raises(UnsupportedType, match="never read"):
+        read(data)
+
+
+def test_sizes_are_checked_before_anything_is_allocated():
+    header = io.BytesIO()
+    shape = (15, 15, 4000, 4000, 3)
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    tracemalloc.start()
+    with pytest.raises(TooLarge, match="comes to"):
+        read(header.getvalue())
+    with pytest.raises(Unreadable, match="cut off"):
+        read(header.getvalue(), set_bytes=2**50)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2**20
+    with pytest.raises(TooLarge, match="at most 4 views"):
+        read(saved(numbered("u1")), views=4)
+
+
+def zipped(**members):
+    file = io.BytesIO()
+    np.savez(file, **members)
+    return file.getvalue()
+
+
+def test_npz_of_one_array_under_any_name():
+    found = read(zipped(scene=numbered("u2"), notes=np.zeros(3)), "npz")
+    np.testing.assert_array_equal(found.views, numbered("u2"))
+
+
+def test_npz_of_two_arrays_names_them():
+    with pytest.raises(Unreadable, match=r"2 arrays with five axes \(left, right\)"):
+        read(zipped(left=numbered("u1"), right=numbered("u1")), "npz")
+    with pytest.raises(Unreadable, match=r"0 arrays with five axes \(nothing\)"):
+        read(zipped(), "npz")
+
+
+def test_views_at_positions_in_any_order():
+    field = numbered("u1")
+    positions = [(1, 2), (0, 1), (0, 0), (1, 0), (1, 1), (0, 2)]
+    data = zipped(views=np.stack([field[place] for place in positions]), positions=np.array(positions))
+    np.testing.assert_array_equal(read(data, "npz").views, field)
+
+
+@pytest.mark.parametrize(
+    "positions",
+    [[(0, 0), (0, 1), (1, 0), (1, 1), (2, 2), (0, 2)], [(0, 0)] * 6, [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 1)]],
+)
+def test_positions_that_fill_no_grid_are_refused(positions):
+    views = numbered("u1").reshape(6, *SIZE, 3)
+    with pytest.raises(Unreadable, match=r"fill no grid|there twice"):
+        read(zipped(views=views, positions=np.array(positions)), "npz")
+
+
+@pytest.mark.parametrize("sense", ["lenses", "cameras"])
+def test_our_own_npz_keeps_the_depth_sense(tmp_path, sense):
+    field = LightField(numbered("u2", 4), depth_sense=sense)
+    field.save(tmp_path / "a.npz")
+    found = read((tmp_path / "a.npz").read_bytes(), "npz")
+    np.testing.assert_array_equal(found.views, field.views)
+    assert found.depth_sense == sense
+
+
+def test_a_bomb_is_not_unpacked():
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("views.npy", bytes(2**22))
+    with pytest.raises(TooLarge, match="unpacks to over"):
+        read(file.getvalue(), "npz")

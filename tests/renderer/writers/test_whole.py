@@ -1,0 +1,40 @@
+import io
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.formats import FORMATS, FileWriter
+from ciir.renderer.writers.writer import Contents
+
+WHOLE = [entry.name for entry in FORMATS.values() if entry.is_whole]
+ALL = tuple(np.ndindex(3, 3))
+
+
+def contents(views):
+    return Contents(views, (3, 3), 8, 8, 3, np.dtype(np.uint8))
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_part_of_the_views_is_refused(name):
+    with (
+        FileWriter(io.BytesIO(), name) as writer,
+        pytest.raises(InvalidOption, match=f"{name} is made of all views, and 1 of 3x3 .*; give views all"),
+    ):
+        writer.begin(contents(((1, 1),)))
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_views_come_in_any_order(name):
+    views = np.random.default_rng(0).integers(0, 255, (3, 3, 8, 8, 3), np.uint8)
+    files = []
+    for order in (ALL, ALL[::-1]):
+        file = io.BytesIO()
+        with FileWriter(file, name) as writer:
+            writer.begin(contents(order))
+            for view in order:
+                writer.write(view, views[view])
+            writer.finish({"notes": []})
+        files.append(file.getvalue())
+    assert files[0] == files[1]
+    assert files[0]

@@ -1,0 +1,70 @@
+import json
+
+import numpy as np
+import pytest
+
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.pictures import decode
+from ciir.service.cli.main import main
+
+FIELD = LightField(np.random.default_rng(0).integers(0, 65535, (3, 4, 6, 5, 3), np.uint16), depth_sense="cameras")
+
+
+@pytest.fixture
+def given(tmp_path):
+    FIELD.save(tmp_path / "in.npz")
+    return tmp_path / "in.npz"
+
+
+@pytest.mark.parametrize("name", ["out.npz", "out.npy", "out.zip", "out"])
+def test_every_view_is_kept_as_it_is(given, tmp_path, capsys, name):
+    assert main(["convert", str(given), "-o", str(tmp_path / name)]) == 0
+    back = tmp_path / "back.npy"
+    assert main(["convert", str(tmp_path / name), "-o", str(back), "--order", "given"]) == 0
+    np.testing.assert_array_equal(np.load(back), FIELD.views)
+    assert "3x4 views of 6x5 pixels" in capsys.readouterr().out
+
+
+def test_a_picture_is_the_elemental_image_array(given, tmp_path):
+    assert main(["convert", str(given), "-o", str(tmp_path / "eia.png")]) == 0
+    assert main(["convert", str(tmp_path / "eia.png"), "--pixels", "3x4", "-o", str(tmp_path / "back.npy")]) == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "back.npy"), FIELD.views)
+
+
+def test_an_epi_and_the_report(given, tmp_path):
+    words = ["convert", str(given), "--to", "epi", "--epi", "y=5,v=2", "-o", str(tmp_path / "epi.tif")]
+    assert main([*words, "--report", str(tmp_path / "report.json")]) == 0
+    epi = decode((tmp_path / "epi.tif").read_bytes(), name="x")
+    np.testing.assert_array_equal(epi, FIELD.views[2, :, 5])
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["lens_array"]["depth_sense"] == "cameras"
+    assert report["options"]["epi"] == "y=5,v=2"
+
+
+def test_a_depth_sense_that_is_lost_is_noted(given, tmp_path, capsys):
+    assert main(["convert", str(given), "-o", str(tmp_path / "a.npy")]) == 0
+    assert "note: npy holds no depth sense" in capsys.readouterr().err
+
+
+def test_a_mesh_is_rendered(tmp_path):
+    words = ["convert", "scene:vase", "--lenses", "8x9", "--pixels", "2x3", "--backend", "raytrace"]
+    assert main([*words, "-o", str(tmp_path / "vase.npy")]) == 0
+    assert np.load(tmp_path / "vase.npy").shape == (2, 3, 8, 9, 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "a.exr"], "a.exr: a light field can't be written as .exr; end the name with .zip, .npz"),
+        (["-o", "a.png", "--to", "exr"], "format: 'exr' holds no light field; give zip, npz"),
+        (["-o", "a.png", "--to", "npy"], "a.png: npy is written as .npy; end the name with that"),
+        (["-o", "a.png", "--to", "epi", "--epi", "y=9"], "epi: there is no y=9; give 0 to 5"),
+        (["-o", "a.png", "--views", "all"], "unrecognized arguments: --views all"),
+        (["-o", "in.npz"], "the input is there"),
+    ],
+)
+def test_what_cannot_be_done(given, capsys, monkeypatch, words, message):
+    monkeypatch.chdir(given.parent)
+    assert main(["convert", "in.npz", *words]) == 2
+    assert message in capsys.readouterr().err
+    assert [path.name for path in given.parent.iterdir()] == ["in.npz"]
