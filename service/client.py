@@ -87,16 +87,13 @@ class Client(httpx2.Client):
 
     def models(self) -> list[dict[str, Any]]:
         """Lists the models of the server."""
-        models: list[dict[str, Any]] = messages.read_json(self.get("/v1/models"))
-        return models
+        return messages.read_models(self.get("/v1/models"))
 
     def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
         response = self._post(kind, source, options, {})
-        return (
-            messages.read_result(response)
-            if response.status_code == 200
-            else Job(self, messages.read_path(response)).result()
-        )
+        if response.status_code == 200:
+            return messages.read_result(response)
+        return Job(self, messages.read_path(response)).result()
 
     def _post(
         self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
@@ -154,8 +151,7 @@ class AsyncClient(httpx2.AsyncClient):
 
     async def models(self) -> list[dict[str, Any]]:
         """As `Client.models`."""
-        models: list[dict[str, Any]] = messages.read_json(await self.get("/v1/models"))
-        return models
+        return messages.read_models(await self.get("/v1/models"))
 
     async def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
         response = await self._post(kind, source, options, {})
@@ -190,8 +186,7 @@ class Job(_Path):
 
     def status(self) -> dict[str, Any]:
         """The job's status, as `GET` of its path answers it."""
-        status: dict[str, Any] = messages.read_json(self._client.get(self.path))
-        return status
+        return messages.read_status(self._client.get(self.path))
 
     def events(self) -> Iterator[Event]:
         """Yields all events from the first to the last. Reconnects up to `retries` times in a row."""
@@ -216,8 +211,7 @@ class Job(_Path):
 
     def cancel(self) -> dict[str, Any]:
         """Cancels the job, or removes one that has ended, and returns its last status."""
-        status: dict[str, Any] = messages.read_json(self._client.delete(self.path))
-        return status
+        return messages.read_status(self._client.delete(self.path))
 
 
 class AsyncJob(_Path):
@@ -229,8 +223,7 @@ class AsyncJob(_Path):
 
     async def status(self) -> dict[str, Any]:
         """As `Job.status`."""
-        status: dict[str, Any] = messages.read_json(await self._client.get(self.path))
-        return status
+        return messages.read_status(await self._client.get(self.path))
 
     async def events(self) -> AsyncIterator[Event]:
         """As `Job.events`."""
@@ -255,5 +248,4 @@ class AsyncJob(_Path):
 
     async def cancel(self) -> dict[str, Any]:
         """As `Job.cancel`."""
-        status: dict[str, Any] = messages.read_json(await self._client.delete(self.path))
-        return status
+        return messages.read_status(await self._client.delete(self.path))

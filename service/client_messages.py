@@ -149,8 +149,19 @@ def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed
     return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server runs")
 
 
-def read_json(response: httpx2.Response) -> Any:
-    """The JSON of a response. Raises `ServiceError` for anything else."""
+def read_status(response: httpx2.Response) -> dict[str, Any]:
+    """The job's status that a response holds. Raises `ServiceError` for anything else, as `read_models` does."""
+    status: dict[str, Any] = _read_json(response)
+    return status
+
+
+def read_models(response: httpx2.Response) -> list[dict[str, Any]]:
+    """The list of models that a response holds."""
+    models: list[dict[str, Any]] = _read_json(response)
+    return models
+
+
+def _read_json(response: httpx2.Response) -> Any:
     try:
         return response.json()
     except ValueError as error:
@@ -159,7 +170,7 @@ def read_json(response: httpx2.Response) -> Any:
 
 def read_path(response: httpx2.Response) -> str:
     """The path of the job whose status a response holds."""
-    path: str = read_json(response)["events"]
+    path: str = read_status(response)["events"]
     return path.removesuffix("/events")
 
 

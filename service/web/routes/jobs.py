@@ -171,13 +171,12 @@ async def read_events(start: Start, state: State, _counted: Annotated[None, Depe
 def make_router(kind: Kind) -> APIRouter:
     """The routes of one kind of job."""
     title = kind.name.title()
-    router = APIRouter(prefix=results.find_root(kind.name), tags=[f"{kind.name}s"])
+    router = APIRouter(prefix=results.find_root(kind.name), tags=[f"{kind.name}s"], default_response_class=Response)
     status = openapi.describe_errors(401, 404, 503)
     router.post(
         "",
         operation_id=f"create{title}",
         summary=kind.summary,
-        response_class=Response,
         responses=openapi.describe_result(kind)
         | openapi.describe_status(
             kind, 202, "the job is not done yet", Location="path of the job", Retry_After="seconds"
@@ -193,7 +192,6 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}",
         operation_id=f"get{title}",
         summary="Status of a job",
-        response_class=Response,
         responses=openapi.describe_status(kind, 200, "the status") | status,
     )(read_job)
     router.delete(
@@ -201,7 +199,6 @@ def make_router(kind: Kind) -> APIRouter:
         operation_id=f"delete{title}",
         summary="Cancel a job, or remove one that has ended with its result",
         description="Identical requests share one job: it is cancelled or removed for all of them.",
-        response_class=Response,
         responses=openapi.describe_status(kind, 200, "the status: cancelled, or that at its end") | status,
     )(cancel_job)
     router.head("/{id}/result", include_in_schema=False)(read_result)
@@ -209,7 +206,6 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}/result",
         operation_id=f"get{title}Result",
         summary="Result of a job",
-        response_class=Response,
         responses=openapi.describe_result(kind) | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
         openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
     )(read_result)
@@ -218,7 +214,6 @@ def make_router(kind: Kind) -> APIRouter:
         operation_id=f"get{title}Events",
         summary="Events of a job, as server-sent events",
         description="All events, or those after `Last-Event-ID`, until the job has ended. They are numbered from 0.",
-        response_class=Response,
         responses=openapi.describe_response(204, "the job has ended, and the client has all events")
         | openapi.describe_json(200, "the events", schemas.refer("Event"), "text/event-stream")
         | openapi.describe_errors(400, 401, 404, 429, 503),
