@@ -82,19 +82,19 @@ class PreparedScene:
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The colour and the distance of what each of parallel rays meets.
+        """The colour and the distance of what each ray meets.
 
-        `origins`: `(n, 3)`, `direction`: `(3,)`, in the scene's coordinates. See-through surfaces are blended front to
-        back ("over", Porter and Duff, SIGGRAPH 1984). A surface closer than `STEP` behind a point that a ray passes is
-        passed with it.
+        `origins`: `(n, 3)`, `direction`: `(3,)` or `(n, 3)`, in the scene's coordinates. See-through surfaces are
+        blended front to back ("over", Porter and Duff, SIGGRAPH 1984). A surface closer than `STEP` behind a point that
+        a ray passes is passed with it.
 
         Returns RGBA `(n, 4)` in [0, 1], RGB times alpha, all zero where a ray meets nothing; and the distances `(n,)`
         of the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf where there is none.
         """
         # Rays start where they enter the sphere around the scene: from farther away float32 aims less exactly.
-        squared = float(direction @ direction)
-        entry = (self._middle @ direction - origins @ direction) / squared - self._radius / np.sqrt(squared)
-        entry = np.maximum(entry, self._first)
+        squared = np.einsum("...i,...i->...", direction, direction)
+        entry = np.einsum("...i,...i->...", self._middle - origins, direction) / squared
+        entry = np.maximum(entry - self._radius / np.sqrt(squared), self._first)
         entries = self._to_embree(origins + entry[:, None] * direction)
         along = np.broadcast_to(direction.astype(np.float32), entries.shape)
         starts, passed = entries, np.zeros(len(origins), np.float32)

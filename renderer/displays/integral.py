@@ -1,0 +1,200 @@
+"""Integral displays: a panel of pixels under a lens array, in millimetres."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.limits import DEFAULT_LIMITS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Grid = Literal["square", "hexagonal"]
+Stripes = Literal["rgb", "bgr", "none"]
+INCH = 25.4
+"""Millimetres."""
+
+
+@dataclass(frozen=True)
+class IntegralDisplay:
+    """A panel in the plane z = -gap and lenses in the plane z = 0, seen from z > 0; all lengths in millimetres.
+
+    x grows to the right and y upwards as the viewer sees them, from the panel's centre. A lens sends the light of a
+    pixel behind it along the line from that pixel through its centre.
+    """
+
+    width: int
+    """Pixels of the panel."""
+    height: int
+    pixel_pitch: float
+    """Between neighbouring pixels."""
+    lens_pitch: float
+    """Between the centres of neighbouring lenses."""
+    gap: float
+    """From the panel to the lenses, in air: thickness / refractive index where there is glass."""
+    grid: Grid = "square"
+    """hexagonal: rows of lenses `sqrt(3)/2` pitches apart, every second one half a pitch to the right."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """x and y of the centre of a lens."""
+    rotation: float = 0.0
+    """Degrees counterclockwise, of the lens array about that lens."""
+    stripes: Stripes = "rgb"
+    """The colours of a pixel's thirds from the left; none: a pixel's colours lie at one place."""
+    distance: float = math.inf
+    """From the lenses to the viewer, for whom each lens shows the pixels around its centre; inf: for a viewer far off,
+    where each pixel belongs to the lens straight before it."""
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the panel."""
+        return self.width * self.pixel_pitch, self.height * self.pixel_pitch
+
+    @property
+    def tangent_step(self) -> float:
+        """Tangent between neighbouring pixels under a lens."""
+        return self.pixel_pitch / self.gap
+
+    @property
+    def tangent_range(self) -> float:
+        """Tangent from the axis to the edge of what a lens shows along x: the panel's angular limit."""
+        return self.lens_pitch / (2 * self.gap)
+
+    def lens_array(self) -> LensArray:
+        """The lenses that fit over the panel, and the directions of the pixels under one, for `framing.frame_scene`."""
+        cols, rows = (max(1, int(side / self.lens_pitch)) for side in self.size)
+        pixels = max(1, round(self.lens_pitch / self.pixel_pitch))
+        return LensArray(rows, cols, pixels, pixels, pitch=self.lens_pitch, delta=2 * self.tangent_range / pixels)
+
+    def trace_row(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The lens of each subpixel of `row`, from the top, and the tangents of its line: `(width, 3, 2)` each.
+
+        The line of a subpixel goes through its lens's centre `(x, y, 0)` along `(tx, ty, -1)`, away from the viewer;
+        the last axis is x and y, the one before red, green, blue.
+        """
+        thirds = {"rgb": (-1 / 3, 0, 1 / 3), "bgr": (1 / 3, 0, -1 / 3), "none": (0, 0, 0)}[self.stripes]
+        pixel = np.empty((self.width, 3, 2))
+        pixel[..., 0] = (np.arange(self.width)[:, None] - (self.width - 1) / 2 + np.array(thirds)) * self.pixel_pitch
+        pixel[..., 1] = ((self.height - 1) / 2 - row) * self.pixel_pitch
+        lens = self.find_lenses(pixel / (1 + self.gap / self.distance))
+        return lens, (pixel - lens) / self.gap
+
+    def find_lenses(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The centre of the lens that is nearest to each of `points`, `(..., 2)`."""
+        angle = math.radians(self.rotation)
+        turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+        local = (points - self.offset) @ turn.T  # along the rows of lenses
+        if self.grid == "square":
+            nearest = np.rint(local / self.lens_pitch) * self.lens_pitch
+        else:  # two rectangular grids, one in the middles of the other's cells
+            cell = np.array([self.lens_pitch, self.lens_pitch * math.sqrt(3)])
+            even = np.rint(local / cell) * cell
+            odd = (np.floor(local / cell) + 0.5) * cell
+            is_even = ((local - even) ** 2).sum(-1) <= ((local - odd) ** 2).sum(-1)
+            nearest = np.where(is_even[..., None], even, odd)
+        centers: NDArray[np.float64] = nearest @ turn + self.offset
+        return centers
+
+
+def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> IntegralDisplay:
+    """The display in a TOML file of three tables, all lengths in millimetres:
+
+    - `[panel]`: `pixels = [width, height]`; `pitch`, or `ppi`; `subpixels = "rgb"`, `"bgr"` or `"none"`.
+    - `[lenses]`: `pitch`, `gap`; `grid = "square"` or `"hexagonal"`; `offset = [x, y]`; `rotation` in degrees.
+    - `[viewer]`: `distance`.
+
+    Raises `Unreadable` where it isn't TOML, `InvalidOption` where an entry is missing, unknown or out of range,
+    `TooLarge` over `max_pixels`.
+    """
+    try:
+        found = tomllib.loads(data.decode())
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise Unreadable(f"{name}: not TOML; docs/displays.md has a file to begin with") from error
+    panel, lenses, viewer = (_Table(found.pop(key, {}), key, name) for key in ("panel", "lenses", "viewer"))
+    if found:
+        raise InvalidOption(f"{name}: [{min(found)[:40]}] is not known; give [panel], [lenses] and [viewer]")
+    width, height = panel.pair("pixels", 1, 1e5)
+    if width != int(width) or height != int(height):
+        raise InvalidOption(f"{name}: panel.pixels holds a fraction; give whole numbers, as in [3840, 2160]")
+    if width * height > max_pixels:
+        raise TooLarge(f"{name}: a panel of {width:.0f}x{height:.0f} pixels; at most {max_pixels:,} are made", "pixels")
+    if panel.has("pitch") == panel.has("ppi"):
+        raise InvalidOption(f"{name}: panel needs pitch (mm) or ppi, one of them; add or remove one")
+    display = IntegralDisplay(
+        width=int(width),
+        height=int(height),
+        pixel_pitch=panel.number("pitch", 1e-4, 1e3) if panel.has("pitch") else INCH / panel.number("ppi", 0.1, 1e5),
+        stripes=panel.word("subpixels", "rgb", get_args(Stripes)),
+        lens_pitch=lenses.number("pitch", 1e-4, 1e4),
+        gap=lenses.number("gap", 1e-4, 1e5),
+        grid=lenses.word("grid", "square", get_args(Grid)),
+        offset=lenses.pair("offset", -1e5, 1e5, (0.0, 0.0)),
+        rotation=lenses.number("rotation", -360, 360, 0.0),
+        distance=viewer.number("distance", 1e-3, 1e9, math.inf),
+    )
+    for table in (panel, lenses, viewer):
+        table.check_all_read()
+    if display.lens_pitch < 2 * display.pixel_pitch:
+        raise InvalidOption(
+            f"{name}: a lens of {display.lens_pitch:g} mm over pixels of {display.pixel_pitch:g} mm; a lens covers at "
+            "least 2 pixels; check the units (millimetres)"
+        )
+    return display
+
+
+class _Table:
+    """A table of the file, which notes what was read of it."""
+
+    def __init__(self, entries: Any, title: str, name: str) -> None:
+        if not isinstance(entries, dict):
+            raise InvalidOption(f"{name}: {title} is no table; write [{title}] on a line of its own")
+        self._entries, self._title, self._name = entries, title, name
+        self._read: set[str] = set()
+
+    def has(self, key: str) -> bool:
+        return key in self._entries
+
+    def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
+        self._read.add(key)
+        if default is not None and key not in self._entries:
+            return default
+        value = self._entries.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise self._refuse(key, value, f"a number from {low:g} to {high:g}")
+        return float(value)
+
+    def pair(
+        self, key: str, low: float, high: float, default: tuple[float, float] | None = None
+    ) -> tuple[float, float]:
+        self._read.add(key)
+        value = self._entries.get(key, default)
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise self._refuse(key, value, "two numbers, as in [3840, 2160]")
+        for one in value:
+            if isinstance(one, bool) or not isinstance(one, int | float) or not low <= one <= high:
+                raise self._refuse(key, one, f"numbers from {low:g} to {high:g}")
+        return value[0], value[1]
+
+    def word(self, key: str, default: str, known: tuple[Any, ...]) -> Any:
+        self._read.add(key)
+        value = self._entries.get(key, default)
+        if value not in known:
+            raise self._refuse(key, value, " or ".join(f'"{word}"' for word in known))
+        return value
+
+    def check_all_read(self) -> None:
+        unknown = sorted(set(self._entries) - self._read - {"pitch", "ppi"})
+        if unknown:
+            raise InvalidOption(
+                f"{self._name}: {self._title}.{unknown[0][:40]} is not known; give {', '.join(sorted(self._read))}"
+            )
+
+    def _refuse(self, key: str, value: object, remedy: str) -> InvalidOption:
+        what = "missing" if value is None else f"{str(value)[:40]!r}"
+        return InvalidOption(f"{self._name}: {self._title}.{key} is {what}; give {remedy}")

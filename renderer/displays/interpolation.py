@@ -1,0 +1,104 @@
+"""Views between views, by a plane sweep between each pair of neighbours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
+
+REACH = 1 / 12
+"""Largest disparity between neighbours that is searched for, as a share of a view's side."""
+MOST_STEPS = 24
+"""Largest disparity that is searched for, pixels."""
+WINDOW = 7
+"""Side of the box over which a disparity is judged, pixels."""
+FEW = 0.002
+"""Share of the pixels below which a disparity counts as an error."""
+REST = 0.02
+"""What a pixel of disparity costs, in levels of 255: without texture the smallest one wins."""
+
+
+def interpolate_views(views: Pixels, count: int) -> Pixels:
+    """`count` views at equal steps from the first to the last of `views`, `(n, h, w, c)`, whose cameras stand in a row.
+
+    Content moves along x from view to view. Between two views each pixel is the blend of the pair of pixels that agree
+    best over a box, of all that a disparity of up to `REACH` could pair (a plane sweep, Collins 1996). Views that
+    are there already are returned as they are.
+    """
+    total = len(views)
+    if total == 1 or count == 1:
+        return np.broadcast_to(views[(total - 1) // 2], (count, *views.shape[1:]))
+    reach = _find_reach(views)
+    result = np.empty((count, *views.shape[1:]), views.dtype)
+    for index, position in enumerate(np.linspace(0, total - 1, count)):
+        left = min(int(position + 1e-9), total - 2)  # a view that is there is not missed by a rounding error
+        fraction = position - left
+        if min(fraction, 1 - fraction) < 1e-6:
+            result[index] = views[left + round(fraction)]
+        else:
+            result[index] = np.rint(_interpolate(views[left], views[left + 1], fraction, reach)[0])
+    return result
+
+
+def _find_reach(views: Pixels) -> int:
+    """The largest disparity, in whole pixels, that the two views in the middle show in more than a few places."""
+    middle = (len(views) - 1) // 2
+    most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
+    _, found = _interpolate(views[middle], views[middle + 1], 0.5, most)
+    counts = np.bincount(np.abs(found).ravel(), minlength=most + 1)
+    return int(min(most, 1 + np.flatnonzero(counts > FEW * found.size).max()))
+
+
+def _interpolate(
+    left: Pixels, right: Pixels, fraction: float, reach: int
+) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """The view at `fraction` of the way from `left` to `right`, `(h, w, c)`, not rounded, and its disparities."""
+    one, other = left.astype(np.float32), right.astype(np.float32)
+    levels = np.iinfo(left.dtype).max / 255
+    best = np.full(left.shape[:2], np.inf, np.float32)
+    result, found = np.empty_like(one), np.zeros(left.shape[:2], np.intp)
+    for disparity in range(-reach, reach + 1):
+        first, second = shift_rows(one, fraction * disparity), shift_rows(other, (fraction - 1) * disparity)
+        cost = _average_box(np.abs(first - second).mean(axis=2)) + REST * levels * abs(disparity)
+        is_better = cost < best
+        best[is_better] = cost[is_better]
+        result[is_better] = (first + fraction * (second - first))[is_better]
+        found[is_better] = disparity
+    return result, found
+
+
+def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32]:
+    """The picture `(h, w, c)` with pixel x taken from `x + shift`, linearly; beyond the border its last pixel."""
+    position = np.clip(np.arange(picture.shape[1]) + shift, 0, picture.shape[1] - 1)
+    low = position.astype(np.intp)
+    high = np.minimum(low + 1, picture.shape[1] - 1)
+    weight = (position - low).astype(np.float32)[:, None]
+    shifted: NDArray[np.float32] = picture[:, low] * (1 - weight) + picture[:, high] * weight
+    return shifted
+
+
+def _average_box(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The mean over `WINDOW x WINDOW` pixels, of `(h, w)`; the border is repeated."""
+    padded = np.pad(values.astype(np.float64), WINDOW // 2, mode="edge")
+    for axis in (0, 1):
+        sums = np.cumsum(padded, axis=axis)
+        sums = np.concatenate([np.zeros_like(sums.take([0], axis)), sums], axis=axis)
+        length = padded.shape[axis] - WINDOW + 1
+        padded = sums.take(range(WINDOW, WINDOW + length), axis) - sums.take(range(length), axis)
+    means: NDArray[np.float32] = (padded / WINDOW**2).astype(np.float32)
+    return means
+
+
+def weigh_neighbours(
+    position: NDArray[np.float64], count: int
+) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], tuple[NDArray[np.intp], NDArray[np.float64]]]:
+    """The two samples around each `position`, of `count`, and their weights; beyond the border the last one."""
+    position = np.clip(position, 0, count - 1)
+    low = np.minimum(position.astype(np.intp), max(count - 2, 0))
+    weight = position - low
+    return (low, 1 - weight), (np.minimum(low + 1, count - 1), weight)

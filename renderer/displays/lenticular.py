@@ -1,0 +1,144 @@
+"""Native pictures of lenticular displays: which view each subpixel shows, by the display's calibration.
+
+With x and y from 0 to 1, x to the right and y upwards, subpixel i (0 to 2 from the left) shows the view at
+
+    place = fraction((x + i * subp + y * tilt) * pitch - center)
+    pitch = pitch.value * screenW / DPI * cos(atan(1 / slope))   lenses across the screen
+    tilt  = screenH / (screenW * slope), negative with flipImageX
+    subp  = 1 / (3 * screenW)
+
+and 1 - place with invView, as in Looking Glass' own shaders (HoloPlayCore, `HoloPlayShaders.h`). Place 0 is the
+leftmost camera, 1 the rightmost.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.displays.interpolation import weigh_neighbours
+from ciir.renderer.limits import DEFAULT_LIMITS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A display's calibration, in the units of the formula above."""
+
+    width: int
+    height: int
+    pitch: float
+    tilt: float
+    center: float
+    is_inverted: bool = False
+    """invView: the views run from right to left."""
+    flips: tuple[bool, bool] = (False, False)
+    """flipImageX and flipImageY: whether the content is mirrored along x, and along y."""
+    is_bgr: bool = False
+    """flipSubp: whether the subpixels are blue, green, red from the left."""
+    cone: float = 40.0
+    """viewCone: degrees between the outermost views."""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def aspect(self) -> float:
+        """Width / height."""
+        return self.width / self.height
+
+    def content_positions(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x and y, 0 to 1, in the views, of the pixels of `row`, counted from the top: two of `(width,)`."""
+        x, y = self._positions(row)
+        return (1 - x if self.flips[0] else x), np.full(self.width, 1 - y if self.flips[1] else y)
+
+    def view_places(self, row: int) -> NDArray[np.float64]:
+        """The place of the view, 0 (leftmost camera) to 1, that red, green and blue of a pixel show: `(width, 3)`."""
+        x, y = self._positions(row)
+        subpixel = np.array([2, 1, 0] if self.is_bgr else [0, 1, 2])
+        places = (x[:, None] + subpixel / (3 * self.width) + y * self.tilt) * self.pitch - self.center
+        places -= np.floor(places)
+        return 1 - places if self.is_inverted else places
+
+    def _positions(self, row: int) -> tuple[NDArray[np.float64], float]:
+        return (np.arange(self.width) + 0.5) / self.width, 1 - (row + 0.5) / self.height
+
+
+def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> Calibration:
+    """The calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` or with plain numbers, as displays hold it.
+
+    Raises `Unreadable` where a number is missing or out of range, `TooLarge` over `max_pixels`.
+    """
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise Unreadable(f"{name}: not JSON; give the calibration that the display holds (visual.json)") from error
+    if not isinstance(found, dict):
+        raise Unreadable(f"{name}: no calibration; give the JSON that the display holds (visual.json)")
+    width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))
+    slope = _read(found, "slope", name, (-1e4, 1e4))
+    pitch = _read(found, "pitch", name, (1e-3, 1e4))
+    if not slope:
+        raise Unreadable(f"{name}: slope is 0; give the slant of the lenses, as the display holds it")
+    if width * height > max_pixels:
+        raise TooLarge(
+            f"{name}: a screen of {width:.0f}x{height:.0f} pixels; at most {max_pixels:,} are made", "pixels"
+        )
+    mirrored = _is_set(found, "flipImageX", name)
+    pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
+    notes = ("the display's subpixels form a pattern: they are taken as stripes of red, green and blue",)
+    return Calibration(
+        width=int(width),
+        height=int(height),
+        pitch=pitch * width / dpi * float(np.cos(np.arctan(1 / slope))),
+        tilt=height / (width * slope) * (-1 if mirrored else 1),
+        center=_read(found, "center", name, (-1e4, 1e4)),
+        is_inverted=_is_set(found, "invView", name),
+        flips=(mirrored, _is_set(found, "flipImageY", name)),
+        is_bgr=_is_set(found, "flipSubp", name),
+        cone=_read(found, "viewCone", name, (1, 120), 40.0),
+        notes=notes if pattern else (),
+    )
+
+
+def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float], default: float | None = None) -> float:
+    value = found.get(key, default)
+    value = value.get("value") if isinstance(value, dict) else value
+    if isinstance(value, int | float) and span[0] <= value <= span[1]:
+        return float(value)
+    raise Unreadable(
+        f"{name}: {key} is {str(value)[:40]}; give a number from {span[0]:g} to {span[1]:g}, as the display holds it"
+    )
+
+
+def _is_set(found: dict[str, Any], key: str, name: str) -> bool:
+    return _read(found, key, name, (0, 1), 0.0) > 0.5
+
+
+def interlace(views: Pixels, calibration: Calibration) -> Pixels:
+    """The native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost camera on.
+
+    Each subpixel is sampled bilinearly in the two views around its place, and the two are blended: the place is a
+    direction between two cameras, and the blend is the light field there as far as views and pixels show it. The
+    nearest view would be up to half a step of the cameras off, which shows as steps at slanted edges. Views are
+    taken to cover `calibration.cone` and the whole screen.
+    """
+    count, height, width, channels = views.shape
+    native = np.empty((calibration.height, calibration.width, 3), views.dtype)
+    channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
+    for row in range(calibration.height):
+        x, y = calibration.content_positions(row)
+        place = calibration.view_places(row) * (count - 1)  # (screen width, 3)
+        total = np.zeros(place.shape)
+        for view, of_view in weigh_neighbours(place, count):
+            for top, of_row in weigh_neighbours((1 - y[:, None]) * height - 0.5, height):
+                for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
+                    total += of_view * of_row * of_column * views[view, top, left, channel]
+        native[row] = np.rint(total)
+    return native

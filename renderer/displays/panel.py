@@ -1,0 +1,131 @@
+"""Pictures for the panel of an integral display."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ciir.renderer.displays.interpolation import interpolate_views, weigh_neighbours
+from ciir.renderer.sampling import check_samples
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.displays.integral import IntegralDisplay
+    from ciir.renderer.displays.rays import RayCaster
+    from ciir.renderer.readers.pictures import Pixels
+
+Conversion = Literal["spoc", "none"]
+"""spoc: lenses show the scene with its own depth (orthoscopic), by the smart pseudoscopic-to-orthoscopic conversion of
+Navarro et al., Opt. Express 18, 25573 (2010). none: each lens shows what it would pick up, which a viewer sees with
+depth inverted (pseudoscopic)."""
+
+
+def render_panel(
+    caster: RayCaster, display: IntegralDisplay, *, conversion: Conversion = "spoc", samples: int = 1
+) -> NDArray[np.uint8]:
+    """The panel's picture `(height, width, 3)` of a mesh that stands in the display's coordinates, millimetres.
+
+    Each subpixel has the colour of the first surface on its line from the viewer through its lens's centre, or the
+    mean over `samples x samples` such lines, spread over the pixel's area around it: the panel's angular limit.
+
+    Raises `InvalidOption` where `samples` is out of range.
+    """
+    check_samples(samples)
+    steps = ((np.arange(samples) + 0.5) / samples - 0.5) * display.tangent_step
+    around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 1, 2)
+    panel = np.empty((display.height, display.width, 3), np.uint8)
+    for row in range(display.height):
+        lens, tangent = display.trace_row(row)  # (width, 3, 2)
+        tangents = (tangent if conversion == "spoc" else -tangent) + around  # (samples^2, width, 3, 2)
+        points = np.zeros((*tangents.shape[:3], 3))
+        points[..., :2] = lens
+        directions = np.full(points.shape, -1.0)
+        directions[..., :2] = tangents
+        colors = caster.cast_lines(points.reshape(-1, 3), directions.reshape(-1, 3)).reshape(points.shape)
+        # Each ray gives the colour of its subpixel.
+        panel[row] = np.rint(np.diagonal(colors, axis1=2, axis2=3).mean(axis=0))
+    return panel
+
+
+def resample_panel(
+    views: Pixels,
+    display: IntegralDisplay,
+    *,
+    conversion: Conversion = "spoc",
+    disparity: float = 0.0,
+    background: tuple[int, int, int] = (0, 0, 0),
+) -> Pixels:
+    """The panel's picture `(height, width, 3)` of a light field.
+
+    `views`: `(V, U, h, w, c)`, grey or RGB, of a camera array: v from the top, u from the left. The whole of a view
+    fits into the panel, and all views together into the angles that a lens shows. What has `disparity`, in pixels
+    from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
+    than there are views, views between them are interpolated. Around the views is `background`.
+    """
+    views, reduced = _reduce(views, display)
+    size_v, size_u, height, width, channels = views.shape
+    scale = min(display.size[0] / width, display.size[1] / height)  # millimetres in a pixel of a view
+    cut = display.lens_pitch / 2 / scale  # a lens that the border of the views cuts shows the border
+    step = 2 * display.tangent_range / max(size_v, size_u)
+    dense = _fill_directions(views, int(np.ceil(display.lens_pitch / display.pixel_pitch - 1e-6)))
+    dense_v, dense_u = dense.shape[:2]
+    # Of what lies in the reference plane, from one view to the next.
+    drift_v, drift_u = (
+        disparity / reduced * (size - 1) / max(filled - 1, 1) for size, filled in ((size_v, dense_v), (size_u, dense_u))
+    )
+    panel = np.empty((display.height, display.width, 3), views.dtype)
+    channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
+    for row in range(display.height):
+        lens, tangent = display.trace_row(row)  # (panel width, 3, 2)
+        turn = (tangent if conversion == "spoc" else -tangent) / step
+        # A line that rises away from the viewer is one of a camera below, one to the right of a camera at the left.
+        x, y = (width - 1) / 2 + lens[..., 0] / scale, (height - 1) / 2 - lens[..., 1] / scale
+        total = np.zeros(x.shape)
+        for in_v, of_v in weigh_neighbours(_find_index(turn[..., 1], size_v, dense_v), dense_v):
+            for in_u, of_u in weigh_neighbours(_find_index(-turn[..., 0], size_u, dense_u), dense_u):
+                for in_y, of_y in weigh_neighbours(y - (in_v - (dense_v - 1) / 2) * drift_v, height):
+                    for in_x, of_x in weigh_neighbours(x - (in_u - (dense_u - 1) / 2) * drift_u, width):
+                        total += of_v * of_u * of_y * of_x * dense[in_v, in_u, in_y, in_x, channel]
+        is_inside = (np.abs(x - (width - 1) / 2) <= width / 2 + cut) & (
+            np.abs(y - (height - 1) / 2) <= height / 2 + cut
+        )
+        levels = np.iinfo(views.dtype).max // 255
+        panel[row] = np.rint(np.where(is_inside, total, np.array(background) * levels))
+    return panel
+
+
+def _find_index(place: NDArray[np.float64], count: int, filled: int) -> NDArray[np.float64]:
+    """The index in `filled` views of the place, from the centre, in `count` views of the same extent."""
+    return place * ((filled - 1) / max(count - 1, 1)) + (filled - 1) / 2
+
+
+def _fill_directions(views: Pixels, count: int) -> Pixels:
+    """The views with those between them, `count` along each side that has fewer and more than one."""
+    size_v, size_u = views.shape[:2]
+    if 1 < size_u < count:
+        wide = np.empty((size_v, count, *views.shape[2:]), views.dtype)
+        for v in range(size_v):
+            wide[v] = interpolate_views(views[v], count)
+        views = wide
+    if 1 < size_v < count:  # content moves along y: the pictures are transposed for it
+        high = np.empty((count, *views.shape[1:]), views.dtype)
+        for u in range(views.shape[1]):
+            high[:, u] = interpolate_views(views[:, u].transpose(0, 2, 1, 3), count).transpose(0, 2, 1, 3)
+        views = high
+    return views
+
+
+def _reduce(views: Pixels, display: IntegralDisplay) -> tuple[Pixels, int]:
+    """The views with about a pixel for each lens, where they have more, and by how much they are reduced."""
+    size_v, size_u, height, width, channels = views.shape
+    lenses = min(display.size[0] / width, display.size[1] / height) / display.lens_pitch  # in a pixel
+    factor = max(1, int(1 / lenses + 1e-9))
+    if factor == 1:
+        return views, 1
+    rows, cols = height // factor, width // factor
+    top, left = (height - rows * factor) // 2, (width - cols * factor) // 2
+    cells = views[:, :, top : top + rows * factor, left : left + cols * factor]
+    cells = cells.reshape(size_v, size_u, rows, factor, cols, factor, channels)
+    return np.rint(cells.mean(axis=(3, 5))).astype(views.dtype), factor

@@ -1,0 +1,111 @@
+"""Quilts: the views of a lenticular display in one picture, and their layout in its name and in the JSON beside it.
+
+View 0, of the leftmost camera, is the tile at the bottom left; views go on to the right, then upwards
+(https://lookingglassfactory.com/tutorial/what-is-a-quilt).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ciir.errors import InvalidOption, Unreadable
+
+if TYPE_CHECKING:
+    from ciir.renderer.readers.pictures import Pixels
+
+MAX_TILES = 64
+"""Most columns, and most rows, of a quilt."""
+MAX_ASPECT = 100.0
+_NAME = re.compile(r"_qs(\d{1,3})x(\d{1,3})a(\d{1,3}(?:\.\d{1,12})?)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class QuiltLayout:
+    """`cols x rows` tiles, each a view whose width is `aspect` times its height as the display shows it.
+
+    Raises `InvalidOption` where a number is out of range.
+    """
+
+    cols: int
+    rows: int
+    aspect: float
+
+    def __post_init__(self) -> None:
+        if not (1 <= self.cols <= MAX_TILES and 1 <= self.rows <= MAX_TILES):
+            raise InvalidOption(
+                f"quilt: {self.cols}x{self.rows} is out of range; give columns x rows, 1 to {MAX_TILES} of each"
+            )
+        if not 1 / MAX_ASPECT <= self.aspect <= MAX_ASPECT:
+            raise InvalidOption(
+                f"aspect: {self.aspect:g} is out of range; give a view's width / height, from {1 / MAX_ASPECT:g} to "
+                f"{MAX_ASPECT:g}"
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of views."""
+        return self.cols * self.rows
+
+    @property
+    def suffix(self) -> str:
+        """What the name of the file ends with, before `.png`: `_qs8x6a0.75`."""
+        return f"_qs{self.cols}x{self.rows}a{self.aspect:.6g}"
+
+    def to_json(self) -> str:
+        """The file beside the picture, `NAME.png.json`, in the keys that Looking Glass' software reads."""
+        settings = {"viewX": self.cols, "viewY": self.rows, "viewTotal": self.count, "aspect": self.aspect}
+        return json.dumps({**settings, "invertViews": False}, indent=2) + "\n"
+
+
+def parse_name(name: str) -> QuiltLayout | None:
+    """The layout in a file's name, `duck_qs8x6a0.75.png`: columns, rows, aspect; None where there is none.
+
+    Raises `InvalidOption` where its numbers are out of range.
+    """
+    found = _NAME.search(name)
+    return QuiltLayout(int(found[1]), int(found[2]), float(found[3])) if found else None
+
+
+def parse_json(data: bytes, *, name: str) -> QuiltLayout:
+    """The layout in the JSON beside a quilt: `viewX`, `viewY` and `aspect`, at the top or in `quilt_settings`.
+
+    Raises `Unreadable` where it isn't there, `InvalidOption` where a number is out of range.
+    """
+    try:
+        found: Any = json.loads(data)
+        found = found.get("quilt_settings", found)
+        return QuiltLayout(int(found["viewX"]), int(found["viewY"]), float(found["aspect"]))
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+        if isinstance(error, InvalidOption):
+            raise
+        raise Unreadable(
+            f"{name}: no quilt's layout; give JSON with viewX (columns), viewY (rows) and aspect, or name the picture "
+            "NAME_qs8x6a0.75.png"
+        ) from error
+
+
+def join_views(views: Pixels, layout: QuiltLayout) -> Pixels:
+    """The quilt `(rows*h, cols*w, c)` of `layout.count` views `(n, h, w, c)`, from the leftmost camera on."""
+    _, height, width, channels = views.shape
+    tiles = views.reshape(layout.rows, layout.cols, height, width, channels)[::-1]  # from the top row
+    return tiles.transpose(0, 2, 1, 3, 4).reshape(layout.rows * height, layout.cols * width, channels)
+
+
+def split_quilt(quilt: Pixels, layout: QuiltLayout, *, name: str) -> Pixels:
+    """The inverse of `join_views`: views `(n, h, w, c)`, from the leftmost camera on.
+
+    Pixels beyond whole tiles, at the right and at the top, are left out, as displays do with quilts whose size is no
+    multiple of the layout. Raises `InvalidOption` where a tile would have no pixel.
+    """
+    height, width = quilt.shape[0] // layout.rows, quilt.shape[1] // layout.cols
+    if not height or not width:
+        raise InvalidOption(
+            f"{name}: {quilt.shape[1]}x{quilt.shape[0]} pixels (width x height) are too few for {layout.cols}x"
+            f"{layout.rows} views; give the columns and rows that the quilt has"
+        )
+    whole = quilt[quilt.shape[0] - layout.rows * height :, : layout.cols * width]
+    tiles = whole.reshape(layout.rows, height, layout.cols, width, -1).transpose(0, 2, 1, 3, 4)[::-1]
+    return tiles.reshape(layout.count, height, width, quilt.shape[2])

@@ -1,0 +1,45 @@
+"""Colours along any rays of a scene, by Embree."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.renderer.backends.embree import RAYS_PER_BATCH, PreparedScene
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.scene import Scene
+
+
+class RayCaster:
+    """Casts rays into one scene."""
+
+    def __init__(self, scene: Scene, background: tuple[int, int, int] = (0, 0, 0)) -> None:
+        """`background`: RGB, 0 to 255, of rays that meet nothing."""
+        self._prepared = PreparedScene(scene)
+        self._background = np.array(background, np.float32)
+        self.front = float(scene.bounds()[1, 2])
+        """z of the scene's nearest point."""
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The colour of each ray, `(n, 3)` RGB, 0 to 255, not rounded.
+
+        `origins`, `directions`: `(n, 3)`. A ray begins before all of the scene.
+        """
+        colors = np.empty((len(origins), 3), np.float32)
+        for start in range(0, len(origins), RAYS_PER_BATCH):
+            batch = slice(start, start + RAYS_PER_BATCH)
+            rgba, _ = self._prepared.cast(origins[batch], directions[batch])
+            colors[batch] = rgba[:, :3] * 255 + (1 - rgba[:, 3:]) * self._background
+        return colors
+
+    def cast_lines(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The colour of the first surface on each line, for a viewer before the scene: `cast` from beyond its front.
+
+        `points`: `(n, 3)`, on the lines; `directions`: `(n, 3)`, away from the viewer, `z < 0`.
+        """
+        steps = np.maximum(self.front - points[:, 2], 0.0) / directions[:, 2]
+        return self.cast(points + steps[:, None] * directions, directions)

@@ -1,0 +1,105 @@
+"""A lenticular display as cameras see it: side by side, each looking straight ahead at one rectangle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.sampling import check_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.displays.lenticular import Calibration
+    from ciir.renderer.displays.rays import RayCaster
+
+FIELD_OF_VIEW = 14.0
+"""Degrees from the screen's lower to its upper edge as a camera sees it, as Looking Glass' own software assumes."""
+MAX_CONE = 120.0
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A rectangle in the plane z = 0, around the origin, of height 1 and width `aspect`, seen from z > 0.
+
+    Cameras stand on the line `(d tan(angle), 0, d)`, `angle` from `-cone/2` (leftmost) to `cone/2`, at the distance
+    d from which the screen's height fills `FIELD_OF_VIEW`. They are shifted, not toed in: each camera's frustum is
+    sheared so that its picture is this rectangle. What lies in the plane z = 0 is at the same place in all views.
+
+    Raises `InvalidOption` where `cone` is out of range.
+    """
+
+    aspect: float
+    cone: float = 40.0
+    """Degrees between the outermost cameras."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cone <= MAX_CONE:
+            raise InvalidOption(f"cone: {self.cone:g} degrees is out of range; give more than 0, at most {MAX_CONE:g}")
+
+    @property
+    def distance(self) -> float:
+        """From the screen to the cameras, in heights of the screen."""
+        return float(0.5 / np.tan(np.radians(FIELD_OF_VIEW / 2)))
+
+    def lens_array(self) -> LensArray:
+        """A lens array of the screen's size whose views cover its cameras' directions, for `framing.frame_scene`."""
+        across, up = np.tan(np.radians(self.cone) / 2), np.tan(np.radians(FIELD_OF_VIEW) / 2)
+        step = float(across) / 100
+        pixels_v = 2 * int(np.ceil(up / step)) + 1
+        return LensArray(1000, round(1000 * self.aspect), pixels_v, 201, pitch=1e-3, delta=step)
+
+    def camera_x(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """x of cameras at `place`, of any shape, 0 for the leftmost and 1 for the rightmost."""
+        x: NDArray[np.float64] = self.distance * np.tan(np.radians(self.cone) * (place - 0.5))
+        return x
+
+    def cast(
+        self, caster: RayCaster, x: NDArray[np.float64], y: NDArray[np.float64], place: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """Colours `(n, 3)`, 0 to 255, of points of the screen as cameras at `place` see them.
+
+        `x`, `y`: `(n,)`, 0 at the left and at the bottom, 1 at the right and at the top; `place`: `(n,)` as `camera_x`.
+        """
+        points = np.stack([(x - 0.5) * self.aspect, y - 0.5, np.zeros_like(x)], axis=1)
+        cameras = np.stack([self.camera_x(place), np.zeros_like(x), np.full_like(x, self.distance)], axis=1)
+        return caster.cast(cameras, points - cameras)
+
+    def render_views(
+        self, caster: RayCaster, count: int, size: tuple[int, int], *, samples: int = 1
+    ) -> Iterator[NDArray[np.uint8]]:
+        """`count` views, `(height, width, 3)` each, from the leftmost camera on; cameras at equal steps of the angle.
+
+        `size`: height and width, pixels, square or not. `samples`: rays along each side of a pixel, whose colour is
+        their mean. Raises `InvalidOption` where `samples` is out of range.
+        """
+        check_samples(samples)
+        height, width = size[0] * samples, size[1] * samples
+        y, x = np.meshgrid(
+            1 - (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij"
+        )  # (height, width)
+        for place in place_views(count):
+            colors = self.cast(caster, x.ravel(), y.ravel(), np.full(x.size, place))
+            means = colors.reshape(size[0], samples, size[1], samples, 3).mean(axis=(1, 3))
+            yield np.rint(means).astype(np.uint8)
+
+    def render_native(self, caster: RayCaster, calibration: Calibration) -> NDArray[np.uint8]:
+        """The native picture `(height, width, 3)` for `calibration`, each subpixel by a ray from its own camera."""
+        native = np.empty((calibration.height, calibration.width, 3), np.uint8)
+        for row in range(calibration.height):
+            x, y = calibration.content_positions(row)  # (width,)
+            places = calibration.view_places(row)  # (width, 3)
+            colors = self.cast(caster, np.repeat(x, 3), np.repeat(y, 3), places.ravel()).reshape(-1, 3, 3)
+            native[row] = np.rint(np.diagonal(colors, axis1=1, axis2=2))  # each ray gives the colour of its subpixel
+        return native
+
+
+def place_views(count: int) -> NDArray[np.float64]:
+    """The places of `count` cameras, 0 to 1, as `Screen.camera_x` takes them; a single camera stands in the middle."""
+    return np.linspace(0, 1, count) if count > 1 else np.array([0.5])

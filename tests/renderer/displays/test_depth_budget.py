@@ -1,0 +1,50 @@
+import math
+
+import numpy as np
+import pytest
+
+from ciir.renderer.displays.depth_budget import measure_integral, measure_screen
+from ciir.renderer.displays.integral import IntegralDisplay
+from ciir.renderer.displays.screen import Screen
+from ciir.renderer.scene import Part, Scene
+
+DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
+"""Sharp to 1 mm / (0.1 / 4) = 40 mm."""
+
+
+def make_sheets(*sheets):
+    """A scene of squares `(z, x, side)` parallel to the display."""
+    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    faces, colors = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.ones((4, 4), np.float32)
+    return Scene(tuple(Part(square * side + [x, 0, z], faces, colors) for z, x, side in sheets))
+
+
+def test_what_lies_within_the_depth_of_field_is_sharp():
+    budget = measure_integral(make_sheets((-39, 0, 10), (39, 0, 10)), DISPLAY)
+    assert (budget.sharp, budget.nearest, budget.farthest) == pytest.approx((40, 39, -39))
+    assert (budget.blurred, budget.cut) == (0, 0)
+    (note,) = budget.notes()
+    assert note.endswith("sharp up to 40 mm behind and before it; the scene spans 39 mm behind it to 39 mm before it")
+
+
+def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():
+    budget = measure_integral(make_sheets((-80, 0, 20), (0, 0, 20), (10, 0, 20), (50, 0, 20)), DISPLAY)
+    assert budget.blurred == pytest.approx(0.5)
+    assert "50 % of the surface is beyond that and blurs; --zoom 0.5 would keep all of it sharp" in budget.notes()[1]
+
+
+def test_what_leaves_the_frame_in_some_direction_is_counted():
+    """tan = 1 mm / 8 mm: at a depth of 40 mm a point moves by up to 5 mm to each side."""
+    budget = measure_integral(make_sheets((-39, 42, 1), (39, -47, 1), (0, 47, 1), (0, -47, 1)), DISPLAY)
+    assert budget.cut == pytest.approx(0.25)
+    assert budget.notes()[1] == "depth: 25 % of the surface leaves the frame in some directions"
+
+
+def test_a_quilt_is_sharp_where_neighbours_differ_by_five_pixels():
+    screen = Screen(0.75, 40.0)
+    budget = measure_screen(make_sheets((-0.1, 0, 0.1), (0.1, 0, 0.1)), screen, 48, 420)
+    spacing = screen.distance * (math.tan(math.radians(20)) - math.tan(math.radians(20 - 40 / 47)))
+    moved = spacing * budget.sharp / screen.distance / (0.75 / 420)
+    assert moved == pytest.approx(5.0, rel=1e-6)
+    assert budget.unit == "screen heights"
+    assert budget.blurred == 0

@@ -1,0 +1,159 @@
+"""Native pictures, against one that is cast ray by ray from the formula as it is published."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.displays.lenticular import interlace, parse_calibration
+from ciir.renderer.displays.quilt import QuiltLayout, join_views, split_quilt
+from ciir.renderer.displays.rays import RayCaster
+from ciir.renderer.displays.screen import Screen
+from tests.support.displays import CALIBRATION, load_at, make_calibration
+from tests.support.paths import SHARED
+
+QUILT = QuiltLayout(8, 6, 1.5)
+BACKGROUND = (30, 60, 90)
+TOLERANCE = 2.0
+"""Levels."""
+
+
+def value(name, changed):
+    return changed.get(name, CALIBRATION[name]["value"])
+
+
+def trace_subpixels(changed):
+    """Camera and screen point of every subpixel, `(h, w, 3, 3)` each: the published formula, one subpixel at a time."""
+    width, height = int(value("screenW", changed)), int(value("screenH", changed))
+    slope, flip_x, flip_y = (value(name, changed) for name in ("slope", "flipImageX", "flipImageY"))
+    pitch = value("pitch", changed) * width / value("DPI", changed) * math.cos(math.atan(1 / slope))
+    tilt = height / (width * slope) * (-1 if flip_x else 1)
+    distance = 0.5 / math.tan(math.radians(7))
+    cameras, points = np.empty((height, width, 3, 3)), np.empty((height, width, 3, 3))
+    for row, column, color in np.ndindex(height, width, 3):
+        x, y = (column + 0.5) / width, 1 - (row + 0.5) / height
+        place = color if not value("flipSubp", changed) else 2 - color
+        a = (x + place / (3 * width) + y * tilt) * pitch - value("center", changed)
+        z = a % 1.0
+        z = 1 - z if value("invView", changed) else z
+        angle = math.radians((z - 0.5) * value("viewCone", changed))
+        x, y = (1 - x if flip_x else x), (1 - y if flip_y else y)
+        cameras[row, column, color] = distance * math.tan(angle), 0, distance
+        points[row, column, color] = (x - 0.5) * width / height, y - 0.5, 0
+    return cameras, points
+
+
+def cast(caster, cameras, points):
+    """The colour of each subpixel, `(h, w, 3)`."""
+    colors = caster.cast(cameras.reshape(-1, 3), (points - cameras).reshape(-1, 3)).reshape(points.shape)
+    return np.diagonal(colors, axis1=2, axis2=3)
+
+
+def find_edges(caster, cameras, points, views):
+    """Where rays a pixel, or a view, beside a subpixel's own meet another colour: views and pixels blend there."""
+    step_x, step_y = points[0, 1, 0, 0] - points[0, 0, 0, 0], points[0, 0, 0, 1] - points[1, 0, 0, 1]
+    step = 2 * np.abs(cameras[..., 0]).max() / (views - 1)
+    nearby = [
+        cast(caster, cameras + np.array([dv * step, 0, 0]), points + np.array([dx * step_x, dy * step_y, 0]))
+        for dv in (-1, 0, 1)
+        for dx in (-1, 0, 1)
+        for dy in (-1, 0, 1)
+    ]
+    return np.ptp(nearby, axis=0) > 8
+
+
+def compare(name, layout=QUILT, **changed):
+    """How far a quilt's native picture is off the rays' where no edge is: `(n,)` levels; and the share of edges."""
+    calibration = make_calibration(**changed)
+    screen = Screen(QUILT.aspect, calibration.cone)
+    caster = RayCaster(load_at(name, screen.lens_array()), BACKGROUND)
+    quilt = join_views(np.stack(list(screen.render_views(caster, QUILT.count, (80, 120)))), QUILT)
+    native = interlace(split_quilt(quilt, layout, name="q.png"), calibration)
+    cameras, points = trace_subpixels(changed)
+    expected, is_edge = cast(caster, cameras, points), find_edges(caster, cameras, points, QUILT.count)
+    return np.abs(native - expected)[~is_edge], is_edge.mean()
+
+
+@pytest.mark.parametrize("name", ["vase", "globe", "duck.glb"])
+def test_a_quilt_becomes_the_native_picture_that_rays_make(name):
+    differences, edges = compare(name)
+    assert differences.max() <= TOLERANCE
+    assert edges < 0.4
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"invView": 1.0},
+        {"flipImageX": 1.0},
+        {"flipImageY": 1.0},
+        {"flipSubp": 1.0},
+        {"slope": -5.2, "center": -0.4, "viewCone": 53.0},
+    ],
+    ids=str,
+)
+def test_each_number_of_the_calibration_counts(changed):
+    assert compare("vase", **changed)[0].max() <= TOLERANCE
+
+
+def test_columns_and_rows_exchanged_fail():
+    differences, _ = compare("vase", QuiltLayout(QUILT.rows, QUILT.cols, QUILT.aspect))
+    assert np.mean(differences > TOLERANCE) > 0.1
+
+
+@pytest.mark.parametrize("key", ["invView", "flipImageX", "flipImageY", "flipSubp"])
+def test_flags_change_the_picture(key):
+    views = np.random.default_rng(0).integers(0, 256, (5, 16, 24, 3), np.uint8)
+    one, other = interlace(views, make_calibration()), interlace(views, make_calibration(**{key: 1.0}))
+    assert np.mean(one != other) > 0.2
+
+
+def test_rays_make_the_same_native_picture_directly():
+    calibration = make_calibration()
+    screen = Screen(QUILT.aspect, calibration.cone)
+    caster = RayCaster(load_at("globe", screen.lens_array()), BACKGROUND)
+    difference = screen.render_native(caster, calibration) - cast(caster, *trace_subpixels({}))
+    assert np.mean(np.abs(difference) > 0.51) < 1e-3  # of rays that graze an edge
+
+
+def test_grey_16_bit_views_keep_their_depth():
+    views = np.full((3, 8, 12, 1), 40000, np.uint16)
+    native = interlace(views, make_calibration())
+    assert native.dtype == np.uint16
+    assert (native == 40000).all()
+
+
+def test_a_real_calibration_is_read():
+    path = SHARED / "data" / "displays" / "looking-glass-2k.json"
+    if not path.exists():
+        pytest.skip("needs ../shared")
+    found = parse_calibration(path.read_bytes(), name=path.name)
+    assert (found.width, found.height, found.cone, found.center) == (2560, 1600, 40.0, 0.0)
+    assert found.pitch == pytest.approx(49.91 * 2560 / 338 * math.cos(math.atan(1 / 5.8)))
+    assert found.tilt == pytest.approx(1600 / 2560 / 5.8)
+
+
+def test_a_pattern_of_subpixels_is_noted():
+    assert make_calibration().notes == ()
+    assert "taken as stripes" in make_calibration(CellPatternMode=2.0).notes[0]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"{", "not JSON"),
+        (b"[]", "no calibration"),
+        (b'{"screenW": 9, "screenH": 9, "DPI": "x"}', "DPI is x; give a number from 1 to 100000"),
+        (b'{"screenW": 9, "screenH": 9, "DPI": 300, "slope": 0, "pitch": 40}', "slope is 0"),
+        (b'{"screenW": NaN}', "screenW is nan"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(data, message):
+    with pytest.raises(Unreadable, match=f"^c.json: {message}"):
+        parse_calibration(data, name="c.json")
+
+
+def test_a_screen_of_too_many_pixels_is_refused():
+    with pytest.raises(TooLarge, match="at most 64,000,000 are made"):
+        make_calibration(screenW=90000.0, screenH=90000.0)
