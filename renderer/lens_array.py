@@ -20,6 +20,11 @@ TANGENT_RANGE = 0.4
 """Default full range of tangents over an elemental image: a viewing angle of 22.6 degrees."""
 
 
+def compute_delta(parallax: float, pixels_v: int, pixels_u: int) -> float:
+    """The tangent between neighbouring pixels where the larger side of an elemental image sees `parallax` degrees."""
+    return 2 * float(np.tan(np.radians(parallax / 2))) / max(pixels_v, pixels_u)
+
+
 @dataclass(frozen=True)
 class LensArray:
     """`rows x cols` lenses in the plane z = 0 that look along -z, with `pixels_v x pixels_u` pixels under each.

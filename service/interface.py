@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from ciir.renderer.light_field import OrderCheck, Pickup
+    from ciir.renderer.placement import Up
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling
@@ -108,6 +109,12 @@ def render(
     background: tuple[int, int, int] = (0, 0, 0),
     pitch: float = 1.0,
     delta: float | None = None,
+    parallax: float | None = None,
+    up: Up = "y",
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    zoom: float = 1.0,
+    place: float = -1.0,
+    light: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> LightField:
     """Renders all views of a mesh: a file, a folder or zip with one, or `scene:vase`, `scene:globe`, `scene:hamburger`.
@@ -115,7 +122,10 @@ def render(
     `lenses`: rows and columns, the pixels of a view; `pixels`: rows and columns under a lens, the number of views.
     `sampling`: `pinhole`, one point for each lens; `lenslet`, the mean over the pitch. `backend`: `raster` (OpenGL),
     `raytrace` (Embree) or `auto`. `background`: RGB, 0 to 255. `pitch`: distance between lenses in scene units.
-    `delta`: tangent from one pixel to the next, by default 0.4 / the larger count of `pixels`.
+    `delta`: tangent from one pixel to the next, by default 0.4 / the larger count of `pixels`; or `parallax`: the whole
+    viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
+    factor on the size at which every view holds the object. `place`: -1 behind the array, 0 astride, 1 before it.
+    `light`: azimuth and elevation in degrees. `renderer.placement.Placement` says more of the last five.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
@@ -129,6 +139,12 @@ def render(
             "background": background,
             "pitch": pitch,
             "delta": delta,
+            "parallax": parallax,
+            "up": up,
+            "rotate": rotate,
+            "zoom": zoom,
+            "place": place,
+            "light": light,
         }
     )
     if progress is not None:
@@ -190,7 +206,8 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
     `backend`, `sampling`, `pickup`, `order`: names; `scale`; `skip`: a bool; `background`: RGB from 0 to 255; `pitch`,
-    `delta`: numbers; `neighbour_time`: seconds. Text is read as on the command line.
+    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
+    seconds. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 RAYS_PER_BATCH = 1 << 16
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
-HIDDEN = 1 / 1024
-"""Share of the light from behind at which a ray ends: less changes no 8-bit value by a quarter."""
+HIDDEN = 1 / 8192
+"""Share of the light from behind at which a ray ends: less changes no 8-bit value by a thirtieth."""
 EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT

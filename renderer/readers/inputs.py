@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
+from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes, pictures, view_set
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.names import clean_text
@@ -23,13 +24,18 @@ from ciir.renderer.readers.registry import (
 from ciir.renderer.view_order import correct_order, estimate_order
 
 if TYPE_CHECKING:
+    from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.registry import ContainerReader
     from ciir.renderer.scene import Scene
 
 
-def read(bundle: Bundle, layout: Layout = Layout()) -> Scene | LightField:  # noqa: B008 - it is frozen
-    """Reads a mesh as a scene, and an elemental image array or a set of views as a light field.
+def read(
+    bundle: Bundle,
+    layout: Layout = Layout(),  # noqa: B008 - it is frozen
+    placement: Placement = AS_GIVEN,
+) -> Scene | LightField:
+    """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
     - One picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`.
     - A file that holds a light field: read by its format's reader.
@@ -48,7 +54,7 @@ def read(bundle: Bundle, layout: Layout = Layout()) -> Scene | LightField:  # no
         return _settle_order(view_set.read(bundle.files, name=name, grid=layout.pixels, limits=bundle.limits), layout)
     format_, key = found
     if isinstance(format_, MeshFormat):
-        return meshes.read(replace(bundle, main=key), format_)
+        return meshes.read(replace(bundle, main=key), format_, placement)
     if isinstance(format_, ContainerFormat):
         return _settle_order(_read_container(bundle, key, format_, layout), layout)
     return replace(_read_eia(bundle, key, layout), is_ordered=layout.order == "given")

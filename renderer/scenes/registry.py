@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ciir.errors import InvalidOption
+from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.scenes import globe, hamburger, vase
 from ciir.renderer.surface import assemble_scene
@@ -13,6 +16,7 @@ from ciir.renderer.surface import assemble_scene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ciir.renderer.placement import Placement
     from ciir.renderer.scene import Scene
     from ciir.renderer.surface import Surface
 
@@ -24,9 +28,16 @@ SCENES: dict[str, Callable[[], list[Surface]]] = {
 """Makes each scene's surfaces, by the scene's name; on the command line `scene:NAME`."""
 
 
-@cache
-def load_scene(name: str) -> Scene:
-    """The sample scene called `name`, made once. Raises `InvalidOption` for a name that is not in `SCENES`."""
+def load_scene(name: str, placement: Placement = AS_GIVEN) -> Scene:
+    """The sample scene called `name`, lit as it will be placed; the last ones are kept.
+
+    Raises `InvalidOption` for a name that is not in `SCENES`.
+    """
     if name not in SCENES:
         raise InvalidOption(f"scene:{clean_text(name)}: no such scene; the scenes are {', '.join(SCENES)}")
-    return assemble_scene(SCENES[name](), name=f"scene:{name}")
+    return _light_scene(name, tuple(placement.light_direction()))
+
+
+@lru_cache(maxsize=8)
+def _light_scene(name: str, light: tuple[float, ...]) -> Scene:
+    return assemble_scene(SCENES[name](), name=f"scene:{name}", light=np.array(light))

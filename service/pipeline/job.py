@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
-from ciir.renderer.lens_array import LensArray
+from ciir.renderer.lens_array import LensArray, compute_delta
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
 from ciir.renderer.view_order import estimate_order
@@ -18,6 +18,7 @@ from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import DepthSense, LightField
+    from ciir.renderer.placement import Placement
     from ciir.renderer.view_order import OrderEstimate
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling, Strategy
@@ -49,6 +50,8 @@ class Job:
     backend: Backend
     sampling: Sampling
     background: tuple[int, int, int]
+    placement: Placement
+    """Of a mesh."""
     neighbour_time: float
     """Most seconds, predicted, that `auto` spends on a light-field network whose views around have to be rendered."""
     skip: bool
@@ -104,7 +107,8 @@ def resolve_job(
         delta: float | None = array.delta
     else:
         views_v, views_u, rows, cols, _ = content.views.shape
-        lenses, grid, pitch, delta = (rows, cols), (views_v, views_u), options.pitch, options.delta
+        lenses, grid, pitch = (rows, cols), (views_v, views_u), options.pitch
+        delta = _resolve_delta(options, grid)
     check_view_count(options.views, grid, max_views)
     wanted = tuple(parse_views(options.views, *grid))
     _check_kind(name, content, options)
@@ -125,6 +129,7 @@ def resolve_job(
         backend=options.backend,
         sampling=options.sampling,
         background=options.background,
+        placement=options.placement,
         neighbour_time=options.neighbour_time,
         skip=options.skip == "exact",
         max_pixels=max_pixels,
@@ -135,7 +140,16 @@ def resolve_array(options: Options) -> LensArray:
     """The lens array in front of a mesh; by default 100x100 lenses of 15x15 pixels with a pitch of 1."""
     rows, cols = options.lenses or LENSES
     pixels_v, pixels_u = options.pixels or PIXELS
-    return LensArray(rows, cols, pixels_v, pixels_u, options.pitch or 1.0, options.delta or 0.0)
+    delta = _resolve_delta(options, (pixels_v, pixels_u)) or 0.0
+    return LensArray(rows, cols, pixels_v, pixels_u, options.pitch or 1.0, delta)
+
+
+def _resolve_delta(options: Options, grid: tuple[int, int]) -> float | None:
+    if options.parallax is None:
+        return options.delta
+    if options.delta is not None:
+        raise InvalidOption("delta, parallax: both give the viewing angle; leave one of them out")
+    return compute_delta(options.parallax, *grid)
 
 
 def _check_kind(name: str, content: Scene | LightField, options: Options) -> None:

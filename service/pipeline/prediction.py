@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ciir.models.cards import Card
     from ciir.models.catalogue import Entry
     from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.placement import Placement
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.cost import Costs
     from ciir.service.pipeline.job import Job
@@ -54,7 +55,11 @@ def predict_extra(job: Job, mesh: Scene, light_field: Entry, single: Entry, *, b
 def _predict_upscaling(job: Job, mesh: Scene, model: Entry, rays: int, costs: Costs) -> float:
     """Milliseconds of the job where `model` upscales its views."""
     pixels, wanted = job.array.rows * job.array.cols, len(job.wanted)
-    seen = round(pixels * _predict_share(mesh, job.array, model.card)) if model.card and job.skip else pixels
+    seen = (
+        round(pixels * _predict_share(mesh, job.array, job.placement, model.card))
+        if model.card and job.skip
+        else pixels
+    )
     upscaling = costs.upscaling(model.name, job.scale, pixels=seen, views=wanted, batches=_count_batches(job))
     rendered = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else wanted
     return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling])
@@ -91,14 +96,14 @@ def _count_batches(job: Job) -> int:
     return math.ceil(len(job.wanted) / batch_size(_count_written(job)))
 
 
-def _predict_share(mesh: Scene, array: LensArray, card: Card) -> float:
+def _predict_share(mesh: Scene, array: LensArray, placement: Placement, card: Card) -> float:
     """The share of a view's pixels that a network has to compute, roughly: the box around the framed object, the pixels
     that it changes, and those that they need.
     """
-    low, high = mesh.bounds()
-    sides, lenses = high - low, np.array([array.cols, array.rows])
+    sides = np.abs(placement.rotation()) @ np.ptp(mesh.bounds(), axis=0)  # of the rotated box
+    lenses = np.array([array.cols, array.rows])
     reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
-    middle = sides[2] / 2 + CLEARANCE * sides.max()  # its distance, as `frame_scene` places the object
+    middle = abs(placement.place) * (sides[2] / 2 + CLEARANCE * sides.max())  # its distance, as `frame_scene` has it
     swept = sides[:2] + 2 * reach * middle
-    scale = (FILL * lenses / np.maximum(swept, 1e-300)).min()
+    scale = (placement.zoom * FILL * lenses / np.maximum(swept, 1e-300)).min()
     return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())

@@ -6,12 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scene import Scene
+from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.report import CountedFiles, Report
 
@@ -60,15 +63,19 @@ class Input:
             self._check_views(self._source, options)
             return replace(self._source, is_ordered=True) if options.order == "given" else self._source
         if isinstance(self._source, Scene):
+            if not np.array_equal(options.placement.light_direction(), LIGHT):
+                raise InvalidOption(
+                    f"up, rotate, light: {self.name} is in memory, with its light baked in; give a file for them"
+                )
             return self._source
         if isinstance(self._source, str):
             from ciir.renderer.scenes import load_scene
 
-            return load_scene(self._source)
+            return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
         layout = Layout(lenses=options.lenses, pixels=options.pixels, pickup=options.pickup, order=options.order)
-        content = inputs.read(self._source, layout)
+        content = inputs.read(self._source, layout, options.placement)
         if self._source.main is None and not isinstance(content, Scene):
             self._check_views(content, options)
         return content

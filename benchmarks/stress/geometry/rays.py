@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     Values = NDArray[np.float64]
     Sight = Callable[[Values, Values], Values]
-    """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA in levels of 8 bits, `(n, 4)`; 0 for nothing."""
+    """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA of what their lines meet, in levels of 8 bits, RGB
+    times alpha, `(n, 4)`; 0 for nothing."""
 
 _ON_AN_EDGE = 1e-12
 """How far outside a triangle a ray still meets it, as a share of its size: otherwise rays pass between triangles."""
@@ -30,14 +31,15 @@ def build_slow_sight(scene: Scene) -> Sight:
     first = np.cumsum([0] + [len(part.faces) for part in scene.parts])
     slack = 1e-9 * float(np.abs(corners).max())
 
-    def find_colour(triangle: int, weights: Values) -> tuple[Values, bool]:
-        """RGBA in levels at these barycentric weights `(3,)`, and whether the surface is opaque there."""
+    def find_colour(triangle: int, weights: Values) -> tuple[Values, float]:
+        """RGB in [0, 1] at these barycentric weights `(3,)`, and the share of what is behind that it hides."""
         part = scene.parts[part_of[triangle]]
         face = part.faces[triangle - first[part_of[triangle]]]
         rgba = weights @ part.colors[face].astype(np.float64)
         if part.texture is not None and part.uv is not None:
             rgba = rgba * sample_texture(part.texture, (weights @ part.uv[face].astype(np.float64))[None])[0]
-        return np.append(np.clip(rgba[:3], 0.0, 1.0), 1.0) * 255.0, bool(rgba[3] >= (part.alpha_cutoff or 0.0))
+        hidden = rgba[3] if part.is_see_through else rgba[3] >= (part.alpha_cutoff or 0.0)
+        return np.clip(rgba[:3], 0.0, 1.0), float(hidden)
 
     def cast(origin: Values, direction: Values, tried: NDArray[np.intp]) -> Values:
         one, two = corners[tried, 1] - corners[tried, 0], corners[tried, 2] - corners[tried, 0]  # (k, 3)
@@ -49,13 +51,15 @@ def build_slow_sight(scene: Scene) -> Sight:
             u = np.einsum("ki,ki->k", start, across) / determinant
             v = turned @ direction / determinant
             distance = np.einsum("ki,ki->k", two, turned) / determinant
-            met = (u >= -_ON_AN_EDGE) & (v >= -_ON_AN_EDGE) & (u + v <= 1 + _ON_AN_EDGE) & (distance > 0)
+            met = (u >= -_ON_AN_EDGE) & (v >= -_ON_AN_EDGE) & (u + v <= 1 + _ON_AN_EDGE)
         hits = np.flatnonzero(met)
+        total, through = np.zeros(3), 1.0
         for hit in hits[np.argsort(distance[hits], kind="stable")]:
-            rgba, is_there = find_colour(int(tried[hit]), np.array([1 - u[hit] - v[hit], u[hit], v[hit]]))
-            if is_there:
-                return rgba
-        return np.zeros(4)
+            rgb, hidden = find_colour(int(tried[hit]), np.array([1 - u[hit] - v[hit], u[hit], v[hit]]))
+            total, through = total + through * hidden * rgb, through * (1 - hidden)
+            if through == 0:
+                break
+        return np.append(total, 1 - through) * 255.0
 
     def sight(origins: Values, direction: Values) -> Values:
         plane = np.linalg.svd(direction[None])[2][1:]  # (2, 3): two axes across the rays

@@ -48,6 +48,14 @@ def make_speck(distance: float, at: float) -> Part:
     return Part(vertices, np.array([[0, 1, 2]], np.int32), add_alpha(np.ones((3, 3))))
 
 
+def make_soup(count: int, *, side: float, distance: float, alpha: tuple[float, float]) -> Scene:
+    """Large random triangles about `distance`, which cross each other: see-through, with alpha in a range."""
+    random = np.random.default_rng(5)
+    vertices = random.uniform(-side / 2, side / 2, (3 * count, 3)) - [0.0, 0.0, distance]
+    colors = np.column_stack([random.random((3 * count, 3)), random.uniform(*alpha, 3 * count)]).astype(np.float32)
+    return Scene((Part(vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), colors, is_see_through=True),))
+
+
 def make_needles(count: int, *, radius: float, distance: float) -> Scene:
     """A disc of `count` triangles that meet in its middle, coloured by `compute_ramp` over its diameter."""
     turn = np.arange(count) * (2 * np.pi / count)

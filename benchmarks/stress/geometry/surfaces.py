@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.benchmarks.stress.geometry import shapes
-from ciir.benchmarks.stress.geometry.agreement import open_backends
+from ciir.benchmarks.stress.geometry.agreement import FLOAT_BAND, RAY_LEVELS, compare, open_backends
+from ciir.benchmarks.stress.geometry.rays import build_slow_sight
 from ciir.errors import InvalidGeometry
+from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Scene
@@ -126,6 +129,29 @@ def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
                 yield Found(f"{what}, pixels that do not show the sheet behind", 0.0, wrong)
 
 
+def see_through(effort: Effort) -> Iterator[Found | Skipped]:
+    """Up to 63 sheets that each hide a twentieth, close behind one another; triangles that cross, behind the array,
+    astride and before it.
+    """
+    backend = open_backend("raytrace")[0]
+    for count in (63,) if effort.quick else (1, 8, 63):
+        gap = PASSED * 60.0
+        thin = [
+            replace(sheet, colors=shapes.add_alpha(sheet.colors[:, :3], 0.05), is_see_through=True)
+            for sheet in (shapes.make_sheet(30 + gap * i, 60.0, shapes.RED, slope=0.5) for i in range(count))
+        ]
+        scene = Scene((*thin, shapes.make_sheet(30 + gap * count, 60.0, shapes.GREEN, slope=0.5)))
+        truth = 255.0 * np.array([1 - 0.95**count, 0.95**count, 0.0, 1.0])
+        worst = max(float(np.abs(picture - truth).max()) for picture in backend.render_views(scene, ARRAY, VIEWS))
+        yield Found(f"raytrace: {count} see-through sheets {gap:.2g} apart, levels", RAY_LEVELS, worst)
+    for distance in (SIDE, 0.0, -SIDE):
+        soup = shapes.make_soup(20 if effort.quick else 100, side=1.5 * SIDE, distance=distance, alpha=(0.05, 0.6))
+        pictures = list(backend.render_views(soup, ARRAY, VIEWS))
+        found = compare(pictures, VIEWS, ARRAY, build_slow_sight(soup), allowed=RAY_LEVELS, band=FLOAT_BAND)
+        what = f"raytrace against float64: see-through triangles at {distance:g}, worst colour, levels"
+        yield Found(what, RAY_LEVELS, found.worst, found.at)
+
+
 def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
     """Triangles without area change no bit of a picture; vertices that are not numbers are refused."""
     ball = make_ball(12 if effort.quick else 60)
@@ -170,4 +196,4 @@ def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], text: 
     return 1.0
 
 
-CASES: tuple[Case, ...] = (depth_order, depth_order_by_lens, coplanar, cut_outs, degenerate)
+CASES: tuple[Case, ...] = (depth_order, depth_order_by_lens, coplanar, cut_outs, see_through, degenerate)

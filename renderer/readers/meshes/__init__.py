@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import MeshFormat
 from ciir.renderer.surface import assemble_scene
 
 if TYPE_CHECKING:
+    from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.registry import Format, MeshReader
     from ciir.renderer.scene import Scene
 
 
-def read(bundle: Bundle, format_: Format) -> Scene:
-    """The mesh `bundle.main`, checked and with light. Its textures are looked up in the bundle by name.
+def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN) -> Scene:
+    """The mesh `bundle.main`, checked, and lit as it will be placed. Its textures are looked up in the bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area.
 
@@ -45,6 +47,12 @@ def read(bundle: Bundle, format_: Format) -> Scene:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
     try:
-        return assemble_scene(surfaces, name=name, notes=resolver.notes, max_triangles=bundle.limits.triangles)
+        return assemble_scene(
+            surfaces,
+            name=name,
+            notes=resolver.notes,
+            max_triangles=bundle.limits.triangles,
+            light=placement.light_direction(),
+        )
     except MemoryError as error:
         raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

@@ -10,6 +10,7 @@ from ciir.models import catalogue
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.formats import FORMATS
+from ciir.service.pipeline.options.mesh import MESH
 from ciir.service.pipeline.options.options import NAMES, describe
 from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
@@ -87,7 +88,10 @@ KINDS: dict[KindName, Kind] = {
             "elemental",
             "Render a mesh's elemental image array",
             "a mesh, or a zip of one with its textures",
-            ("lenses", "pixels", "backend", "sampling", "pickup", "background", "pitch", "delta"),
+            (
+                *("lenses", "pixels", "pitch", "delta", "parallax", "pickup"),
+                *(name for name in MESH if name != "neighbour_time"),
+            ),
             _PICTURES,
             "png",
             {
@@ -95,6 +99,7 @@ KINDS: dict[KindName, Kind] = {
                 "pixels": "rows x columns of pixels under each lens (default 15x15)",
                 "pitch": "distance between lenses in scene units (default 1)",
                 "delta": "pixel size / gap (default 0.4 / the larger count of pixels)",
+                "parallax": "the whole viewing angle in degrees, in place of --delta (default 22.6)",
             },
         ),
     )

@@ -1,19 +1,46 @@
-"""Options of meshes: how they are rendered."""
+"""Options of meshes: how they are placed and rendered."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from ciir.renderer.placement import Placement, Up
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import make_name, make_number
+from ciir.service.pipeline.options.values import make_angles, make_name, make_number
 
 Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
 
 
 MESH = {
+    "up": Option("AXIS", "the mesh's axis that points up: y, or z as in CAD (default y)", make_name(get_args(Up)), "z"),
+    "rotate": Option(
+        "YAW,PITCH,ROLL",
+        "turns of a mesh in degrees, one after the other: yaw, its front to the right; pitch, its top towards the "
+        "array; roll, its top to the left (default 0,0,0)",
+        make_angles("YAW,PITCH,ROLL"),
+        "30,20,0",
+    ),
+    "zoom": Option(
+        "FACTOR",
+        "size of a mesh, where 1 is as large as fits into every view (default 1)",
+        make_number(0.01, 100),
+        "1.5",
+    ),
+    "place": Option(
+        "NUMBER",
+        "where a mesh lies: -1 behind the lens array, 0 astride, 1 before it (default -1)",
+        make_number(-1, 1),
+        "0",
+    ),
+    "light": Option(
+        "AZIMUTH,ELEVATION",
+        "where the light on a mesh comes from, in degrees: from the front to the right, and up (default: about -30,37)",
+        make_angles("AZIMUTH,ELEVATION"),
+        "60,20",
+    ),
     "backend": Option(
         "NAME",
         "what renders a mesh: raster (OpenGL), raytrace (Embree), or auto, the faster (default auto)",
@@ -41,9 +68,21 @@ MESH = {
 class MeshOptions:
     """Values of the options in `MESH`."""
 
+    up: Up = "y"
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Degrees."""
+    zoom: float = 1.0
+    place: float = -1.0
+    light: tuple[float, float] | None = None
+    """Degrees."""
     backend: Backend = "auto"
     sampling: Sampling = "pinhole"
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255."""
     neighbour_time: float = 1.0
     """Seconds."""
+
+    @property
+    def placement(self) -> Placement:
+        """What the options say of it."""
+        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=self.place, light=self.light)

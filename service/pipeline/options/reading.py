@@ -29,6 +29,12 @@ READING = {
         make_number(1e-9, 1e9),
         "0.02",
     ),
+    "parallax": Option(
+        "DEGREES",
+        "the whole viewing angle, in place of --delta (a mesh: 22.6 by default)",
+        make_number(0.01, 170, "degrees such as 30"),
+        "30",
+    ),
     "pickup": Option(
         "NAME",
         "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)",
@@ -53,5 +59,7 @@ class ReadingOptions:
     pixels: tuple[int, int] | None = None
     pitch: float | None = None
     delta: float | None = None
+    parallax: float | None = None
+    """Degrees."""
     pickup: Pickup = "virtual"
     order: OrderCheck = "auto"

@@ -146,6 +146,33 @@ COLOUR = ValueType(
 )
 
 
+def make_angles(names: str) -> ValueType:
+    """As many angles as `names` has, such as `YAW,PITCH,ROLL`: degrees below 1000 each, to a millionth."""
+    count, angle = names.count(",") + 1, r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
+    pattern = f"{angle}(,{angle}){{{count - 1}}}"
+    example = ",".join(["30", "-20", "0"][:count])
+
+    def read(name: str, text: str) -> tuple[float, ...]:
+        angles = re.sub(r"\s*,\s*", ",", text.strip())
+        if re.fullmatch(pattern, angles) is None:
+            raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {names} in degrees, such as {example}")
+        return tuple(map(float, angles.split(",")))
+
+    def convert(value: Any) -> tuple[float, ...]:
+        angles = tuple(round(float(angle), 6) for angle in value)
+        if len(angles) != count or not all(abs(angle) < 1000 for angle in angles):
+            raise ValueError
+        return angles
+
+    return ValueType(
+        {"type": "string", "pattern": f"^({pattern})?$"},
+        read,
+        convert,
+        f"{names} in degrees, such as ({example.replace(',', ', ')})",
+        lambda angles: ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in angles),
+    )
+
+
 def make_name(allowed: tuple[str, ...]) -> ValueType:
     """One of the texts `allowed`."""
     return ValueType({"type": "string", "enum": list(allowed)}, _read_text, _refuse, "text")

@@ -61,7 +61,7 @@ class MeshViews:
                 rays=self.samples,
                 is_see_through=self._mesh.is_see_through,
             )
-            self._matrix = frame_scene(self._mesh, self._job.array)
+            self._matrix = frame_scene(self._mesh, self._job.array, self._job.placement)
             self._placed = self._mesh.transform(self._matrix)
 
     def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:

@@ -12,6 +12,7 @@ from ciir.models.light_field.views import list_required_views
 from ciir.models.single import skipping
 from ciir.renderer import backends
 from ciir.renderer.framing import frame_scene
+from ciir.renderer.placement import AS_GIVEN, Placement
 from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import cache_folder, cost, plan, prediction
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
@@ -260,14 +261,18 @@ def test_predictions_are_for_what_is_asked_for(prices):
 
 @pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])
 @pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
-def test_the_share_that_a_network_works_on(name, model, lenses):
+@pytest.mark.parametrize(
+    "placement", [AS_GIVEN, Placement(place=0.0, zoom=0.7), Placement(place=1.0, rotate=(90.0, 0.0, 0.0), zoom=0.5)]
+)
+def test_the_share_that_a_network_works_on(name, model, lenses, placement):
     """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
     mesh, array = load_scene(name), resolve_array(Options(lenses=(lenses, lenses)))
     (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == model)
-    views = backends.open_backend("raytrace")[0].render_views(mesh.transform(frame_scene(mesh, array)), array, [(7, 7)])
+    placed = mesh.transform(frame_scene(mesh, array, placement))
+    views = backends.open_backend("raytrace")[0].render_views(placed, array, [(7, 7)])
     _, boxes = skipping.find_boxes(next(iter(views))[..., :3], card.radius)
     share = sum(skipping.count_pixels(box.region) for box in boxes) / lenses**2
-    assert prediction._predict_share(mesh, array, card) == pytest.approx(share, abs=0.1)
+    assert prediction._predict_share(mesh, array, placement, card) == pytest.approx(share, abs=0.1)
 
 
 def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
-from ciir.service.pipeline.options import NAMES, Options
+from ciir.service.pipeline.options import NAMES, Options, write_texts
 
 
 def test_every_option_is_described():
@@ -17,13 +17,15 @@ def test_parses_every_option():
     texts = {
         "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
-        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "epi": "y=3,v=1",
+        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "parallax": "30", "up": "z",
+        "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
         lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
-        skip="exact", neighbour_time=0.25, order="given", epi="y=3,v=1",
+        skip="exact", neighbour_time=0.25, order="given", parallax=30.0, up="z", rotate=(30.0, -20.0, 0.5), zoom=1.5,
+        place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
     )  # fmt: skip
 
 
@@ -35,7 +37,10 @@ def test_parses_every_option():
         ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
         ("skip", "all"), ("order", "columns"), ("neighbour_time", "-1"), ("neighbour_time", "nan"),
-        ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("epi", "3"), ("epi", "x=1,v=2"),
+        ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30"), ("rotate", "1,2,3,4"),
+        ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("zoom", "0"),
+        ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
+        ("epi", "3"), ("epi", "x=1,v=2"),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):
@@ -55,6 +60,19 @@ def test_a_fault_repeats_only_so_much_of_what_was_given():
             Options.parse(texts)
         assert len(str(caught.value)) < 500
         assert str(caught.value).isprintable()
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.lists(st.floats(-999, 999), min_size=3, max_size=3))
+def test_angles_are_written_as_they_are_read(angles):
+    texts = write_texts({"rotate": angles})
+    assert Options.parse(texts).rotate == Options.convert({"rotate": angles}).rotate == pytest.approx(angles, abs=1e-6)
+
+
+@pytest.mark.parametrize("value", [(1, 2), "1,2", (1, 2, None), (1, 2, float("nan")), (1, 2, 1000), 5])
+def test_other_angles_are_refused(value):
+    with pytest.raises(InvalidOption, match="YAW,PITCH,ROLL"):
+        Options.convert({"rotate": value})
 
 
 @pytest.mark.parametrize("space", [" ", "\t", "\x1f", "\u2003"])

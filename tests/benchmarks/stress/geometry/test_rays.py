@@ -1,5 +1,7 @@
 """The slow reference against sums done by hand, and Embree against it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,8 +28,17 @@ def test_the_nearest_that_is_there_is_seen(look):
     behind = shapes.make_sheet(5.0, 9.0, shapes.RED)
     sight = look(Scene((behind, solid, clear)))
     np.testing.assert_array_equal(sight(np.array([[1.0, 2.0, 0.0]]), STRAIGHT), [[0, 255, 0, 255]])
-    # From behind the solid one nothing but the last is in front.
-    np.testing.assert_array_equal(sight(np.array([[1.0, 2.0, -4.5]]), STRAIGHT), [[255, 0, 0, 255]])
+    before = replace(behind, vertices=behind.vertices + np.array([0, 0, 7.0]))  # before the array
+    sight = look(Scene((solid, before)))
+    np.testing.assert_array_equal(sight(np.array([[1.0, 2.0, 0.0]]), STRAIGHT), [[255, 0, 0, 255]])
+
+
+@pytest.mark.parametrize("look", [build_slow_sight, build_embree_sight])
+def test_what_is_see_through_is_blended(look):
+    red, solid = shapes.make_sheet(3.0, 9.0, shapes.RED), shapes.make_sheet(4.0, 9.0, shapes.GREEN)
+    thin = replace(red, colors=shapes.add_alpha(red.colors[:, :3], 0.25), is_see_through=True)
+    for parts, seen in (((solid, thin), [63.75, 191.25, 0, 255]), ((thin,), [63.75, 0, 0, 63.75])):
+        np.testing.assert_allclose(look(Scene(parts))(np.array([[1.0, 2.0, 0.0]]), STRAIGHT), [seen], rtol=1e-6)
 
 
 def test_textures_are_looked_up_where_the_weights_say():
