@@ -95,6 +95,7 @@ class ContainerFormat(Format):
     folder = "readers.containers"
 
 
+HDF5 = b"\x89HDF\r\n\x1a\n"
 ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
 STL = MeshFormat(
     name="STL",
@@ -133,6 +134,10 @@ FORMATS: tuple[Format, ...] = (
     ZIP,
     ContainerFormat(name="NPY", suffixes=(".npy",), signatures=(b"\x93NUMPY",), reader="arrays:read_npy"),
     ContainerFormat(name="NPZ", suffixes=(".npz",), signatures=ZIP.signatures, reader="arrays:read_npz"),
+    ContainerFormat(
+        name="MAT", suffixes=(".mat",), signatures=(b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", HDF5), reader="mat:read"
+    ),
+    ContainerFormat(name="HDF5", suffixes=(".h5", ".hdf5"), signatures=(HDF5,), reader="hdf5:read"),
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )
 """Every format that is read. Where content fits several, the suffix decides, and without one the order here."""

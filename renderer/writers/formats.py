@@ -104,6 +104,9 @@ FORMATS = {
         _container("eia", pictures.SUFFIXES, "image/png", "pictures:EiaWriter"),
         _container("epi", pictures.SUFFIXES, "image/png", "pictures:EpiWriter"),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
+        _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
+        _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),
+        _container("hci", (".h5", ".hdf5"), BINARY, "matlab:HciWriter"),
     )
 }
 """By name. Where several have a suffix, the first one is its format."""

@@ -1,0 +1,138 @@
+"""Reads light fields in HDF5: the old HCI data set, MATLAB 7.3, and the samples of BasicLFSR.
+
+- HCI: `LF[v, U-1-u, y, x, c]`, cameras counted from the right, with `dH` and others as attributes (Wanner, Meister &
+  Goldluecke, Datasets and Benchmarks for Densely Sampled 4D Light Fields, VMV 2013);
+- MATLAB 7.3: `LF[c, x, y, u, v]`, as HDF5 counts axes from the other end;
+- BasicLFSR: `Hr_SAI_y[U*x, V*y]`, the transposed mosaic of the views' luminance (Generate_Data_for_Training.py).
+
+Only plain data sets of the file itself are read: no links to other files, and no filters but deflate and shuffle.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.containers.samples import check_array, convert_samples
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+
+HCI_ATTRIBUTE = "dH"
+"""The distance of cameras; files of the old HCI data set have it."""
+MOSAICS = ("Hr_SAI_y", "Lr_SAI_y")
+MOSAIC_GRID = (5, 5)
+"""Of BasicLFSR's samples where nothing else is known."""
+WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
+"""A note."""
+_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+_MOST_NAMES = 1000
+
+
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR.
+
+    Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
+    """
+    with h5py.File(io.BytesIO(data), "r") as file:
+        shapes = {key: _find_shape(file, key) for key in list(file)[:_MOST_NAMES]}
+        mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
+        if mosaic is not None and "LF" not in shapes:
+            return _read_mosaic(_open(file, mosaic, name), name, layout, limits)
+        dataset = _open(file, find_variable(shapes, name), name)
+        if HCI_ATTRIBUTE in file.attrs:
+            return _read_hci(dataset, name, limits)
+        shape = dataset.shape
+        # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u.
+        is_matlab = "MATLAB_class" in dataset.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
+        return _read_matlab(dataset, name, limits) if is_matlab else _read_plain(dataset, name, limits)
+
+
+def find_variable(shapes: Mapping[str, Sequence[int]], name: str) -> str:
+    """`LF`, or else the only variable with five axes. Raises `Unreadable` where there is none."""
+    found = [key for key, shape in shapes.items() if len(shape) == 5]
+    if len(shapes.get("LF", ())) in (4, 5):
+        return "LF"
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(map(clean_text, list(shapes)[:5])) or "nothing"
+    raise Unreadable(f"{name}: holds {listed}; give a light field LF with five axes")
+
+
+def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """`(V, U, H, W, C)` without the weight of the Light Field Toolbox, and a note where there is one."""
+    return (views[..., :3], (WEIGHT,)) if views.shape[4] == 4 else (views, ())
+
+
+def _find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
+    """The shape of a data set of the file itself; empty for anything else."""
+    if not isinstance(file.get(key, getlink=True), h5py.HardLink):
+        return ()
+    found = file[key]
+    return tuple(found.shape or ()) if isinstance(found, h5py.Dataset) else ()
+
+
+def _open(file: h5py.File, key: str, name: str) -> h5py.Dataset:
+    """The data set, whose samples are in the file and are packed in a known way."""
+    dataset = file[key]
+    plan = dataset.id.get_create_plist()
+    filters = [plan.get_filter(index)[0] for index in range(plan.get_nfilters())]
+    if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
+        raise UnsupportedType(f"{name}: {clean_text(key)} lies in another file; save it as one file")
+    if any(number not in _FILTERS for number in filters):
+        raise UnsupportedType(f"{name}: {clean_text(key)} is packed by filter {filters}; save it with gzip or unpacked")
+    if dataset.chunks is not None and np.prod(dataset.chunks, dtype=float) > 2 * np.prod(dataset.shape, dtype=float):
+        raise TooLarge(f"{name}: {clean_text(key)} has chunks larger than itself; save it unpacked")
+    return dataset
+
+
+def _read_hci(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
+    shape = (*dataset.shape, 1)[:5]
+    check_array(name, shape, dataset.dtype, limits)
+    views, notes = convert_samples(dataset[()].reshape(shape), name)
+    return LightField(views[:, ::-1], notes, depth_sense="cameras")
+
+
+def _read_matlab(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
+    shape = (1, *dataset.shape)[-5:]
+    check_array(name, shape[::-1], dataset.dtype, limits)
+    stored, weighted = leave_out_weight(dataset[()].reshape(shape).T)
+    views, notes = convert_samples(stored, name)
+    return LightField(views, weighted + notes, depth_sense="cameras")
+
+
+def _read_plain(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
+    """`LF[v, u, y, x, c]`, as h5py writes an array."""
+    shape = (*dataset.shape, 1)[:5]
+    check_array(name, shape, dataset.dtype, limits)
+    views, notes = convert_samples(dataset[()].reshape(shape), name)
+    return LightField(views, notes, depth_sense="cameras")
+
+
+def _read_mosaic(dataset: h5py.Dataset, name: str, layout: Layout, limits: Limits) -> LightField:
+    rows, columns = layout.pixels or MOSAIC_GRID
+    width, height = dataset.shape
+    if height % rows or width % columns:
+        raise InvalidOption(
+            f"pixels: {rows}x{columns} views don't divide the mosaic of {height}x{width} pixels in {name}; "
+            "give rows and columns of views"
+        )
+    shape = (rows, columns, height // rows, width // columns, 1)
+    check_array(name, shape, dataset.dtype, limits)
+    mosaic = dataset[()].T  # (V*H, U*W)
+    views = mosaic.reshape(rows, shape[2], columns, shape[3], 1).transpose(0, 2, 1, 3, 4)
+    views, notes = convert_samples(views, name)
+    guessed = "" if layout.pixels else f", of {rows}x{columns} views, as BasicLFSR's are; pixels gives another grid"
+    notes += (f"{dataset.name.lstrip('/')}: a mosaic of luminance (16 to 235 of 255){guessed}",)
+    return LightField(views, notes, depth_sense="cameras")

@@ -1,0 +1,108 @@
+"""Writes `LF[j, i, l, k, c]` of the Light Field Toolbox, in MAT versions 5 and 7.3, and files of the old HCI data set.
+
+All three count cameras: a light field with the depth sense of lenses is written with its views reversed in v and u.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.whole import WholeWriter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.writers.writer import Contents
+
+_HEADER = 116
+"""Bytes of text at the start of a MAT file."""
+_USER_BLOCK = 512
+_REVERSED = "{name} counts cameras: views are written in reversed order in v and in u, which is the same light field"
+
+_UNKNOWN = "hci: the distance of cameras and the focus are not known: dH, dV and focalLength are 1, shift is 0"
+
+
+class CameraWriter(WholeWriter):
+    """Writes an array of a light field whose depth sense is that of cameras."""
+
+    def check(self, contents: Contents) -> None:
+        """Refuses alpha."""
+        if contents.channels in (2, 4):
+            raise InvalidOption(f"format: {self.name} holds no alpha; give views without it, or format npz")
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the views, with a note where they are reversed."""
+        self.pack(light_field.with_depth_sense("cameras").views)
+        return [] if light_field.depth_sense == "cameras" else [_REVERSED.format(name=self.name)]
+
+    def pack(self, views: NDArray[Any]) -> None:
+        """Writes `views[v, u, y, x, c]` to `file`."""
+        raise NotImplementedError
+
+
+class MatWriter(CameraWriter):
+    """Writes `LF` in MAT version 5."""
+
+    name = "mat"
+
+    def check(self, contents: Contents) -> None:
+        """Refuses what doesn't fit into the format's 32-bit sizes, too."""
+        super().check(contents)
+        size = len(contents.views) * contents.height * contents.width * contents.channels * contents.dtype.itemsize
+        if size >= 2**31:
+            raise InvalidOption(f"format: mat holds less than 2 GiB and the views have {size:,} bytes; give mat73")
+
+    def pack(self, views: NDArray[Any]) -> None:
+        """The header's text has no date: the same views make the same bytes."""
+        from scipy.io import savemat
+
+        packed = io.BytesIO()
+        savemat(packed, {"LF": views})
+        self.file.write(b"MATLAB 5.0 MAT-file, written by ciir".ljust(_HEADER))
+        self.file.write(packed.getbuffer()[_HEADER:])
+
+
+class Mat73Writer(CameraWriter):
+    """Writes `LF` in MAT version 7.3, which is HDF5 with axes counted from the other end."""
+
+    name = "mat73"
+
+    def pack(self, views: NDArray[Any]) -> None:
+        """MATLAB reads the class from an attribute, and the version from the block before the HDF5 file."""
+        packed = io.BytesIO()
+        with h5py.File(packed, "w", userblock_size=_USER_BLOCK) as file:
+            dataset = file.create_dataset("LF", data=views.T)
+            dataset.attrs["MATLAB_class"] = np.bytes_(views.dtype.name)
+        header = b"MATLAB 7.3 MAT-file, written by ciir".ljust(_HEADER) + bytes(8) + b"\x00\x02IM"
+        self.file.write(header.ljust(_USER_BLOCK, b"\0"))
+        self.file.write(packed.getbuffer()[_USER_BLOCK:])
+
+
+class HciWriter(CameraWriter):
+    """Writes `LF[v, U-1-u, y, x, c]` with the attributes of the old HCI data set."""
+
+    name = "hci"
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Notes the attributes that are not known."""
+        return [
+            *super().encode(light_field),
+            _UNKNOWN,
+        ]
+
+    def pack(self, views: NDArray[Any]) -> None:
+        """The attributes that tell sizes are right."""
+        rows, columns, height, width, channels = views.shape
+        packed = io.BytesIO()
+        with h5py.File(packed, "w") as file:
+            file.create_dataset("LF", data=views[:, ::-1])
+            sizes = {"vRes": rows, "hRes": columns, "yRes": height, "xRes": width, "channels": channels}
+            unknown = {"dH": 1.0, "dV": 1.0, "focalLength": 1.0, "shift": 0.0, "vSampling": 1.0, "hSampling": 1.0}
+            file.attrs.update(sizes | unknown)
+        self.file.write(packed.getbuffer())

@@ -1,0 +1,164 @@
+"""Each layout written here by h5py, element by element, as its source does it."""
+
+import io
+
+import h5py
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.containers import hdf5
+from ciir.renderer.readers.layout import Layout
+
+V, U, H, W = 2, 3, 4, 6
+
+
+def value(v, u, y, x, c=0):
+    """Another one where any two axes are exchanged or one is reversed."""
+    return (97 * v + 41 * u + 13 * y + 5 * x + 61 * c) % 251
+
+
+def made(fill):
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        fill(file)
+    return buffer.getvalue()
+
+
+def read(data, *, pixels=None, **limits):
+    return hdf5.read(data, name="a", layout=Layout(pixels=pixels), limits=Limits(**limits))
+
+
+def check_places(found, channels=3, scale=1):
+    assert found.views.shape == (V, U, H, W, channels)
+    for place in np.ndindex(found.views.shape):
+        assert found.views[place] == scale * value(*place)
+    assert found.depth_sense == "cameras"
+
+
+def fill_reversed(dtype, channels, **options):
+    """As MATLAB's HDF5: `LF[c, x, y, u, v]`."""
+
+    def fill(file):
+        stored = np.zeros((channels, W, H, U, V), dtype)
+        for v, u, y, x, c in np.ndindex(V, U, H, W, channels):
+            stored[c, x, y, u, v] = value(v, u, y, x, c)
+        file.create_dataset("LF", data=stored[0] if channels == 1 else stored, **options)
+        file["LF"].attrs["MATLAB_class"] = np.bytes_(stored.dtype.name)
+
+    return fill
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2"])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "shuffle": True}])
+def test_matlab_counts_axes_from_the_other_end(dtype, channels, options):
+    check_places(read(made(fill_reversed(dtype, channels, **options))), channels)
+
+
+def test_matlab_without_its_class():
+    def fill(file):
+        fill_reversed("u1", 3)(file)
+        del file["LF"].attrs["MATLAB_class"]
+
+    check_places(read(made(fill)))
+
+
+def test_the_weight_is_left_out_with_a_note():
+    found = read(made(fill_reversed("u1", 4)))
+    check_places(found)
+    assert "weight" in found.notes[0]
+
+
+def test_hci_counts_cameras_from_the_right():
+    def fill(file):
+        stored = np.zeros((V, U, H, W, 3), np.uint8)
+        for v, u, y, x, c in np.ndindex(stored.shape):
+            stored[v, U - 1 - u, y, x, c] = value(v, u, y, x, c)
+        file["LF"] = stored
+        file["GT_DEPTH"] = np.zeros((V, U, H, W), np.float32)
+        file.attrs.update({"dH": 0.1, "dV": 0.1, "focalLength": 9.2, "shift": 3.4, "hRes": U, "vRes": V})
+
+    check_places(read(made(fill)))
+
+
+def test_a_plain_array():
+    def fill(file):
+        stored = np.zeros((V, U, H, W, 3), np.uint8)
+        for place in np.ndindex(stored.shape):
+            stored[place] = value(*place)
+        file["scene"] = stored
+
+    check_places(read(made(fill)))
+
+
+def fill_mosaic(name):
+    """As BasicLFSR: view (u, v) at row u and column v of the mosaic, which is stored transposed, from 0 to 1."""
+
+    def fill(file):
+        stored = np.zeros((U * W, V * H), np.float32)
+        for v, u, y, x in np.ndindex(V, U, H, W):
+            stored[u * W + x, v * H + y] = value(v, u, y, x) / 255
+        file[name] = stored
+
+    return fill
+
+
+@pytest.mark.parametrize("name", ["Hr_SAI_y", "Lr_SAI_y"])
+def test_the_mosaic_of_basiclfsr(name):
+    found = read(made(fill_mosaic(name)), pixels=(V, U))
+    check_places(found, 1, 257)
+    assert f"{name}: a mosaic of luminance" in found.notes[-1]
+
+
+def test_a_mosaic_is_of_5x5_views_unless_the_grid_is_given():
+    data = made(lambda file: file.create_dataset("Hr_SAI_y", data=np.zeros((20, 30), "f4")))
+    found = read(data)
+    assert found.views.shape == (5, 5, 6, 4, 1)
+    assert "5x5 views, as BasicLFSR's are; pixels gives another grid" in found.notes[-1]
+    with pytest.raises(InvalidOption, match=r"7x7 views don't divide the mosaic of 30x20 pixels"):
+        read(data, pixels=(7, 7))
+
+
+def link_out(file):
+    file["LF"] = h5py.ExternalLink("/etc/other.h5", "LF")
+
+
+def lie_outside(file):
+    file.create_dataset("LF", (2, 2, 4, 4, 3), "u1", external="/etc/hostname")
+
+
+def be_virtual(file):
+    layout = h5py.VirtualLayout((2, 2, 4, 4, 3), "u1")
+    layout[:] = h5py.VirtualSource("/etc/other.h5", "LF", (2, 2, 4, 4, 3))
+    file.create_virtual_dataset("LF", layout)
+
+
+def be_packed_in_a_rare_way(file):
+    file.create_dataset("LF", data=np.zeros((2, 2, 4, 4, 3), "u1"), compression="lzf")
+
+
+def hold_text(file):
+    file.create_dataset("LF", (2, 2, 4, 4, 3), h5py.string_dtype())
+
+
+def be_large(file):
+    file.create_dataset("LF", (15, 15, 8000, 8000, 3), "f8", chunks=(1, 1, 8, 8, 3))
+
+
+@pytest.mark.parametrize(
+    ("fill", "error", "message"),
+    [
+        (link_out, Unreadable, "holds LF; give a light field LF with five axes"),
+        (lie_outside, UnsupportedType, "LF lies in another file"),
+        (be_virtual, UnsupportedType, "LF lies in another file"),
+        (be_packed_in_a_rare_way, UnsupportedType, "packed by filter"),
+        (hold_text, UnsupportedType, "an array .* of object"),
+        (be_large, TooLarge, "comes to"),
+        (lambda file: None, Unreadable, "holds nothing; give a light field"),
+    ],
+)
+def test_what_is_refused(fill, error, message):
+    with pytest.raises(error, match=message):
+        read(made(fill))

@@ -1,0 +1,124 @@
+"""MATLAB's layouts, written here element by element: `LF(j, i, l, k, c)`, column-major, its first axis the fastest."""
+
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.containers import mat
+from ciir.renderer.readers.layout import Layout
+
+V, U, H, W = 2, 3, 4, 5
+INT8, INT32, UINT32, MATRIX, COMPRESSED = 1, 5, 6, 14, 15
+CLASSES = {"u1": (9, 2), "<u2": (11, 4), "<f4": (7, 7), "<f8": (6, 9)}
+"""Sample type -> numbers of the array class and of the data type (MAT-File Format, tables 1-1 and 1-3)."""
+
+
+def value(v, u, y, x, c):
+    """Another one where any two axes are exchanged or one is reversed."""
+    return (97 * v + 41 * u + 13 * y + 5 * x + 61 * c) % 251
+
+
+def element(kind, data):
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def make_mat5(dtype="u1", channels=3, *, is_compressed=False, scale=1):
+    """A MAT file of version 5 with one variable `LF`."""
+    samples = [
+        value(v, u, y, x, c) / scale
+        for c in range(channels)
+        for x in range(W)
+        for y in range(H)
+        for u in range(U)
+        for v in range(V)
+    ]
+    class_, kind = CLASSES[dtype]
+    shape = (V, U, H, W, channels)[: 4 if channels == 1 else 5]
+    body = element(UINT32, struct.pack("<II", class_, 0))
+    body += element(INT32, struct.pack(f"<{len(shape)}i", *shape)) + element(INT8, b"LF")
+    body += element(kind, np.array(samples).astype(dtype).tobytes())
+    matrix = element(MATRIX, body)
+    if is_compressed:
+        packed = zlib.compress(matrix)
+        matrix = struct.pack("<II", COMPRESSED, len(packed)) + packed
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + matrix
+
+
+def read(data, **limits):
+    return mat.read(data, name="a", layout=Layout(), limits=Limits(**limits))
+
+
+@pytest.mark.parametrize("is_compressed", [False, True])
+@pytest.mark.parametrize(("dtype", "channels"), [("u1", 1), ("u1", 3), ("<u2", 3)])
+def test_version_5(dtype, channels, is_compressed):
+    found = read(make_mat5(dtype, channels, is_compressed=is_compressed))
+    assert found.views.shape == (V, U, H, W, channels)
+    assert found.views.dtype == np.dtype(dtype)
+    for place in np.ndindex(found.views.shape):
+        assert found.views[place] == value(*place)
+    assert (found.depth_sense, found.notes) == ("cameras", ())
+
+
+@pytest.mark.parametrize("dtype", ["<f4", "<f8"])
+def test_floating_point(dtype):
+    found = read(make_mat5(dtype, scale=255))
+    for place in np.ndindex(found.views.shape):
+        assert found.views[place] == 257 * value(*place)
+    assert "rounded to 16 bit" in found.notes[0]
+
+
+def test_whole_doubles_stay_floating_point():
+    """MATLAB stores doubles that are whole numbers as bytes: 1 is white, not the darkest grey but black."""
+    file = io.BytesIO()
+    ones = np.ones((1, 1, 2, 2, 3))
+    scipy.io.savemat(file, {"LF": ones})
+    assert (read(file.getvalue()).views == 65535).all()
+
+
+def test_the_weight_is_left_out_with_a_note():
+    found = read(make_mat5("u1", 4))
+    assert found.views.shape == (V, U, H, W, 3)
+    assert found.views[1, 2, 3, 4, 2] == value(1, 2, 3, 4, 2)
+    assert "weight" in found.notes[0]
+
+
+def saved(**variables):
+    file = io.BytesIO()
+    scipy.io.savemat(file, variables)
+    return file.getvalue()
+
+
+def test_lf_among_other_variables():
+    field = np.arange(120, dtype=np.uint8).reshape(V, U, H, W, 1).repeat(3, axis=4)
+    data = saved(LF=field, other=field, settings={"a": 1}, cells=np.array([1, "b"], object), text="x")
+    np.testing.assert_array_equal(read(data).views, field)
+    np.testing.assert_array_equal(read(saved(scene=field, text="x")).views, field)
+
+
+@pytest.mark.parametrize(
+    ("variables", "error", "message"),
+    [
+        ({"a": 1, "b": "x"}, Unreadable, "holds a, b; give a light field LF"),
+        ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
+        ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, Unreadable, "LF holds complex128"),
+        ({"LF": np.full((2, 2, 4, 4, 3), "a", object)}, UnsupportedType, "LF is of class cell"),
+        ({"LF": np.zeros((2, 2, 4, 4, 5), np.uint8)}, Unreadable, "1 to 4 channels"),
+    ],
+)
+def test_other_variables_are_refused(variables, error, message):
+    with pytest.raises(error, match=message):
+        read(saved(**variables))
+
+
+def test_sizes_are_checked_by_the_header():
+    data = bytearray(make_mat5())
+    place = data.index(struct.pack("<5i", V, U, H, W, 3))
+    data[place : place + 16] = struct.pack("<4i", 15, 15, 30000, 30000)
+    with pytest.raises(TooLarge, match="pixels of a view"):
+        read(bytes(data))
