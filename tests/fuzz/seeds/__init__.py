@@ -209,6 +209,8 @@ def options() -> list[bytes]:
         },
         {"lenses": "6x9", "pixels": "4x4", "strategy": "direct", "background": "ff8000"},
         {"lenses": "6x9", "pixels": "4x4", "model": "fast", "pitch": "1e-3"},
+        {"lenses": "6x9", "pixels": "4x4", "model": "none", "up": "z", "rotate": "30,-20,5.5", "place": "0.5"},
+        {"lenses": "6x9", "pixels": "4x4", "model": "none", "zoom": "9", "light": "-90,45", "parallax": "60"},
     ]
     return ["\n".join(one.get(name, "") for name in NAMES).encode() for one in asked]
 

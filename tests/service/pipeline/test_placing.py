@@ -49,6 +49,19 @@ def test_views_are_rays_through_the_reported_transform(cube, place, backend):
     assert np.sign(-scene.bounds()[:, 2]).tolist() == {-1.0: [1, 1], 0.0: [1, -1], 1.0: [-1, -1]}[place]
 
 
+@pytest.mark.parametrize("place", [0.0, 1.0])
+def test_skipping_changes_nothing(place):
+    source, options = "globe", {"lenses": (60, 60), "pixels": (3, 3), "model": "fast", "place": place, "zoom": 0.4}
+    views, skipped = {}, {}
+    for skip in ("exact", "none"):
+        writer = MemoryWriter()
+        report = reconstruct(source, Options(**options, skip=skip, backend="raytrace"), writer)
+        views[skip], skipped[skip] = writer.views[1, 1], report["plan"]["skipped"]
+    assert skipped["exact"]["culled"] > 0.5
+    assert skipped["exact"]["uniform"] > 0.2
+    assert np.array_equal(views["exact"], views["none"])
+
+
 def test_an_elemental_image_array_is_placed_as_its_views(cube):
     kept = []
     report = render_eia(cube, Options(**SMALL, **TURNED, place=0.5), kept.append)
