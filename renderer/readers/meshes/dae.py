@@ -93,7 +93,9 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
     vertices = primitive.vertex[primitive.vertex_index].reshape(-1, 3).astype(np.float64)
     normals = None if primitive.normal is None else primitive.normal[primitive.normal_index].reshape(-1, 3)
     uv = primitive.texcoordset[0][primitive.texcoord_indexset[0]].reshape(-1, 2) if primitive.texcoordset else None
-    color, picture = _material(materials.get(primitive.material))
+    effect = getattr(materials.get(primitive.material), "effect", None)
+    color, picture = _read_diffuse(effect)
+    alpha = 1.0 if effect is None else _read_alpha(effect, resolver)
     texture = None if picture is None else resolver.load_texture(picture, opaque=True)
     if texture is not None and uv is None:
         resolver.add_note("a texture without texture coordinates is left out")
@@ -103,24 +105,43 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
         vertices=vertices,
         faces=np.arange(len(vertices)).reshape(-1, 3),
         normals=None if normals is None else normals.astype(np.float64),
-        color=color if colors is None else WHITE,
+        color=(*(color if colors is None else WHITE)[:3], alpha),
         colors=colors,
         uv=None if texture is None or uv is None else uv.astype(np.float64),
         texture=texture,
+        is_see_through=alpha < 1,
     )
 
 
-def _material(material: Any) -> tuple[Color, str | None]:
-    """The colour, display-referred, and the name of the picture of a material's diffuse light."""
+def _read_diffuse(effect: Any) -> tuple[Color, str | None]:
+    """The colour, display-referred, and the name of the picture of an effect's diffuse light."""
     from collada.material import Map
 
-    diffuse = getattr(getattr(material, "effect", None), "diffuse", None)
+    diffuse = getattr(effect, "diffuse", None)
     if diffuse is None:
         return DEFAULT_COLOR, None
     if isinstance(diffuse, Map):
         return WHITE, unquote(diffuse.sampler.surface.image.path)
     red, green, blue = (min(max(float(value), 0.0), 1.0) for value in diffuse[:3])
     return (red, green, blue, 1.0), None
+
+
+def _read_alpha(effect: Any, resolver: Resolver) -> float:
+    """The opacity of an effect (COLLADA 1.4.1, "Determining Transparency"); 0 counts as 1: exporters disagree on
+    which is which.
+    """
+    from collada.material import OPAQUE_MODE, Map
+
+    transparent, transparency = effect.transparent, effect.transparency
+    if isinstance(transparent, Map) or isinstance(transparency, Map):
+        resolver.add_note("a map of opacity is left out: the material is drawn solid")
+        return 1.0
+    red, green, blue, alpha = (*map(float, transparent or ()), 1.0, 1.0, 1.0, 1.0)[:4]
+    if effect.opaque_mode == OPAQUE_MODE.RGB_ZERO:
+        opacity = 1 - (0.212671 * red + 0.715160 * green + 0.072169 * blue) * float(transparency)
+    else:
+        opacity = alpha * float(transparency)
+    return opacity if 0 < opacity < 1 else 1.0
 
 
 def _vertex_colors(primitive: Any) -> NDArray[np.float32] | None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _MODEL = "3d/3dmodel.model"
 _TAGS = 8
 """Most tags for each triangle of the limit: its own and those of three vertices, opened and closed."""
-_COLOR = re.compile(r"#([0-9a-fA-F]{6})(?:[0-9a-fA-F]{2})?")
+_COLOR = re.compile(r"#([0-9a-fA-F]{6})([0-9a-fA-F]{2})?")
 Palettes = dict[str, "list[Color]"]
 References = list[tuple[str, "NDArray[np.float64]"]]
 """Objects by index, each with its 4x4 matrix."""
@@ -126,12 +126,13 @@ def _read_mesh(mesh: Any, element: Any, palettes: Palettes, name: str, resolver:
             colors[number] = DEFAULT_COLOR
             if used is not None:
                 resolver.add_note("textures and mixed materials of 3MF are left out: drawn light grey")
-    return replace(split_corners(surface), colors=colors.reshape(-1, 4), color=WHITE)
+    is_see_through = bool((colors[..., 3] < 1).any())
+    return replace(split_corners(surface), colors=colors.reshape(-1, 4), color=WHITE, is_see_through=is_see_through)
 
 
 def _parse_color(entry: Any) -> Color:
     match = _COLOR.fullmatch(entry.get("displaycolor") or entry.get("color") or "")
     if match is None:
         return DEFAULT_COLOR
-    red, green, blue = bytes.fromhex(match[1])
-    return red / 255, green / 255, blue / 255, 1.0
+    red, green, blue, alpha = bytes.fromhex(match[1] + (match[2] or "ff"))
+    return red / 255, green / 255, blue / 255, (alpha or 255) / 255  # nothing would be left of alpha 0

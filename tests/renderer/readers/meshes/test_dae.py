@@ -67,6 +67,30 @@ def test_the_colour_of_a_material() -> None:
     assert part.vertices[part.faces][:, :, :2].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
 
 
+@pytest.mark.parametrize(
+    ("transparent", "transparency", "alpha"),
+    [
+        ("<transparent><color>1 1 1 0.5</color></transparent>", 0.5, 0.25),
+        ("", 0.5, 0.5),
+        ('<transparent opaque="RGB_ZERO"><color>1 1 1 1</color></transparent>', 0.75, 0.25),
+        ("<transparent><color>1 1 1 1</color></transparent>", 0, 1.0),
+        ("", 1, 1.0),
+    ],
+)
+def test_transparency_is_see_through(transparent: str, transparency: float, alpha: float) -> None:
+    effect = f"{EFFECT}{transparent}<transparency><float>{transparency}</float></transparency>"
+    (part,) = read(document(effect=effect)).parts
+    assert part.is_see_through == (alpha < 1)
+    assert part.colors[:, 3] == pytest.approx(np.full(6, alpha))
+
+
+def test_a_map_of_opacity_is_noted() -> None:
+    text = '<transparent><texture texture="t" texcoord="UV"/></transparent>'
+    scene = read(document(effect=EFFECT + text, params=TEXTURE))
+    assert not scene.is_see_through
+    assert "map of opacity" in scene.notes[0]
+
+
 def test_colours_and_normals_of_corners() -> None:
     inputs = '<input semantic="COLOR" source="#c" offset="0"/><input semantic="NORMAL" source="#n" offset="0"/>'
     more = source("c", "0 1 0 " * 4, "RGB") + source("n", "0 1 0 " * 4, "XYZ")

@@ -66,6 +66,13 @@ def test_colours(on_object: str, on_triangle: str, expected: list[list[float]]) 
     assert scene.notes == ()
 
 
+@pytest.mark.parametrize(("index", "alpha"), [(0, 1.0), (1, 128 / 255)])
+def test_colours_with_alpha_are_see_through(index: int, alpha: float) -> None:
+    (part,) = read(model(MATERIALS + OBJECT.format(f' pid="9" pindex="{index}"', ""))).parts
+    assert part.is_see_through == (alpha < 1)
+    assert part.colors[:, 3] == pytest.approx(np.full(3, alpha))
+
+
 def test_other_materials_are_noted() -> None:
     scene = read(model(OBJECT.format(' pid="7"', "")))
     assert colors(scene) == [[1, 1, 1]] * 3
