@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> None:
         return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
-    from ciir.service import heaps, logs, settings
+    from ciir.service import logs, memory, settings
     from ciir.service.jobs.workers.sandbox.parent import protect
     from ciir.service.jobs.workers.worker import KEPT_VARIABLES
     from ciir.service.web import connections
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:
 
     found = settings.read_settings()
     protect(KEPT_VARIABLES)
-    heaps.limit_heaps(heaps.SERVER_HEAPS)
+    memory.limit_heaps(memory.SERVER_HEAPS)
     connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.

@@ -24,7 +24,7 @@ _log = logging.getLogger("ciir")
 
 def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
     """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
-    from ciir.service import heaps, logs, settings
+    from ciir.service import logs, memory, settings
     from ciir.service.jobs.engine import Engine
     from ciir.service.jobs.workers.sandbox.parent import protect
     from ciir.service.jobs.workers.worker import KEPT_VARIABLES
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
     protect(KEPT_VARIABLES)
-    heaps.limit_heaps(heaps.SERVER_HEAPS)
+    memory.limit_heaps(memory.SERVER_HEAPS)
     logs.configure(found.log_format)
     stop = threading.Event()
 

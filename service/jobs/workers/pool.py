@@ -16,6 +16,7 @@ from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING
 
 from ciir.errors import Cancelled, TimedOut, WorkerDied
+from ciir.service import memory
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem
 from ciir.service.jobs.workers.messages import Done, Failed, Progress, Ready, Started, quote
 from ciir.service.jobs.workers.sandbox import landlock
@@ -36,6 +37,7 @@ _ATTEMPTS = 3
 """Workers that are tried for one task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
+_NO_MEMORY = Problem(503, "No room", "the server's memory is full; try again when its other processes need less")
 _NOT_RESTRICTED = "a worker process is not fully restricted: %s"
 _log = logging.getLogger("ciir.pool")
 
@@ -202,6 +204,8 @@ class Pool:
                 worker.end()
                 if worker.tasks:
                     raise _MemoryTakenError
+                if memory.may_lack(self._limits.memory):
+                    return _NO_MEMORY
             wanted = run.task.request.format
             if isinstance(last.outcome, Problem):
                 return last.outcome

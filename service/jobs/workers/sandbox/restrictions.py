@@ -13,8 +13,8 @@ import signal
 import struct
 from typing import TYPE_CHECKING
 
-from ciir.service import heaps
 from ciir.service.jobs.workers.sandbox import landlock, seccomp
+from ciir.service.memory import limit_heaps
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ def enter(memory: int, file: int, parent: int, readable: Sequence[str] = ()) -> 
     besides libraries. Sets `missing`. Call it while the process has one thread: capabilities and Landlock are of a
     thread and those that it starts. Raises `PermissionError` if only root's capabilities allow to read the libraries.
     """
-    heaps.limit_heaps(_HEAPS)
+    limit_heaps(_HEAPS)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # a service manager sends it to all; the parent ends its workers
     missing[:] = _set_limits(memory, file)
