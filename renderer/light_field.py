@@ -31,8 +31,21 @@ DepthSense = Literal["lenses", "cameras"]
 The one becomes the other where the order of views is reversed in v and in u.
 """
 
-OrderCheck = Literal["auto", "given"]
-"""Whether a set of views is put in the right order where its own is certainly wrong, or taken as it is given."""
+OrderCheck = Literal["auto", "given", "rows", "columns"]
+"""What is row and what is column: what the names and the pictures show; what the names show; the first number or index
+is the row; or it is the column.
+"""
+
+Flip = Literal["none", "u", "v", "uv"]
+"""Which order of views is reversed: of the columns u, of the rows v, or of both."""
+
+
+def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[NDArray[Any], DepthSense]:
+    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`)."""
+    flipped = grid[:: -1 if axes in ("v", "uv") else 1, :: -1 if axes in ("u", "uv") else 1]
+    if axes in ("u", "uv"):
+        return flipped, "lenses" if depth_sense == "cameras" else "cameras"
+    return flipped, depth_sense
 
 
 def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
@@ -85,6 +98,16 @@ class LightField:
         v, u, rows, cols, channels = self.views.shape
         return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype})"
 
+    @property
+    def shape(self) -> tuple[int, int, int, int, int]:
+        """`(V, U, H, W, C)`."""
+        return self.views.shape
+
+    @property
+    def dtype(self) -> np.dtype[np.uint8] | np.dtype[np.uint16]:
+        """Of the pixels."""
+        return self.views.dtype
+
     def view(self, v: int, u: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """View (v, u), `(rows, cols, channels)`, v from the top and u from the left; shares memory.
 
@@ -97,6 +120,23 @@ class LightField:
             )
         view: NDArray[np.uint8] | NDArray[np.uint16] = self.views[v, u]
         return view
+
+    def flip(self, axes: Flip) -> LightField:
+        """The light field with its views in reverse order in `u`, in `v` or in both (`uv`); shares memory.
+
+        Reversing both exchanges the depth senses `lenses` and `cameras`. Reversing one alone is for a light field that
+        was in a wrong order: afterwards content moves along that axis as it does along the other one. Done to one in
+        the right order, near content moves to the left across and upwards or, down, the opposite way, as no scene does.
+        The depth sense is that of u, so it changes with `u` and not with `v`.
+        """
+        views, depth_sense = flip_axes(self.views, axes, self.depth_sense)
+        return replace(self, views=views, depth_sense=depth_sense)
+
+    def transpose(self) -> LightField:
+        """The light field with rows and columns of views exchanged, for one whose first index is the column; shares
+        memory. The pictures stay as they are.
+        """
+        return replace(self, views=self.views.swapaxes(0, 1))
 
     def save(self, path: str | PathLike[str], format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
         """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.

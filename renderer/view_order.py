@@ -8,7 +8,7 @@ tiles tells the orders apart. Reversing both axes only inverts depth, which no d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
     Plane = NDArray[np.float32]
     """Luma in [0, 1], or what is computed of it; the last axes are rows and columns."""
-    Views = NDArray[np.uint8] | NDArray[np.uint16]
+    Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+    class Views(Protocol):
+        """Views `(H, W, C)` by (v, u): an array `(V, U, H, W, C)`, or views that are decoded when used."""
+
+        @property
+        def shape(self) -> tuple[int, ...]:
+            """`(V, U, H, W, C)`."""
+
+        def __getitem__(self, view: tuple[int, int], /) -> Pixels:
+            """View (v, u)."""
+
 
 Order = Literal["as given", "reversed along one axis", "transposed", "transposed and reversed along one axis"]
 ORDERS: tuple[Order, ...] = get_args(Order)
@@ -31,9 +42,9 @@ TILE, REACH = 16, 6
 """Pixels along a side of a tile, and how far it is searched for to each side."""
 SHIFTS = np.arange(-2 * REACH, 2 * REACH + 1) / 2
 """Shifts from one view to another that are tried, pixels."""
-SWEEPS = ((1, 3), (1, 1), (4, 1))
-"""(factor by which views are downscaled, step from the centre view to those around): for small, medium and large
-disparities. A smaller grid limits the step."""
+SWEEPS = ((1, 2), (1, 1), (4, 1), (1, 3))
+"""(factor by which views are downscaled, step from the centre view to those around): for small, medium, large and very
+small disparities. A smaller grid limits the step. All but the last look at the 5x5 views that upscaling takes too."""
 TILES = 24
 """Most tiles of a sweep."""
 LARGEST_SIDE = 640
@@ -81,7 +92,7 @@ class OrderEstimate:
 
 
 def estimate_order(views: Views) -> OrderEstimate:
-    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 16 around it.
+    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it.
 
     It is `as given` where nothing can be said: of a grid of less than 3x3, of small pictures or without texture, and
     where content hardly moves.
@@ -91,17 +102,8 @@ def estimate_order(views: Views) -> OrderEstimate:
     votes = np.zeros(len(ORDERS), np.intp)
     for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
         if largest and not _sum_up(votes).is_certain:
-            votes += _count_votes(views[:, :, rows, cols], factor, step)
+            votes += _count_votes(views, (rows, cols), factor, step)
     return _sum_up(votes)
-
-
-def correct_order(views: Views, order: Order) -> Views:
-    """`views`, `(V, U, H, W, C)`, that are in `order`, in the right one; they share memory.
-
-    Where one axis is reversed, the pictures don't show which: rows of views are reversed.
-    """
-    turned = views.transpose(1, 0, 2, 3, 4) if order.startswith("transposed") else views
-    return turned[::-1] if order.endswith("axis") else turned
 
 
 def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
@@ -109,14 +111,15 @@ def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
     return OrderEstimate(ORDERS[best], int(votes[best]), int(votes.sum()))
 
 
-def _count_votes(views: Views, factor: int, step: int) -> NDArray[np.intp]:
+def _count_votes(views: Views, crop: tuple[slice, slice], factor: int, step: int) -> NDArray[np.intp]:
     """Tiles that vote for each of `ORDERS`: in views downscaled by `factor`, those around `step` from the centre."""
     v, u = center_view(*views.shape[:2])
-    places = _find_tiles(_make_luma(views[v, u], factor))
+    places = _find_tiles(_make_luma(views[v, u][crop], factor))
     if not places:
         return np.zeros(len(ORDERS), np.intp)
 
-    def cut(view: Views, margin: int) -> Plane:
+    def cut(view: Pixels, margin: int) -> Plane:
+        view = view[crop]
         parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
         pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
         return _make_luma(pictures, factor)
@@ -158,7 +161,7 @@ def _find_tiles(luma: Plane) -> list[tuple[int, int]]:
     return places
 
 
-def _make_luma(pictures: Views, factor: int) -> Plane:
+def _make_luma(pictures: Pixels, factor: int) -> Plane:
     """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1]."""
     *count, height, width, channels = pictures.shape
     rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from ciir.renderer.light_field import OrderCheck, Pickup
+    from ciir.renderer.light_field import Flip, OrderCheck, Pickup
     from ciir.renderer.placement import Up
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -76,6 +76,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     pixels: tuple[int, int] | None = None,
     pickup: Pickup = "virtual",
     order: OrderCheck = "auto",
+    flip: Flip = "none",
+    transpose: bool = False,
     progress: Progress | None = None,
 ) -> LightField:
     """Reads a light field: an elemental image array, or a folder or zip of views.
@@ -83,14 +85,18 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
-    keeps the order of the names.
+    keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
+    `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`
+    (`LightField.flip`).
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
     Raises `ciir.Error`; a mesh is refused with `InvalidOption`, since `render` takes it.
     """
     if progress is not None:
         progress(0, 1)
-    asked = Options.convert({"lenses": lenses, "pixels": pixels, "pickup": pickup, "order": order})
+    asked = Options.convert(
+        {"lenses": lenses, "pixels": pixels, "pickup": pickup, "order": order, "flip": flip, "transpose": transpose}
+    )
     content = Input(_open_path(path)).read(asked)
     if isinstance(content, Scene):
         raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")
@@ -205,9 +211,9 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
 
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`, `order`: names; `scale`; `skip`: a bool; `background`: RGB from 0 to 255; `pitch`,
-    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
-    seconds. Text is read as on the command line.
+    `backend`, `sampling`, `pickup`, `order`, `flip`: names; `scale`; `skip`, `transpose`: bools; `background`: RGB from
+    0 to 255; `pitch`, `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`;
+    `neighbour_time`: seconds. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

@@ -1,8 +1,13 @@
-"""The input as names and bytes: one file, a folder or a zip. Nothing outside it can be reached."""
+"""The input as names and bytes: one file, a folder or a zip. What a file names is looked up among these only.
+
+Links in a local folder are followed, since the user made or unpacked them; an upload is a file or a zip, and a zip with
+links is refused.
+"""
 
 from __future__ import annotations
 
 import io
+import os
 import stat
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -58,14 +63,14 @@ class Bundle:
 
 
 class Folder(Mapping[str, bytes]):
-    """The files below a folder, read when first used. Hidden files are not listed; links that lead out are not read.
+    """The files below a folder, read when first used. Hidden files are not listed. Links are followed.
 
-    Raises `TooLarge` from iteration with more than `limits.files` files, and on a file of more than `limits.bytes`.
+    Raises `TooLarge` from iteration with more than `limits.files` files or folders, and on a file of more than
+    `limits.bytes`.
     """
 
     def __init__(self, path: Path, limits: Limits, known: Mapping[str, bytes] | None = None) -> None:
         self._path = path
-        self._root = path.resolve()
         self._limits = limits
         self._known = known or {}  # the file that was given itself: it may be a link, and is read once
 
@@ -82,33 +87,44 @@ class Folder(Mapping[str, bytes]):
 
     def __iter__(self) -> Iterator[str]:
         keys = set(self._known)
-        for path in self._path.rglob("*"):
-            key = path.relative_to(self._path).as_posix()
-            if is_hidden(key) or not self._is_ours(path):
-                continue
-            keys.add(key)
-            if len(keys) > self._limits.files:
-                raise TooLarge(
-                    f"{clean_text(self._path.name)}: more than {self._limits.files:,} files; "
-                    "give a folder that holds fewer",
-                    "files",
-                )
+        for folder, names in self._walk():
+            found = (Path(folder, name) for name in names if not is_hidden(name))
+            keys.update(path.relative_to(self._path).as_posix() for path in found if path.is_file())
+            self._check_count(len(keys), "files")
         yield from sorted(keys)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+    def _walk(self) -> Iterator[tuple[str, list[str]]]:
+        """Each folder with the names of its files, once, also where links lead in a circle."""
+        seen: set[tuple[int, int]] = set()
+        for folder, below, names in os.walk(self._path, followlinks=True):
+            status = os.stat(folder)  # noqa: PTH116 - a path for each is slow
+            if (status.st_dev, status.st_ino) in seen:
+                below.clear()
+                continue
+            seen.add((status.st_dev, status.st_ino))
+            self._check_count(len(seen), "folders")
+            below[:] = [name for name in below if not is_hidden(name)]
+            yield folder, names
+
+    def _check_count(self, count: int, what: str) -> None:
+        if count > self._limits.files:
+            raise TooLarge(
+                f"{clean_text(self._path.name)}: more than {self._limits.files:,} {what}; "
+                "give a folder that holds fewer",
+                "files",
+            )
 
     def _find(self, key: str) -> Path | None:
         if resolve_key(key) != key:
             return None
         path = self._path / key
         try:
-            return path if self._is_ours(path) else None
+            return path if path.is_file() else None
         except OSError:  # a name that the file system does not allow
             return None
-
-    def _is_ours(self, path: Path) -> bool:
-        return path.is_file() and path.resolve().is_relative_to(self._root)
 
 
 def read_file(path: Path, limits: Limits) -> bytes:

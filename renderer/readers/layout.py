@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import OrderCheck, Pickup
+    from ciir.renderer.light_field import Flip, OrderCheck, Pickup
 
 
 @dataclass(frozen=True)
@@ -19,3 +19,7 @@ class Layout:
     """Rows and columns of pixels under a lens: the number of views."""
     pickup: Pickup = "virtual"
     order: OrderCheck = "auto"
+    flip: Flip = "none"
+    """Which order of views is reversed, after `transpose`."""
+    transpose: bool = False
+    """Whether rows and columns of views are exchanged."""

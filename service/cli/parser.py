@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
@@ -80,12 +80,16 @@ def make_parser() -> argparse.ArgumentParser:
 def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
     """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
     for name in names:
+        option = OPTIONS[name]
+        words: dict[str, Any] = {"metavar": option.placeholder}
+        if option.flag:
+            words = {"action": "store_const", "const": option.flag}
         parser.add_argument(
             f"--{name.replace('_', '-')}",
-            metavar=OPTIONS[name].placeholder,
-            help=KINDS[kind].help.get(name, OPTIONS[name].help),
+            help=KINDS[kind].help.get(name, option.help).removeprefix(f"{option.flag}: "),
             default=argparse.SUPPRESS,
             dest=f"option_{name}",
+            **words,
         )
 
 

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
+from ciir.models.light_field.views import list_required_views
 from ciir.renderer.lens_array import LensArray, compute_delta
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
 from ciir.renderer.view_order import estimate_order
@@ -17,11 +20,12 @@ from ciir.service.pipeline.limits import check_view_count
 from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import DepthSense, LightField
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.placement import Placement
     from ciir.renderer.view_order import OrderEstimate
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling, Strategy
+    from ciir.service.pipeline.source import Content
 
 LENSES, PIXELS = (100, 100), (15, 15)
 """The lens array in front of a mesh where the options don't give one."""
@@ -33,7 +37,7 @@ class Job:
 
     name: str
     """The input's, for messages."""
-    content: Scene | LightField
+    content: Content
     lenses: tuple[int, int]
     """Rows and columns: the pixels of a view."""
     grid: tuple[int, int]
@@ -81,20 +85,20 @@ class Job:
 
     @cached_property
     def is_transparent(self) -> bool:
-        """Whether some pixel of some view is not opaque. A mesh's views are opaque."""
-        return not isinstance(self.content, Scene) and self.content.is_transparent()
+        """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""
+        if isinstance(self.content, ViewFiles):
+            return self.content.is_transparent(list_required_views(self.wanted, self.grid))
+        return isinstance(self.content, LightField) and self.content.is_transparent()
 
     @cached_property
     def order(self) -> OrderEstimate | None:
         """The order that a light field's views are in; None for a mesh and where it is known to be right."""
         if isinstance(self.content, Scene) or self.content.is_ordered:
             return None
-        return estimate_order(self.content.views)
+        return estimate_order(self.content if isinstance(self.content, ViewFiles) else self.content.views)
 
 
-def resolve_job(
-    name: str, content: Scene | LightField, options: Options, *, max_views: int, max_pixels: int | None = None
-) -> Job:
+def resolve_job(name: str, content: Content, options: Options, *, max_views: int, max_pixels: int | None = None) -> Job:
     """The job that `options` ask for of `content`, which was read from the input `name`.
 
     Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel`, and `TooLarge` where more than
@@ -106,11 +110,11 @@ def resolve_job(
         pitch: float | None = array.pitch
         delta: float | None = array.delta
     else:
-        views_v, views_u, rows, cols, _ = content.views.shape
+        views_v, views_u, rows, cols, _ = content.shape
         lenses, grid, pitch = (rows, cols), (views_v, views_u), options.pitch
         delta = _resolve_delta(options, grid)
     check_view_count(options.views, grid, max_views)
-    wanted = tuple(parse_views(options.views, *grid))
+    wanted = _parse_views(content, options, grid)
     _check_kind(name, content, options)
     known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if options.model not in known:
@@ -152,13 +156,23 @@ def _resolve_delta(options: Options, grid: tuple[int, int]) -> float | None:
     return compute_delta(options.parallax, *grid)
 
 
-def _check_kind(name: str, content: Scene | LightField, options: Options) -> None:
+def _parse_views(content: Content, options: Options, grid: tuple[int, int]) -> tuple[View, ...]:
+    try:
+        return tuple(parse_views(options.views, *grid))
+    except InvalidOption as error:
+        notes = () if isinstance(content, Scene) else content.notes
+        order = "".join(f" ({note})" for note in notes if note.startswith(("order: ", "views: ")))
+        raise InvalidOption(f"{error}{order}") from error
+
+
+def _check_kind(name: str, content: Content, options: Options) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input."""
     if isinstance(content, Scene):
         if options.pickup != "virtual":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
-        if options.order != "auto":
-            raise InvalidOption(f"order: this is for pictures and {name} is a mesh; leave it out")
+        for option in ("order", "flip", "transpose"):
+            if getattr(options, option) != getattr(Options, option):
+                raise InvalidOption(f"{option}: this is for pictures and {name} is a mesh; leave it out")
         return
     for option in MESH:
         if getattr(options, option) != getattr(Options, option):

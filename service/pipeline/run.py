@@ -60,7 +60,7 @@ def reconstruct(
     clock = clock or Clock()
     given = Input(source)
     with clock.stage("decode"):
-        content = given.read(options)
+        content = given.open(options, options.views)
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         plan = make_plan(job)

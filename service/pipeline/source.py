@@ -13,6 +13,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.registry import is_picture
+from ciir.renderer.readers.view_set.order import reorient
+from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
 
+
+Content = Scene | LightField | ViewFiles
+"""What is read of it: a mesh, or views in memory, or views that are decoded when they are first used."""
 
 SCENE = "scene:"
 """What the name of a shipped scene starts with, as in `scene:vase`."""
@@ -58,10 +63,17 @@ class Input:
             self.name = "light field" if isinstance(source, LightField) else "mesh"
 
     def read(self, options: Options) -> Scene | LightField:
-        """The mesh or the light field. Raises `InputError`."""
+        """The mesh, or the light field with all its views in memory. Raises `InputError`."""
+        content = self.open(options, views="all")
+        return content.load() if isinstance(content, ViewFiles) else content
+
+    def open(self, options: Options, views: str) -> Content:
+        """The mesh, or the light field, of which `views` selects those that will be used. Raises `InputError`."""
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
-            return replace(self._source, is_ordered=True) if options.order == "given" else self._source
+            field = self._source.transpose() if options.order == "columns" else self._source
+            field = reorient(field, self._layout(options))
+            return replace(field, is_ordered=field.is_ordered or options.order == "given")
         if isinstance(self._source, Scene):
             if not np.array_equal(options.placement.light_direction(), LIGHT):
                 raise InvalidOption(
@@ -74,15 +86,24 @@ class Input:
             return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
-        layout = Layout(lenses=options.lenses, pixels=options.pixels, pickup=options.pickup, order=options.order)
-        content = inputs.read(self._source, layout, options.placement)
+        content = inputs.open_input(self._source, self._layout(options), options.placement, views)
         if self._source.main is None and not isinstance(content, Scene):
             self._check_views(content, options)
         return content
 
-    def _check_views(self, light_field: LightField, options: Options) -> None:
+    def _layout(self, options: Options) -> Layout:
+        return Layout(
+            lenses=options.lenses,
+            pixels=options.pixels,
+            pickup=options.pickup,
+            order=options.order,
+            flip=options.flip,
+            transpose=options.transpose == "yes",
+        )
+
+    def _check_views(self, light_field: LightField | ViewFiles, options: Options) -> None:
         """Raises `InvalidOption` for an option of elemental image arrays."""
-        size = light_field.views.shape[2:4]
+        size = light_field.shape[2:4]
         if options.lenses not in (None, size):
             given = f"{options.lenses[0]}x{options.lenses[1]}"
             raise InvalidOption(
@@ -103,19 +124,19 @@ class Input:
             raise InvalidOption(refusal)
         return content
 
-    def describe(self, content: Scene | LightField) -> Report:
+    def describe(self, content: Content) -> Report:
         """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
         described: Report = {"name": self.name, "kind": self._kind()}
         if isinstance(self._source, Bundle):
             described |= {"bytes": sum(self._files.sizes.values()), "files": len(self._files.sizes)}
         if isinstance(content, Scene):
             return described | {"triangles": content.triangles, "parts": len(content.parts)}
-        pixels_v, pixels_u, rows, cols, channels = content.views.shape
+        pixels_v, pixels_u, rows, cols, channels = content.shape
         return described | {
             "height": rows * pixels_v,
             "width": cols * pixels_u,
             "channels": channels,
-            "bits": content.views.dtype.itemsize * 8,
+            "bits": content.dtype.itemsize * 8,
         }
 
     def _kind(self) -> str:

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.readers import view_set
-from ciir.renderer.view_order import ORDERS, correct_order, estimate_order
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.view_set import reader as view_set
+from ciir.renderer.readers.view_set.order import correct
+from ciir.renderer.view_order import ORDERS, estimate_order
 from tests.support.light_fields import is_same_light_field, make_views, put_in
 from tests.support.paths import SHARED
 
@@ -26,8 +29,9 @@ def test_each_order_is_found_and_put_right(order, options):
     found = estimate_order(given)
     assert (found.order, found.is_certain, found.is_likely) == (order, True, True)
     assert found.is_wrong == (order != "as given")
-    assert is_same_light_field(correct_order(given, found.order), views)
-    assert np.shares_memory(correct_order(given, found.order), given)
+    right = correct(LightField(given), found.order).views
+    assert is_same_light_field(right, views)
+    assert np.shares_memory(right, given)
 
 
 def test_one_axis_reversed_is_the_same_for_both_axes():
@@ -74,9 +78,9 @@ def test_different_steps_down_and_across_are_not_taken_for_another_order():
 @pytest.mark.skipif(not CAPTURED.is_dir(), reason="needs the captured light fields")
 def test_captured_light_fields(folder, pattern, grid):
     files = {path.name: path.read_bytes() for path in (CAPTURED / folder).glob(pattern)}
-    views = view_set.read(files, name=folder, grid=None).views
-    assert views.shape[:2] == grid
-    right = correct_order(views, "transposed") if folder == "saii-5x5" else views  # {column}_{row}
+    order = "columns" if folder == "saii-5x5" else "rows"  # {column}_{row}
+    right = view_set.read(files, name=folder, layout=Layout(order=order)).load().views
+    assert right.shape[:2] == grid
     noise = 5 * np.random.default_rng(0).standard_normal(right.shape, np.float32)
     for pictures in (right, np.clip(right + noise, 0, 255).astype(np.uint8)):
         for order in ORDERS:

@@ -9,7 +9,9 @@ import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers import pictures, view_set
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.view_set import reader as view_set
 from ciir.renderer.writers.pictures import encode
 
 if TYPE_CHECKING:
@@ -66,7 +68,7 @@ def _write_and_read_views(field: LightField) -> LightField:
     files = {
         f"view_{v:02d}_{u:02d}.png": encode(field.views[v, u], ".png") for v in range(pixels_v) for u in range(pixels_u)
     }
-    return view_set.read(files, name="views", grid=None)
+    return view_set.read(files, name="views", layout=Layout(order="given")).load()
 
 
 CASES: tuple[Case, ...] = (pixel_mapping,)

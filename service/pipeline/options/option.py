@@ -21,3 +21,5 @@ class Option:
     """Of its values."""
     example: str
     """A value's text."""
+    flag: str = ""
+    """The value that the option alone stands for on the command line; empty for options that are followed by one."""

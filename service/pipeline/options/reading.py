@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Literal, get_args
 
-from ciir.renderer.light_field import OrderCheck, Pickup
+from ciir.renderer.light_field import Flip, OrderCheck, Pickup
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import make_name, make_number
+from ciir.service.pipeline.options.values import make_name, make_number, make_switch
+
+Switch = Literal["yes", "no"]
 
 READING = {
     "lenses": Option(
@@ -43,10 +45,18 @@ READING = {
     ),
     "order": Option(
         "NAME",
-        "auto: put a set of views right whose order is certainly wrong; given: keep the order (default auto)",
+        "auto: put a set of views right whose order is certainly wrong; given: keep the order; rows, columns: the "
+        "first number in the names of views, or the first index, is the row or the column (default auto)",
         make_name(get_args(OrderCheck)),
-        "given",
+        "columns",
     ),
+    "flip": Option(
+        "AXES",
+        "reverse the order of views: in u (columns), in v (rows), or in uv, which inverts depth (default none)",
+        make_name(get_args(Flip)),
+        "v",
+    ),
+    "transpose": Option("NAME", "yes: exchange rows and columns of views", make_switch(get_args(Switch)), "yes", "yes"),
 }
 """By name, in the order of the help."""
 
@@ -63,3 +73,5 @@ class ReadingOptions:
     """Degrees."""
     pickup: Pickup = "virtual"
     order: OrderCheck = "auto"
+    flip: Flip = "none"
+    transpose: Switch = "no"

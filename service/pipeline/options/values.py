@@ -119,10 +119,6 @@ def _convert_views(value: Any) -> str:
     return ";".join("{},{}".format(*_convert_pair(pair)) for pair in ([value] if is_pair else value))
 
 
-def _convert_switch(value: Any) -> str:
-    return ("none", "exact")[index(value)]
-
-
 PAIR = ValueType(
     {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
     read_pair,
@@ -179,8 +175,13 @@ def make_name(allowed: tuple[str, ...]) -> ValueType:
 
 
 def make_switch(allowed: tuple[str, str]) -> ValueType:
-    """As `make_name` for `exact` and `none`, which may be given as a bool too."""
-    return ValueType({"type": "string", "enum": list(allowed)}, _read_text, _convert_switch, "True or False")
+    """As `make_name`; True stands for the first and False for the second."""
+    return ValueType(
+        {"type": "string", "enum": list(allowed)},
+        _read_text,
+        lambda value: allowed[::-1][index(value)],
+        "True or False",
+    )
 
 
 def make_integer(least: int, most: int) -> ValueType:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.renderer.backends.culling import cull_if_worthwhile
+from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.service.pipeline.limits import check_view_samples
 from ciir.service.pipeline.stages.object_check import ObjectCheck
 
@@ -111,25 +112,29 @@ class MeshViews:
 
 
 class LightFieldViews:
-    """Maps views out of a light field, pixel for pixel, with its channels and depth."""
+    """Maps views out of a light field, pixel for pixel, with its channels and depth, or decodes them."""
 
     samples = 0
 
-    def __init__(self, light_field: LightField, clock: Clock) -> None:
+    def __init__(self, light_field: LightField | ViewFiles, clock: Clock) -> None:
         self._light_field, self._clock = light_field, clock
-        self.sample: Pixels = light_field.views[0, 0, :1, :1]
+        self.sample: Pixels = np.zeros((1, 1, light_field.shape[4]), light_field.dtype)
 
     def open(self) -> None:
         """There is nothing to prepare."""
 
-    def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
-        """Each view, `(rows, cols, channels)`, in the light field's memory."""
-        return (self._light_field.views[v, u] for v, u in views)
+    def make_views(self, views: Sequence[View]) -> Iterator[Any]:
+        """The views to map."""
+        return iter(views)
 
-    def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
+    def take_views(self, pictures: Iterator[Any], count: int) -> list[Pixels]:
         """The next `count` views of `make_views`; those of an elemental image array are copied out of it."""
+        views = list(islice(pictures, count))
+        if isinstance(self._light_field, ViewFiles):
+            with self._clock.stage("decode"):
+                return self._light_field.take(views)
         with self._clock.stage("map"):
-            return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
+            return [np.ascontiguousarray(self._light_field.views[v, u]) for v, u in views]
 
     def describe(self) -> Report:
         """What the report says of the views."""

@@ -32,9 +32,8 @@ def test_files_outside_its_folder_are_not_found(tmp_path: Path) -> None:
     inner.mkdir()
     (tmp_path / "secret.mtl").write_bytes(b"secret")
     (inner / "a.obj").write_bytes(OBJ)
-    (inner / "link.mtl").symlink_to(tmp_path / "secret.mtl")
     files = Bundle.from_path(inner / "a.obj").files
-    for name in ("../secret.mtl", str(tmp_path / "secret.mtl"), "link.mtl", "x/../../secret.mtl", "", ".", "a\0"):
+    for name in ("../secret.mtl", str(tmp_path / "secret.mtl"), "x/../../secret.mtl", "", ".", "a\0"):
         assert name not in files
         with pytest.raises(KeyError):
             files[name]
@@ -46,6 +45,31 @@ def test_a_link_that_was_named_itself_is_read(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_bytes(OBJ)
     (tmp_path / "links" / "b.obj").symlink_to(tmp_path / "a.obj")
     assert Bundle.from_path(tmp_path / "links" / "b.obj").files["b.obj"] == OBJ
+
+
+def test_links_to_files_and_folders_are_followed(tmp_path: Path) -> None:
+    outside, inner = tmp_path / "outside", tmp_path / "inner"
+    (outside / ".hidden").mkdir(parents=True)
+    inner.mkdir()
+    for name in ("a.png", ".hidden/b.png"):
+        (outside / name).write_bytes(b"picture")
+    (inner / "file.png").symlink_to(outside / "a.png")
+    (inner / "folder").symlink_to(outside)
+    (inner / "nothing.png").symlink_to(outside / "missing.png")
+    (inner / "circle").symlink_to(inner)
+    files = Bundle.from_path(inner).files
+    assert list(files) == ["file.png", "folder/a.png"]
+    assert files["file.png"] == files["folder/a.png"] == b"picture"
+    assert "nothing.png" not in files
+
+
+def test_a_link_to_many_folders_is_not_walked_through(tmp_path: Path) -> None:
+    for number in range(4):
+        (tmp_path / f"outside/{number}").mkdir(parents=True)
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner/link").symlink_to(tmp_path / "outside")
+    with pytest.raises(TooLarge, match="inner: more than 3 folders"):
+        list(Bundle.from_path(tmp_path / "inner", Limits(files=3)).files)
 
 
 def test_a_folder_is_a_set_without_hidden_files(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
-from ciir.renderer import view_order
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -14,7 +13,6 @@ from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import make_zip
-from tests.support.light_fields import is_same_light_field, make_views, put_in, write_views
 from tests.support.paths import ROOT, SHARED
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -75,8 +73,10 @@ def test_two_meshes() -> None:
 
 
 def test_neither_mesh_nor_pictures() -> None:
-    with pytest.raises(Unreadable, match="neither a mesh nor pictures"):
-        read({"a.txt": b"x"})
+    with pytest.raises(Unreadable, match=r"set: no file of a type that is read among its 2 \(\.bmp, \.txt\); give a"):
+        read({"a.txt": b"x", "b.bmp": b"x"})
+    with pytest.raises(Unreadable, match="set: no files in it"):
+        read({})
     with pytest.raises(UnsupportedType, match="ZIP holds no mesh"):
         read({"a.zip": b"PK\5\6"}, "a.zip")
 
@@ -117,49 +117,3 @@ def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
 )
 def test_the_main_file(files: dict[str, bytes], main: str | None, expected: tuple[Format, str] | None) -> None:
     assert inputs.find_main(Bundle(main or "set", main, files)) == expected
-
-
-@pytest.mark.parametrize(
-    ("order", "words"),
-    [
-        ("reversed along one axis", "rows of views are taken from the bottom up"),
-        ("transposed", "the first index is taken as the column, which fits"),
-        ("transposed and reversed along one axis", "the first index is taken as the column, counted from the right"),
-    ],
-)
-def test_views_in_a_wrong_order_are_put_right(order: str, words: str) -> None:
-    views = make_views((3, 5), channels=3)
-    files = write_views(put_in(order, views), lambda v, u: f"view_{v:02}_{u:02}.png")
-    field = read(files)
-    (note,) = field.notes
-    assert note.startswith(f"order: {words}")
-    assert "order given keeps" in note
-    assert field.is_ordered
-    assert is_same_light_field(field.views, views)
-    kept = read(files, order="given")
-    assert (kept.notes, kept.is_ordered) == ((), True)
-    assert np.array_equal(kept.views, put_in(order, views))
-
-
-def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are() -> None:
-    for views in (make_views(), make_views(disparities=(0, 0))[::-1]):
-        field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
-        assert (field.notes, field.is_ordered) == ((), True)
-        assert np.array_equal(field.views, views)
-
-
-def test_an_order_that_is_likely_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_order, "CERTAIN_VOTES", 1000)
-    views = make_views()[::-1]
-    field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
-    assert np.array_equal(field.views, views)
-    (note,) = field.notes
-    assert note.startswith("order: the views may be reversed along one axis, as ")
-
-
-def test_the_order_of_an_elemental_image_array_is_not_changed() -> None:
-    eia = LightField(make_views(channels=3)[::-1]).eia()
-    for order in ("auto", "given"):
-        field = read({"a.png": encode_png(eia)}, "a.png", pixels=(5, 5), order=order)
-        assert np.array_equal(field.eia(), eia)
-        assert (field.notes, field.is_ordered) == ((), order == "given")

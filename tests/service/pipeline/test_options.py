@@ -17,15 +17,16 @@ def test_parses_every_option():
     texts = {
         "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
-        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "parallax": "30", "up": "z",
+        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "flip": "uv",
+        "transpose": "yes", "parallax": "30", "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
         lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
-        skip="exact", neighbour_time=0.25, order="given", parallax=30.0, up="z", rotate=(30.0, -20.0, 0.5), zoom=1.5,
-        place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
+        skip="exact", neighbour_time=0.25, order="given", flip="uv", transpose="yes", parallax=30.0, up="z",
+        rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
     )  # fmt: skip
 
 
@@ -36,7 +37,8 @@ def test_parses_every_option():
         ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
         ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
-        ("skip", "all"), ("order", "columns"), ("neighbour_time", "-1"), ("neighbour_time", "nan"),
+        ("skip", "all"), ("order", "diagonal"), ("flip", "x"), ("transpose", "maybe"),
+        ("neighbour_time", "-1"), ("neighbour_time", "nan"),
         ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30"), ("rotate", "1,2,3,4"),
         ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("zoom", "0"),
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),

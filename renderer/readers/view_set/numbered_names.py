@@ -1,0 +1,64 @@
+"""File names by the numbers in them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MOST_NUMBERS = 8
+"""Numbers that vary from name to name; those before them are not looked at."""
+_NUMBER = re.compile(
+    r"(?:(?<![0-9a-z])-)?"  # a sign, but not the hyphen of view-3-5
+    r"(?:(?<!\.)\d{1,18}\.\d{1,18}|\d{1,18})"  # a fraction, but not that of view.3.5
+)
+
+
+@dataclass(frozen=True)
+class NumberedNames:
+    """Names that differ in their numbers only."""
+
+    texts: tuple[str, ...]
+    """What stands before each number, in lower case."""
+    files: list[str]
+    numbers: list[list[str]]
+    """Those of each file, as they are written."""
+
+    @cached_property
+    def positions(self) -> list[int]:
+        """Which of the numbers have a fraction in some file."""
+        return [slot for slot in range(len(self.texts)) if any("." in numbers[slot] for numbers in self.numbers)]
+
+    @cached_property
+    def varying(self) -> list[int]:
+        """Which of the numbers without a fraction differ from file to file."""
+        whole = [slot for slot in range(len(self.texts)) if slot not in self.positions]
+        return [slot for slot in whole if len(set(self.values(slot))) > 1][-MOST_NUMBERS:]
+
+    def values(self, slot: int) -> list[int]:
+        """A number without a fraction, of each file."""
+        return [int(numbers[slot]) for numbers in self.numbers]
+
+
+def group_by_kind(files: Sequence[str]) -> list[NumberedNames]:
+    """The names, those together that differ in their numbers only."""
+    kinds: dict[tuple[str, ...], NumberedNames] = {}
+    for file in files:
+        stem = str(PurePosixPath(file).with_suffix("")).lower().rstrip("_")
+        texts = tuple(_NUMBER.split(stem))
+        kind = kinds.setdefault(texts, NumberedNames(texts[:-1], [], []))
+        kind.files.append(file)
+        kind.numbers.append(_NUMBER.findall(stem))
+    return list(kinds.values())
+
+
+def find_step(values: Sequence[int]) -> int:
+    """The difference between each value and the next larger one: 1 for a single value, 0 where it varies."""
+    steps = {after - before for before, after in pairwise(sorted(set(values)))}
+    return 0 if len(steps) > 1 else next(iter(steps), 1)

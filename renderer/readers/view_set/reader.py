@@ -1,0 +1,166 @@
+"""Reads a set of pictures, one for each view, as a light field."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import DepthSense
+from ciir.renderer.limits import DEFAULT_LIMITS, Limits
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.names import clean_text, is_hidden
+from ciir.renderer.readers.registry import is_picture
+from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
+from ciir.renderer.readers.view_set.order import add_note, correct, is_automatic, reorient
+from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
+from ciir.renderer.view_order import estimate_order
+from ciir.renderer.views import center_view, parse_views
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ciir.renderer.readers.view_set.grid import Grid
+    from ciir.renderer.views import View
+
+SIDE_FILES = frozenset({
+    "", ".cfg", ".csv", ".db", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm", ".ply",
+    ".txt", ".url", ".xml", ".yaml", ".yml",
+})  # fmt: skip
+"""Suffixes of files beside the views that are ignored: notes, calibration, depth, reports."""
+OWN_NAME = re.compile(r"view_\d+_\d+\.png")
+_FIRST: dict[str, Literal["row", "column"]] = {"rows": "row", "columns": "column"}
+MAX_REPORT = 2**24
+"""Most bytes of a report that is looked at."""
+
+
+def read(
+    files: Mapping[str, bytes],
+    *,
+    name: str,
+    layout: Layout = Layout(),  # noqa: B008 - it is frozen
+    limits: Limits = DEFAULT_LIMITS,
+    views: str = "all",
+) -> ViewFiles:
+    """The light field whose views are the pictures in `files` (path in the set to bytes).
+
+    Their names give the grid (`view_set.grid.find_grids`), in `layout.pixels` rows and columns where they don't; a note
+    says what was taken as row and column. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light field.
+    The depth sense is that of cameras, but where positions in the names, or the report beside views of our own, say
+    otherwise. Where nothing was asked for, views that are certainly in a wrong order are put right.
+
+    `views`: those that will be asked for. Only what the order needs is decoded here.
+
+    Raises `InvalidOption` where the grid of views is not full or `layout` doesn't fit the names, `UnsupportedType` for
+    a file that is not a picture, `Unreadable` where pictures are missing, corrupt or differ in size, channels or depth,
+    `TooLarge` over `limits`.
+    """
+    names = _picture_names(files, name)
+    if len(names) > limits.views:
+        raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer", "views")
+    grids = find_grids(names, name, shape=layout.pixels, first=_FIRST.get(layout.order))
+    own = _read_own_depth_sense(files, names)
+    decoder = Decoder(files, name, limits)
+    found = [_make_views(grid, decoder, views, own) for grid in grids]
+    if len(grids) == 1 or (layout.pixels is not None and not is_automatic(layout)):
+        grid, light_field = grids[0], found[0]
+    else:
+        grid, light_field = _select_by_pictures(grids, found, name, has_shape=layout.pixels is not None)
+    return _settle_order(light_field, grid, layout, is_own=own is not None)
+
+
+def _make_views(grid: Grid, decoder: Decoder, views: str, own: DepthSense | None) -> ViewFiles:
+    wanted = _find_first(views, grid.shape)
+    notes: tuple[str, ...] = ()
+    if grid.left_out:
+        more = f" and {len(grid.left_out) - 1} more" if len(grid.left_out) > 1 else ""
+        notes = (f"{clean_text(grid.left_out[0])}{more} left out, as the names are unlike those of the views",)
+    return ViewFiles(
+        decoder,
+        np.array(grid.files, dtype=object),
+        grid.files[wanted[0]][wanted[1]],
+        notes,
+        depth_sense=own or grid.depth_sense,
+    )
+
+
+def _find_first(views: str, shape: tuple[int, int]) -> View:
+    """The first of the views that are wanted; the centre one where they aren't in a grid of `shape`."""
+    try:
+        return center_view(*shape) if views == "all" else parse_views(views, *shape)[0]
+    except InvalidOption:  # it may be transposed
+        return center_view(*shape)
+
+
+def _select_by_pictures(
+    grids: Sequence[Grid], found: Sequence[ViewFiles], name: str, *, has_shape: bool
+) -> tuple[Grid, ViewFiles]:
+    """The grid in which the pictures certainly are a light field, else the first, where `has_shape`."""
+    for grid, light_field in zip(grids, found, strict=True):
+        if estimate_order(light_field).is_certain:
+            return grid, light_field
+    if has_shape:
+        return grids[0], found[0]
+    raise InvalidOption(describe_unknown_shape(name, found[0].files.size))
+
+
+def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool) -> ViewFiles:
+    views = reorient(views, layout)
+    rows, cols = views.files.shape
+    said = f"views: {rows}x{cols}, rows x columns"
+    change = "rows" if layout.order == "columns" else "columns"
+    naming = f"{said}: {grid.naming}; order {change} takes them the other way"
+    notes = (*views.notes, *([naming] if grid.naming and not is_own else []))
+    if layout.order == "given":
+        return replace(views, notes=notes, is_ordered=True)
+    found = estimate_order(views)
+    if not (found.is_wrong and is_automatic(layout)):
+        return add_note(replace(views, notes=notes), found, layout)
+    is_transposed = found.order.startswith("transposed")
+    views = correct(views, found.order)
+    upwards = ", rows counted from the bottom up" if found.order.endswith("axis") else ""
+    note = (
+        f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "
+        f"{grid.transposed_naming if is_transposed else grid.naming}{upwards}, which fits {found.votes} of {found.of} "
+        "textured tiles; order given keeps the order of the names"
+    )
+    return replace(views, notes=(*views.notes, note), is_ordered=True)
+
+
+def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
+    """The files that are pictures, in natural order."""
+    names = []
+    for file in files:
+        if is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES:
+            continue
+        if not is_picture(file):
+            raise UnsupportedType(
+                f"{name}: {clean_text(file)} is not a picture that is read; convert it or take it out"
+            )
+        names.append(file)
+    if not names:
+        raise Unreadable(f"{name}: no pictures in it; give a set of views as .png, .jpg or .tif files")
+    return sorted(names, key=_sort_key)
+
+
+def _sort_key(file: str) -> list[tuple[int, str]]:
+    """Numbers by value, the rest by letter: `view_2` before `view_10`."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", file.lower())]
+
+
+def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> DepthSense | None:
+    """The depth sense in the report beside views that we wrote; None where there is none."""
+    path = PurePosixPath(names[0])
+    report = str(path.parent / "report.json")
+    if OWN_NAME.fullmatch(path.name) is None or report not in files or len(data := files[report]) > MAX_REPORT:
+        return None
+    try:
+        stated = json.loads(data)["lens_array"]["depth_sense"]
+    except (LookupError, TypeError, ValueError, RecursionError):  # a report of another program
+        return None
+    return stated if stated in get_args(DepthSense) else None

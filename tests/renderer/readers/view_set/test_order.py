@@ -1,0 +1,128 @@
+"""Views in the order that was asked for, or that the pictures show; the notes name the options that would."""
+
+import numpy as np
+import pytest
+
+from ciir.renderer import view_order
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.view_set.order import settle_order
+from ciir.renderer.view_order import ORDERS
+from ciir.renderer.writers.pictures import encode_png
+from tests.support.light_fields import is_same_light_field, make_views, put_in, write_views
+
+
+def read(files, main=None, **layout):
+    return inputs.read(Bundle(main or "set", main, files), Layout(**layout))
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ("reversed along one axis", "view_00_04.png 0 is the row and 4 the column, rows counted from the bottom up"),
+        ("transposed", "of view_00_02.png 0 is the column and 2 the row, which fits"),
+        ("transposed and reversed along one axis", "0 is the column and 2 the row, rows counted from the bottom up"),
+    ],
+)
+def test_views_in_a_wrong_order_are_put_right(order, words):
+    views = make_views((3, 5), channels=3)
+    files = write_views(put_in(order, views), lambda v, u: f"view_{v:02}_{u:02}.png")
+    field = read(files)
+    (note,) = field.notes
+    assert note.startswith("order: 3x5 views, rows x columns: of ")
+    assert words in note
+    assert "order given keeps" in note
+    assert field.is_ordered
+    assert is_same_light_field(field.views, views)
+    kept = read(files, order="given")
+    assert kept.is_ordered
+    assert [note.split(":")[0] for note in kept.notes] == ["views"]
+    assert np.array_equal(kept.views, put_in(order, views))
+
+
+def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are():
+    for views in (make_views(), make_views(disparities=(0, 0))[::-1]):
+        field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
+        assert [note.split(":")[0] for note in field.notes] == ["views"]
+        assert field.is_ordered
+        assert np.array_equal(field.views, views)
+
+
+def test_an_order_that_is_likely_is_noted(monkeypatch):
+    monkeypatch.setattr(view_order, "CERTAIN_VOTES", 1000)
+    views = make_views()[::-1]
+    field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
+    assert np.array_equal(field.views, views)
+    assert field.notes[1].startswith("order: the views may be reversed along one axis, as ")
+    assert ": flip v would put them right, " in field.notes[1]
+
+
+@pytest.mark.parametrize("order", ORDERS[1:])
+def test_the_note_on_an_elemental_image_array_names_the_options_that_put_it_right(order):
+    views = make_views(channels=3)
+    files = {"a.png": encode_png(LightField(put_in(order, views)).eia())}
+    given = read(files, "a.png", pixels=(5, 5))
+    assert np.array_equal(given.views, put_in(order, views))
+    assert not given.is_ordered
+    (note,) = given.notes
+    assert note.startswith(f"order: the views seem to be {order}, as ")
+    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
+    layout = {"transpose": "transpose" in options, "flip": "v" if "flip v" in options else "none"}
+    right = read(files, "a.png", pixels=(5, 5), **layout)
+    assert is_same_light_field(right.views, views)
+    assert (right.notes, right.is_ordered) == ((), True)
+    assert (read(files, "a.png", pixels=(5, 5), order="given").notes) == ()
+
+
+@pytest.mark.parametrize("is_transposed", [False, True])
+@pytest.mark.parametrize("flip", ["none", "u", "v", "uv"])
+@pytest.mark.parametrize("order", ORDERS[1:])
+def test_the_options_of_a_note_replace_those_given(is_transposed, flip, order):
+    views = make_views(disparities=(2, 2), side=64)
+    given = LightField(put_in(order, views)).flip(flip)
+    given = given.transpose() if is_transposed else given
+    # transposing and then flipping `given` gives the views in `order`, and the note what to give instead
+    (note,) = settle_order(given, Layout(flip=flip, transpose=is_transposed), corrects=False).notes
+    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
+    flips = [option.removeprefix("flip ") for option in options if option.startswith("flip")]
+    right = settle_order(given, Layout(flip=(flips or ["none"])[0], transpose="transpose" in options), corrects=False)
+    assert is_same_light_field(right.views, views)
+
+
+@pytest.mark.parametrize(
+    ("layout", "expected"),
+    [
+        ({"flip": "u"}, lambda views: views[:, ::-1]),
+        ({"flip": "v"}, lambda views: views[::-1]),
+        ({"flip": "uv"}, lambda views: views[::-1, ::-1]),
+        ({"transpose": True}, lambda views: views.swapaxes(0, 1)),
+        ({"transpose": True, "flip": "v"}, lambda views: views.swapaxes(0, 1)[::-1]),
+        ({"order": "columns"}, lambda views: views.swapaxes(0, 1)),
+        ({"order": "rows"}, lambda views: views),
+    ],
+)
+def test_any_light_field_is_put_in_the_order_that_was_asked_for(layout, expected):
+    random = np.random.default_rng(0)
+    views = random.integers(0, 256, (2, 3, 4, 5, 3), np.uint8)
+    files = write_views(views, lambda v, u: f"{v}_{u}.png")
+    eia = {"a.png": encode_png(LightField(views).eia())}
+    sense = {"cameras": "lenses", "lenses": "cameras"} if "u" in layout.get("flip", "") else {}
+    for field, before in ((read(files, **layout), "cameras"), (read(eia, "a.png", pixels=(2, 3), **layout), "lenses")):
+        assert np.array_equal(field.views, expected(views))
+        assert field.depth_sense == sense.get(before, before)
+
+
+def test_names_without_rows_and_columns_fill_the_grid_that_the_pictures_show():
+    views = make_views((3, 5))
+    named = {f"{5 * v + u}.png": encode_png(views[v, u]) for v, u in np.ndindex(3, 5)}
+    for pixels in (None, (3, 5), (5, 3)):  # the last one counts columns first
+        field = read(named, pixels=pixels)
+        assert np.array_equal(field.views, views)
+        assert field.notes[0].startswith("views: 3x5, rows x columns: the names fill rows, 4.png ends the first")
+    down = {f"{3 * u + v}.png": encode_png(views[v, u]) for v, u in np.ndindex(3, 5)}
+    field = read(down, pixels=(3, 5))
+    assert np.array_equal(field.views, views)
+    assert "the names fill columns, 2.png ends the first" in field.notes[0]
+    assert np.array_equal(read(down, pixels=(3, 5), order="columns").views, views)
