@@ -185,8 +185,17 @@ def _add_colors(
     for prefix in ("", "diffuse_"):
         names = (f"{prefix}red", f"{prefix}green", f"{prefix}blue")
         if set(names) <= vertex["properties"].keys():
-            return replace(surface, colors=add_alpha(normalise(_stack(vertex, *names))), color=WHITE)
+            return replace(surface, colors=_read_rgba(vertex, names), color=WHITE, is_see_through=True)
         if set(names) <= face["properties"].keys():
-            colors = add_alpha(normalise(_stack(face, *names)))[np.repeat(face_of, 3)]
-            return replace(split_corners(surface), colors=colors, color=WHITE)
+            colors = _read_rgba(face, names)[np.repeat(face_of, 3)]
+            return replace(split_corners(surface), colors=colors, color=WHITE, is_see_through=True)
     return surface
+
+
+def _read_rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32]:
+    """`(rows, 4)`: the colours `names`, and `alpha` unless it is 0 throughout."""
+    colors = add_alpha(normalise(_stack(element, *names)))
+    if "alpha" in element["properties"]:
+        alpha = normalise(_stack(element, "alpha"))[:, 0]
+        colors[:, 3] = np.clip(alpha, 0.0, 1.0) if alpha.any() else 1.0
+    return colors

@@ -69,6 +69,15 @@ def test_vertex_colours_of_every_type(kind: str, full: int) -> None:
     assert part.colors == pytest.approx(np.tile([FRONT, 0, FRONT, 1], (4, 1)))
 
 
+@pytest.mark.parametrize(("alpha", "expected"), [([51] * 4, [0.2] * 4), ([255] * 4, [1] * 4), ([0] * 4, [1] * 4)])
+def test_alpha_of_vertices_is_see_through_unless_it_is_0_throughout(alpha: list[int], expected: list[float]) -> None:
+    vertex = XYZ + "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))
+    rows = [f"{row} 255 0 0 {value}" for row, value in zip(PLAIN_ROWS, alpha, strict=True)]
+    (part,) = read(ascii_square(vertex, rows)).parts
+    assert part.colors[:, 3] == pytest.approx(expected)
+    assert part.is_see_through == (expected[0] < 1)
+
+
 def test_face_colours() -> None:
     face = FACE + "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
     faces = "3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n"
