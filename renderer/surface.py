@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable
+from ciir.renderer.copies import MAX_COPIED, place_copies
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
 from ciir.renderer.shading import LIGHT, compute_normals, normalize, shade
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -50,6 +51,8 @@ class Surface:
     is_see_through: bool = False
     lit: bool = True
     """False for a material that is not shaded."""
+    copies: NDArray[np.float64] | None = None
+    """`(k, 4, 4)`: the matrix of each copy in the scene; None for one surface where its vertices are."""
 
 
 def assemble_scene(
@@ -69,6 +72,7 @@ def assemble_scene(
     """
     total = sum(len(surface.faces) for surface in surfaces)
     check_size(name, total, sum(len(surface.vertices) for surface in surfaces), max_triangles)
+    _check_copies(surfaces, name, max_triangles)
     if total == 0:
         raise InvalidGeometry(f"{name}: no triangles; give a mesh with a surface, not points or lines alone")
     unusable: Counter[str] = Counter()
@@ -82,7 +86,11 @@ def assemble_scene(
         notes.append(f"{count:,} vertices have a {what} that is NaN, infinite or too large: read as 0")
     if dropped:
         notes.append(f"{dropped:,} of {total:,} triangles have zero area and are left out")
-    return Scene(_join_parts([_bake_light(surface, light) for surface in _add_normals(kept)]), tuple(notes))
+    placed = (copy for surface in _add_normals(kept) for copy in _place_copies(surface, name))
+    parts = [_bake_light(surface, light) for surface in placed]
+    if not parts:
+        raise InvalidGeometry(f"{name}: all its copies have zero area; give a mesh with a surface")
+    return Scene(_join_parts(parts), tuple(notes))
 
 
 def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> None:
@@ -95,6 +103,41 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
         )
 
 
+def _check_copies(surfaces: Sequence[Surface], name: str, max_triangles: int) -> None:
+    """Raises `TooLarge` over `MAX_COPIED` times `max_triangles` in all copies, or over as many vertices as without."""
+    counts = [1 if surface.copies is None else len(surface.copies) for surface in surfaces]
+    triangles = sum(len(surface.faces) * count for surface, count in zip(surfaces, counts, strict=True))
+    vertices = sum(len(surface.vertices) * count for surface, count in zip(surfaces, counts, strict=True))
+    if triangles > MAX_COPIED * max_triangles or vertices > 3 * max_triangles:
+        raise TooLarge(
+            f"{name}: {triangles:,} triangles and {vertices:,} vertices in {sum(counts):,} copies; at most "
+            f"{MAX_COPIED * max_triangles:,} and {3 * max_triangles:,} are read; decimate the mesh",
+            "triangles",
+        )
+
+
+def _place_copies(surface: Surface, name: str) -> Iterator[Surface]:
+    """The surface, or its copies, checked as those without copies are before."""
+    if surface.copies is None:
+        yield surface
+        return
+    _check_coordinates(surface.copies, name)
+    for copy in place_copies(surface):
+        _check_coordinates(copy.vertices, name)
+        yield copy if copy.normals is None else replace(copy, normals=normalize(copy.normals))
+
+
+def _check_coordinates(values: NDArray[np.float64], name: str) -> None:
+    """Raises `InvalidGeometry` unless they are finite and within `MAX_COORDINATE`."""
+    if not np.isfinite(values).all():
+        raise InvalidGeometry(f"{name}: a vertex is NaN or infinite; clean the mesh and export it again")
+    largest = float(np.abs(values).max(initial=0))
+    if largest > MAX_COORDINATE:
+        raise InvalidGeometry(
+            f"{name}: a coordinate is {largest:.3g}; at most {MAX_COORDINATE:g} is read; scale it down"
+        )
+
+
 def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
     """The surface without triangles of zero area and vertices that no triangle uses. Raises as `assemble_scene`."""
     faces, vertices = surface.faces, surface.vertices
@@ -104,13 +147,7 @@ def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surfa
             f"but there are {len(vertices):,}; export the mesh again"
         )
     corners = vertices[faces]
-    if not np.isfinite(corners).all():
-        raise InvalidGeometry(f"{name}: a vertex is NaN or infinite; clean the mesh and export it again")
-    largest = float(np.abs(corners).max())
-    if largest > MAX_COORDINATE:
-        raise InvalidGeometry(
-            f"{name}: a coordinate is {largest:.3g}; at most {MAX_COORDINATE:g} is read; scale it down"
-        )
+    _check_coordinates(corners, name)
     edges = np.roll(corners, -1, axis=1) - corners
     doubled_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("mci,mci->mc", edges, edges).max(axis=1)
@@ -151,15 +188,26 @@ def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArra
 
 
 def _add_normals(surfaces: list[Surface]) -> list[Surface]:
-    """All surfaces with unit normals, which are computed over all surfaces without any: no seams between materials."""
+    """All surfaces with unit normals. Those of surfaces without any are computed over all together, so that there are
+    no seams between materials, but of each that is copied by itself.
+    """
     for i, surface in enumerate(surfaces):
         if surface.normals is not None:
             normals = normalize(np.where(np.isfinite(surface.normals), surface.normals, 0.0))
             usable = bool(normals.any(axis=1).all())
             surfaces[i] = replace(surface, normals=normals if usable else None)
     bare = [i for i, surface in enumerate(surfaces) if surface.normals is None and surface.lit]
-    if not bare:
-        return surfaces
+    for group in [
+        [i for i in bare if surfaces[i].copies is None],
+        *([i] for i in bare if surfaces[i].copies is not None),
+    ]:
+        if group:
+            _compute_normals(surfaces, group)
+    return surfaces
+
+
+def _compute_normals(surfaces: list[Surface], bare: list[int]) -> None:
+    """Gives the surfaces `bare` normals, computed over all of them."""
     vertex_start = np.cumsum([0] + [len(surfaces[i].vertices) for i in bare])
     face_start = np.cumsum([0] + [len(surfaces[i].faces) for i in bare])
     source, faces, normals = compute_normals(
@@ -171,7 +219,6 @@ def _add_normals(surfaces: list[Surface]) -> list[Surface]:
         index, local = np.unique(own, return_inverse=True)
         taken = _select_vertices(surfaces[i], source[index] - vertex_start[n], local.reshape(-1, 3))
         surfaces[i] = replace(taken, normals=normals[index])
-    return surfaces
 
 
 def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:

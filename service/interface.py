@@ -121,6 +121,8 @@ def render(
     zoom: float = 1.0,
     place: float = -1.0,
     light: tuple[float, float] | None = None,
+    time: float | None = None,
+    camera: str | int | None = None,
     progress: Progress | None = None,
 ) -> LightField:
     """Renders all views of a mesh: a file, a folder or zip with one, or `scene:vase`, `scene:globe`, `scene:hamburger`.
@@ -132,6 +134,8 @@ def render(
     viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
     factor on the size at which every view holds the object. `place`: -1 behind the array, 0 astride, 1 before it.
     `light`: azimuth and elevation in degrees. `renderer.placement.Placement` says more of the last five.
+    `time`: seconds from the start of a glTF file's animation. `camera`: the name, or the number from 0, of a camera in
+    a glTF file whose direction the lens array takes; the whole object is framed as without one.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
@@ -151,6 +155,8 @@ def render(
             "zoom": zoom,
             "place": place,
             "light": light,
+            "time": time,
+            "camera": camera,
         }
     )
     if progress is not None:
@@ -213,7 +219,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
     `backend`, `sampling`, `pickup`, `order`, `flip`: names; `scale`; `skip`, `transpose`: bools; `background`: RGB from
     0 to 255; `pitch`, `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`;
-    `neighbour_time`: seconds. Text is read as on the command line.
+    `neighbour_time`, `time`: seconds; `camera`: a name or a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

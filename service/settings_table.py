@@ -38,6 +38,7 @@ This page is generated: `python -m ciir.service.settings_table > docs/settings.m
 
 
 FIXED_LIMITS = {
+    "renderer.copies.MAX_COPIED": "triangles in all copies of meshes, per `CIIR_MAX_TRIANGLES`",
     "renderer.readers.meshes.gltf.document.ELEMENTS": "elements in all accessors of a glTF, per `CIIR_MAX_TRIANGLES`",
     "renderer.readers.meshes.geometry.MAX_NODES": "nodes of a mesh file's scene, each as often as it is instanced",
     "renderer.readers.meshes.gltf.scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",

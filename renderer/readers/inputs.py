@@ -11,6 +11,7 @@ from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.eia import read_eia
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import (
     ContainerFormat,
@@ -45,7 +46,11 @@ def read(
 
 
 def open_input(
-    bundle: Bundle, layout: Layout, placement: Placement = AS_GIVEN, views: str = "all"
+    bundle: Bundle,
+    layout: Layout,
+    placement: Placement = AS_GIVEN,
+    pose: MeshPose = AS_STORED,
+    views: str = "all",
 ) -> Scene | LightField | ViewFiles:
     """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
@@ -57,7 +62,7 @@ def open_input(
 
     Views are put in the order that `layout` asks for. Where it asks for none, those that are certainly in a wrong order
     are put right, with a note. An elemental image array stays as it is, since optics give its order: a note names the
-    options that would put it right.
+    options that would put it right. `pose`: what of a mesh that holds animations or cameras is shown.
 
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
@@ -68,7 +73,7 @@ def open_input(
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
     if isinstance(format_, MeshFormat):
-        return meshes.read(replace(bundle, main=key), format_, placement)
+        return meshes.read(replace(bundle, main=key), format_, placement, pose)
     if isinstance(format_, ContainerFormat):
         return settle_order(_read_container(bundle, key, format_, layout), layout)
     light_field = read_eia(bundle.files[key], name=name, layout=layout, limits=bundle.limits)

@@ -79,8 +79,12 @@ class Format:
         return getattr(import_module(f"ciir.renderer.{self.folder}.{module}"), function)
 
 
+@dataclass(frozen=True, kw_only=True)
 class MeshFormat(Format):
     """A mesh format."""
+
+    is_posed: bool = False
+    """Whether its reader takes a `MeshPose`, as `pose`."""
 
     folder = "readers.meshes"
 
@@ -104,9 +108,13 @@ STL = MeshFormat(
     reader="trimesh_formats:read_stl",
 )
 FORMATS: tuple[Format, ...] = (
-    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read"),
+    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read", is_posed=True),
     MeshFormat(
-        name="GLTF", suffixes=(".gltf",), text=re.compile(rb'\A\{.*?"asset"', re.DOTALL), reader="gltf.scene:read"
+        name="GLTF",
+        suffixes=(".gltf",),
+        text=re.compile(rb'\A\{.*?"asset"', re.DOTALL),
+        reader="gltf.scene:read",
+        is_posed=True,
     ),
     MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read"),
     STL,

@@ -12,6 +12,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -74,6 +75,9 @@ class Input:
             field = self._source.transpose() if options.order == "columns" else self._source
             field = reorient(field, self._layout(options))
             return replace(field, is_ordered=field.is_ordered or options.order == "given")
+        pose = MeshPose(options.time, options.camera)
+        if not isinstance(self._source, Bundle) and pose != AS_STORED:
+            raise InvalidOption(f"time, camera: {self.name} holds no animations and no cameras; leave them out")
         if isinstance(self._source, Scene):
             if not np.array_equal(options.placement.light_direction(), LIGHT):
                 raise InvalidOption(
@@ -86,7 +90,7 @@ class Input:
             return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
-        content = inputs.open_input(self._source, self._layout(options), options.placement, views)
+        content = inputs.open_input(self._source, self._layout(options), options.placement, pose, views)
         if self._source.main is None and not isinstance(content, Scene):
             self._check_views(content, options)
         return content

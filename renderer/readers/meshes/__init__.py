@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import MeshFormat
@@ -20,22 +22,26 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 
-def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN) -> Scene:
+def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose: MeshPose = AS_STORED) -> Scene:
     """The mesh `bundle.main`, checked, and lit as it will be placed. Its textures are looked up in the bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area.
 
-    Raises `Unreadable` (also for whatever a parser raises), `UnsupportedType`, `TooLarge` (also where memory runs out)
-    or `InvalidGeometry`.
+    Raises `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` (also for whatever a parser raises),
+    `UnsupportedType`, `TooLarge` (also where memory runs out) or `InvalidGeometry`.
     """
     if bundle.main is None:
         raise Unreadable(f"{clean_text(bundle.name)}: a set of files; say which of them is the mesh")
     name = clean_text(bundle.name)
     if not isinstance(format_, MeshFormat):
         raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
+    if pose != AS_STORED and not format_.is_posed:
+        raise InvalidOption(
+            f"time, camera: animations and cameras are read of glTF alone, and {name} is {format_.name}; leave them out"
+        )
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
-    reader: MeshReader = format_.load_reader()
+    reader: MeshReader = partial(format_.load_reader(), pose=pose) if format_.is_posed else format_.load_reader()
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
             surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge
+from ciir.renderer.copies import place_surface
 from ciir.renderer.surface import check_size
 
 if TYPE_CHECKING:
@@ -65,39 +66,29 @@ def add_alpha(colors: NDArray[Any]) -> NDArray[np.float32]:
 def place_surfaces(
     placed: Iterable[tuple[Surface | None, NDArray[np.float64]]], *, name: str, max_triangles: int, max_parts: int
 ) -> list[Surface]:
-    """Transforms each surface by its 4x4 matrix; None stands for a part that has no surface.
+    """Each surface where its matrices `(4, 4)` or `(k, 4, 4)` put it: one that comes several times is copied later.
 
-    Raises `TooLarge` once they have more than `max_triangles`, and for more than `max_parts`, empty ones included.
+    None stands for a part that has no surface. Raises `TooLarge` once they have more than `max_triangles` without
+    copies, and for more than `max_parts`, copies and empty ones included.
     """
-    found: list[Surface] = []
-    triangles = vertices = 0
-    for number, (surface, matrix) in enumerate(placed, 1):
-        if number > max_parts:
+    groups: dict[int, tuple[Surface, list[NDArray[np.float64]]]] = {}
+    triangles = vertices = parts = 0
+    for surface, matrix in placed:
+        parts += len(matrix) if matrix.ndim == 3 else 1
+        if parts > max_parts:
             raise TooLarge(f"{name}: over {max_parts:,} parts in all instances, the most that is read; join them")
         if surface is None:
             continue
-        triangles += len(surface.faces)
-        vertices += len(surface.vertices)
-        check_size(name, triangles, vertices, max_triangles)
-        found.append(place_surface(surface, matrix))
-    return found
+        if id(surface) not in groups:
+            triangles += len(surface.faces)
+            vertices += len(surface.vertices)
+            check_size(name, triangles, vertices, max_triangles)
+        groups.setdefault(id(surface), (surface, []))[1].append(matrix.reshape(-1, 4, 4))
+    return [_place(surface, np.concatenate(matrices)) for surface, matrices in groups.values()]
 
 
-def place_surface(surface: Surface, matrix: NDArray[np.float64]) -> Surface:
-    """Transforms a surface by a 4x4 matrix, normals by its cofactors: a flattened axis has no inverse."""
-    linear = matrix[:3, :3]
-    cofactors = np.stack(
-        [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(linear[0], linear[1])]
-    )
-    mirrored = float(np.linalg.det(linear)) < 0
-    normals = surface.normals
-    return replace(
-        surface,
-        vertices=surface.vertices @ linear.T + matrix[:3, 3],
-        # A mirror reverses both winding and cofactors: the outside remains the outside.
-        faces=surface.faces[:, ::-1] if mirrored else surface.faces,
-        normals=None if normals is None else (normals @ cofactors.T) * (-1.0 if mirrored else 1.0),
-    )
+def _place(surface: Surface, matrices: NDArray[np.float64]) -> Surface:
+    return place_surface(surface, matrices) if len(matrices) == 1 else replace(surface, copies=matrices)
 
 
 def split_corners(surface: Surface) -> Surface:

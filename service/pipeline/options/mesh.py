@@ -54,6 +54,18 @@ MESH = {
         "lenslet",
     ),
     "background": Option("RRGGBB", "colour behind a mesh (default 000000)", values.COLOUR, "ffffff"),
+    "time": Option(
+        "SECONDS",
+        "moment of a glTF mesh's animation (default: as it is stored)",
+        make_number(0, 1e6, "seconds such as 1.5"),
+        "1.5",
+    ),
+    "camera": Option(
+        "NAME",
+        "camera of a glTF mesh whose direction the lens array takes: its name, or its number from 0",
+        values.LABEL,
+        "0",
+    ),
     "neighbour_time": Option(
         "SECONDS",
         "for a mesh: by how much the views around may prolong the job, as model auto predicts; 0: never (default 1)",
@@ -79,6 +91,9 @@ class MeshOptions:
     sampling: Sampling = "pinhole"
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255."""
+    time: float | None = None
+    """Seconds."""
+    camera: str | None = None
     neighbour_time: float = 1.0
     """Seconds."""
 

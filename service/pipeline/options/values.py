@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _MOST = 999_999
 """The largest count that text or a sequence may hold."""
+_LONGEST_LABEL = 200
+"""Most characters of a name in a file."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,12 @@ def read_pair(name: str, text: str) -> tuple[int, int]:
 
 
 def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all that read text share one signature
+    return text.strip()
+
+
+def _read_label(name: str, text: str) -> str:
+    if len(text) > _LONGEST_LABEL:
+        raise InvalidOption(f"{name}: {clean_text(text)[:40]!r} ... is too long; give a name or a number")
     return text.strip()
 
 
@@ -133,6 +141,12 @@ VIEWS = ValueType(
     "'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
 )
 TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
+LABEL = ValueType(
+    {"type": "string", "maxLength": _LONGEST_LABEL},
+    _read_label,
+    lambda value: str(index(value)),
+    "a name or a whole number, such as 0",
+)
 COLOUR = ValueType(
     {"type": "string", "pattern": "^([0-9a-fA-F]{6})?$"},
     _read_colour,

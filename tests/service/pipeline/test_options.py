@@ -20,6 +20,7 @@ def test_parses_every_option():
         "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "flip": "uv",
         "transpose": "yes", "parallax": "30", "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
+        "time": "1.5", "camera": " Front left ",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
@@ -27,6 +28,7 @@ def test_parses_every_option():
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
         skip="exact", neighbour_time=0.25, order="given", flip="uv", transpose="yes", parallax=30.0, up="z",
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
+        time=1.5, camera="Front left",
     )  # fmt: skip
 
 
@@ -43,6 +45,7 @@ def test_parses_every_option():
         ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("zoom", "0"),
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
         ("epi", "3"), ("epi", "x=1,v=2"),
+        ("time", "-1"), ("camera", "x" * 201),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):

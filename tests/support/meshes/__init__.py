@@ -9,6 +9,7 @@ from ciir.errors import InputError
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.meshes.pose import AS_STORED
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.shading import shade
 
@@ -18,11 +19,11 @@ UP = float(shade(np.array([[0.0, 1, 0]]))[0])
 """The light on a surface that faces along +y."""
 
 
-def read_mesh(suffix, data, beside=None, **limits):
+def read_mesh(suffix, data, beside=None, pose=AS_STORED, **limits):
     """The scene of the mesh file `m/a` + `suffix`, with `beside` in its folder, name -> bytes."""
     main = f"m/a{suffix}"
     found = {main: data} | {f"m/{name}": content for name, content in (beside or {}).items()}
-    return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), SUFFIXES[suffix])
+    return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), SUFFIXES[suffix], pose=pose)
 
 
 def assert_refused(suffix, data, message, beside=None):

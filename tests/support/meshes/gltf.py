@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.meshes import read_mesh
@@ -15,7 +16,7 @@ INDICES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)  # glTF's v goes down: the first pixel row is at y = 1
 PIXELS = np.array([[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [255, 255, 255, 0]]], np.uint8)
 CODES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Model:
@@ -66,6 +67,13 @@ class Model:
         self.material["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}
         return self
 
+    def animate(self, node: int, path: str, times: list[float], values: np.ndarray, mode: str = "LINEAR") -> None:
+        """Adds a channel to the last animation."""
+        animation = self.json.setdefault("animations", [{"channels": [], "samplers": []}])[-1]
+        sampler = {"input": self.add(np.array(times, np.float32)), "output": self.add(values), "interpolation": mode}
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+        animation["samplers"].append(sampler)
+
     def glb(self) -> bytes:
         self.json["buffers"][0]["byteLength"] = len(self.binary)
         text = json.dumps(self.json).encode()
@@ -78,5 +86,5 @@ class Model:
         self.json["buffers"][0] = {"byteLength": len(self.binary), "uri": uri}
         return json.dumps(self.json).encode()
 
-    def read(self, **limits: int) -> Scene:
-        return read_mesh(".glb", self.glb(), **limits)
+    def read(self, pose: MeshPose = AS_STORED, **limits: int) -> Scene:
+        return read_mesh(".glb", self.glb(), pose=pose, **limits)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # a matrix column by column
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 

@@ -11,54 +11,59 @@ from ciir.renderer.readers.meshes.geometry import add_alpha, normalise
 from ciir.renderer.readers.meshes.gltf.accessors import make_triangles, read_accessor
 from ciir.renderer.readers.meshes.gltf.draco import decode_draco
 from ciir.renderer.readers.meshes.gltf.materials import Material
+from ciir.renderer.readers.meshes.gltf.skins import bend
 from ciir.renderer.shading import encode_srgb
 from ciir.renderer.surface import Surface
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 
-def read_primitive(document: Document, primitive: dict[str, Any]) -> Surface | None:
-    """The surface of a primitive in its mesh's coordinates; None for points and lines, with a note."""
+def read_primitive(
+    document: Document,
+    primitive: dict[str, Any],
+    weights: Sequence[tuple[int, float]],
+    joints: NDArray[np.float64] | None,
+) -> Surface | None:
+    """The surface of a primitive in its mesh's coordinates; None for points and lines, with a note.
+
+    `weights`: numbers of morph targets, and their weights. `joints`: matrices of the skin's joints `(m, 4, 4)`, which
+    put the surface into the scene's coordinates.
+    """
     mode = primitive.get("mode", 4)
     if mode not in {4, 5, 6}:
         document.resolver.add_note("points and lines are left out: they have no surface")
         return None
-    arrays: dict[str, NDArray[Any]] = {}
-    compressed = primitive.get("extensions", {}).get("KHR_draco_mesh_compression")
-    if compressed is not None:
-        faces, arrays = decode_draco(document, compressed)
-        for name in arrays:
-            entry = document.item("accessors", primitive["attributes"][name])
-            if entry.get("normalized"):
-                arrays[name] = normalise(arrays[name])
     material = Material(document, primitive.get("material"))
-    attributes = primitive["attributes"]
-    wanted = [name for name in ("POSITION", "NORMAL", "COLOR_0", material.texcoord) if name in attributes]
-    if len({document.item("accessors", attributes[name])["count"] for name in wanted}) > 1:
-        raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
-    if "POSITION" not in arrays:
-        arrays["POSITION"] = _stored(document, attributes["POSITION"], "positions")
-    for name in wanted:
-        if name not in arrays:
-            arrays[name] = read_accessor(document, attributes[name])
-    position = arrays["POSITION"].astype(np.float64).reshape(-1, 3)
-    count = len(position)
-    if compressed is None:
-        indices = (
-            _stored(document, primitive["indices"], "indices") if "indices" in primitive else np.arange(count)[:, None]
-        )
-        faces = make_triangles(indices, mode)
-    if any(len(values) != count for values in arrays.values()):
-        raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
+    bent_by = [] if joints is None else [n for n in primitive["attributes"] if n.startswith(("JOINTS_", "WEIGHTS_"))]
+    wanted = ["POSITION", "NORMAL", "COLOR_0", material.texcoord, *bent_by]
+    arrays, faces = _read_arrays(document, primitive, wanted, mode)
     color_0 = arrays.get("COLOR_0")
     texture, uv = material.texture(arrays)
+    vertices = arrays["POSITION"].astype(np.float64).reshape(-1, 3)
+    normals = arrays["NORMAL"].astype(np.float64).reshape(-1, 3) if "NORMAL" in arrays else None
+    targets = primitive.get("targets", [])
+    for target, weight in weights:
+        if target < len(targets):
+            vertices, normals = _morph(document, targets[target], weight, vertices, normals)
+    if joints is not None and bent_by:
+        sets = sorted(name.removeprefix("JOINTS_") for name in bent_by if name.startswith("JOINTS_"))
+        vertices, normals, is_mirrored = bend(
+            vertices,
+            normals,
+            np.concatenate([arrays[f"JOINTS_{of_set}"] for of_set in sets], axis=1),
+            np.concatenate([arrays[f"WEIGHTS_{of_set}"] for of_set in sets], axis=1),
+            joints,
+        )
+        faces = faces[:, ::-1] if is_mirrored else faces
     return Surface(
-        vertices=position,
+        vertices=vertices,
         faces=faces,
-        normals=arrays["NORMAL"].astype(np.float64).reshape(-1, 3) if "NORMAL" in arrays else None,
+        normals=normals,
         color=material.color,
         colors=None if color_0 is None else to_display_colors(color_0),
         uv=None if texture is None else uv,
@@ -67,6 +72,61 @@ def read_primitive(document: Document, primitive: dict[str, Any]) -> Surface | N
         is_see_through=material.is_see_through,
         lit="KHR_materials_unlit" not in material.extensions,
     )
+
+
+def _read_arrays(
+    document: Document, primitive: dict[str, Any], wanted: Sequence[str], mode: int
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """The attributes that are `wanted`, as far as there are any, and the faces `(m, 3)`; Draco gives others too."""
+    arrays: dict[str, NDArray[Any]] = {}
+    attributes = primitive["attributes"]
+    compressed = primitive.get("extensions", {}).get("KHR_draco_mesh_compression")
+    if compressed is not None:
+        faces, arrays = decode_draco(document, compressed)
+        for name in arrays:
+            entry = document.item("accessors", attributes[name])
+            if entry.get("normalized"):
+                arrays[name] = normalise(arrays[name])
+    given = [name for name in wanted if name in attributes]
+    if len({document.item("accessors", attributes[name])["count"] for name in given}) > 1:
+        raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
+    if "POSITION" not in arrays:
+        arrays["POSITION"] = _stored(document, attributes["POSITION"], "positions")
+    for name in given:
+        if name not in arrays:
+            arrays[name] = read_accessor(document, attributes[name])
+    count = len(arrays["POSITION"])
+    if compressed is None:
+        indices = (
+            _stored(document, primitive["indices"], "indices") if "indices" in primitive else np.arange(count)[:, None]
+        )
+        faces = make_triangles(indices, mode)
+    if any(len(values) != count for values in arrays.values()):
+        raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
+    return arrays, faces
+
+
+def _morph(
+    document: Document,
+    target: dict[str, Any],
+    weight: float,
+    vertices: NDArray[np.float64],
+    normals: NDArray[np.float64] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Vertices and normals `(n, 3)` with `weight` times the differences of a morph target added (section 3.7.2.2)."""
+    if any(name.startswith(("COLOR_", "TEXCOORD_")) for name in target):
+        document.resolver.add_note("morph targets of colours and texture coordinates are left out")
+    if "POSITION" in target:
+        vertices = vertices + weight * _read_differences(document, target["POSITION"], len(vertices))
+    if "NORMAL" in target and normals is not None:
+        normals = normals + weight * _read_differences(document, target["NORMAL"], len(normals))
+    return vertices, normals
+
+
+def _read_differences(document: Document, index: object, count: int) -> NDArray[np.float64]:
+    if document.item("accessors", index)["count"] != count:
+        raise Unreadable(f"{document.name}: a morph target differs in length from its mesh; export it again")
+    return read_accessor(document, index).astype(np.float64).reshape(-1, 3)
 
 
 def _stored(document: Document, index: object, what: str) -> NDArray[Any]:

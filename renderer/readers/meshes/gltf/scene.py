@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ciir.errors import TooLarge
 from ciir.renderer.readers.meshes.geometry import place_surfaces
+from ciir.renderer.readers.meshes.gltf.animations import sample_nodes
+from ciir.renderer.readers.meshes.gltf.cameras import find_view_matrix
 from ciir.renderer.readers.meshes.gltf.document import parse
-from ciir.renderer.readers.meshes.gltf.nodes import walk_nodes
+from ciir.renderer.readers.meshes.gltf.nodes import place_instances, walk_nodes
 from ciir.renderer.readers.meshes.gltf.primitives import read_primitive
+from ciir.renderer.readers.meshes.gltf.skins import find_joint_matrices
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
@@ -22,48 +27,59 @@ if TYPE_CHECKING:
     from ciir.renderer.surface import Surface
 
 MAX_PRIMITIVES = 200_000
-"""Most primitives in all nodes together: many nodes can share one mesh of many primitives."""
+"""Most primitives in all nodes and instances together: many can share one mesh of many primitives."""
 
 
-def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, material by material.
+def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits, pose: MeshPose = AS_STORED) -> list[Surface]:
+    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, or a camera's, material by material.
 
-    Raises what `document.parse` does; `Unreadable` for references to nothing; `TooLarge` over `limits`, `MAX_NODES` or
-    `MAX_PRIMITIVES`; an error of Python's where the JSON does not have the shape of glTF.
+    Raises what `document.parse` does; `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` for
+    references to nothing; `TooLarge` over `limits`, `MAX_NODES` or `MAX_PRIMITIVES`; an error of Python's where the
+    JSON does not have the shape of glTF.
     """
     document = parse(data, name=name, resolver=resolver, max_triangles=limits.triangles)
-    return place_surfaces(find_surfaces(document), name=name, max_triangles=limits.triangles, max_parts=MAX_PRIMITIVES)
+    surfaces = find_surfaces(document, pose)
+    return place_surfaces(surfaces, name=name, max_triangles=limits.triangles, max_parts=MAX_PRIMITIVES)
 
 
-def find_surfaces(document: Document) -> Iterator[tuple[Surface, NDArray[np.float64]]]:
-    """The surfaces of the document's scene, each with its world matrix; raises as `read` does."""
-    primitives: dict[tuple[int, int], Surface | None] = {}
-    seen: set[int] = set()
+def find_surfaces(
+    document: Document, pose: MeshPose = AS_STORED
+) -> Iterator[tuple[Surface | None, NDArray[np.float64]]]:
+    """The surface of each primitive and the matrices `(k, 4, 4)` of its instances; raises as `read` does."""
+    moved = {} if pose.time is None else sample_nodes(document, pose.time)
+    root = np.eye(4)
+    if pose.camera is not None:
+        root = find_view_matrix(document, walk_nodes(document, moved, root), pose.camera)
+    nodes = list(walk_nodes(document, moved, root))
+    world = {index: matrix for index, _, matrix in nodes}
+    primitives: dict[tuple[int, int | None, int], Surface | None] = {}
+    weights: dict[int, list[tuple[int, float]]] = {}
     placed = 0
-    for node, matrix in walk_nodes(document):
+    for index, node, matrix in nodes:
         if "mesh" not in node:
             continue
         mesh = document.item("meshes", node["mesh"])
-        _note_unsupported(document, node, {} if node["mesh"] in seen else mesh)
-        seen.add(node["mesh"])
-        placed += len(mesh["primitives"])
+        matrices = place_instances(document, node, matrix, MAX_PRIMITIVES)
+        joints = find_joint_matrices(document, node["skin"], world) if "skin" in node else None
+        if joints is not None:
+            matrices = np.eye(4)[None]  # joints alone place a skinned mesh
+        placed += max(1, len(mesh["primitives"])) * len(matrices)
         if placed > MAX_PRIMITIVES:
             raise TooLarge(
                 f"{document.name}: over {MAX_PRIMITIVES:,} primitives in its nodes, which is the most that is read; "
                 "join them"
             )
+        if node["mesh"] not in weights:
+            weights[node["mesh"]] = _find_nonzero(mesh.get("weights", ()))
+        own = _find_nonzero(node["weights"]) if "weights" in node else weights[node["mesh"]]
+        shape = index if joints is not None or "weights" in node else None
         for number, primitive in enumerate(mesh["primitives"]):
-            key = node["mesh"], number
+            key = node["mesh"], shape, number
             if key not in primitives:
-                primitives[key] = read_primitive(document, primitive)
-            surface = primitives[key]
-            if surface is not None:
-                yield surface, matrix
+                primitives[key] = read_primitive(document, primitive, own, joints)
+            yield primitives[key], matrices
 
 
-def _note_unsupported(document: Document, node: dict[str, Any], mesh: dict[str, Any]) -> None:
-    """Adds notes of what is not drawn. `mesh` is empty where another node has it already."""
-    if "skin" in node:
-        document.resolver.add_note("a skinned mesh is drawn as it was modelled, without its skeleton")
-    if any(node.get("weights", [])) or any(mesh.get("weights", [])):
-        document.resolver.add_note("morph targets are left at zero")
+def _find_nonzero(weights: Any) -> list[tuple[int, float]]:
+    """The numbers of morph targets that have a weight, and their weights."""
+    return [(target, float(weight)) for target, weight in enumerate(weights) if weight]

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes import trimesh_formats
+from ciir.renderer.readers.meshes.pose import MeshPose
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.source import Input
 from tests.support.meshes import read_mesh
 from tests.support.paths import SHARED
 
@@ -209,3 +212,26 @@ def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.Monkey
             patch.setattr(owner, name, full)
             with pytest.raises(TooLarge, match="more memory than there is; decimate"):
                 read(SAMPLES[SUFFIXES[".off"]][0], SUFFIXES[".off"], {})
+
+
+@pytest.mark.parametrize("pose", [MeshPose(time=1.0), MeshPose(camera="0")])
+def test_poses_are_for_formats_that_have_them(pose: MeshPose) -> None:
+    off = SUFFIXES[".off"]
+    with pytest.raises(InvalidOption, match=r"time, camera: .* of glTF alone, and a\.off is OFF; leave them out"):
+        read_mesh(".off", SAMPLES[off][0], pose=pose)
+    with pytest.raises(InvalidOption, match="time, camera: scene:vase holds no animations and no cameras"):
+        Input("vase").read(Options(time=pose.time, camera=pose.camera))
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+def test_the_wheels_of_a_real_truck_turn_and_a_real_camera_looks_down() -> None:
+    truck = (MESHES / "milk-truck.glb").read_bytes()
+    still, turned = (read_mesh(".glb", truck, pose=MeshPose(time)) for time in (None, 0.3125))
+    assert turned.bounds() == pytest.approx(still.bounds(), abs=0.01)  # wheels are polygons
+    moved = np.concatenate(
+        [np.abs(a.vertices - b.vertices).max(axis=1) > 1e-3 for a, b in zip(still.parts, turned.parts, strict=True)]
+    )
+    assert 0.1 < moved.mean() < 0.9  # the wheels, and not the rest
+    duck = (MESHES / "duck.glb").read_bytes()
+    tipped = read_mesh(".glb", duck, pose=MeshPose(camera="0"))
+    assert not np.allclose(tipped.bounds(), read_mesh(".glb", duck).bounds(), atol=0.01)

@@ -1,0 +1,120 @@
+"""glTF animations: properties of nodes at a time (glTF 2.0, section 3.11 and appendix C)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import InvalidOption, Unreadable
+from ciir.renderer.readers.meshes.gltf.accessors import read_accessor
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.meshes.gltf.document import Document
+
+PATHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": None}
+"""Properties of nodes that are animated, and their lengths."""
+_STRAIGHT = 1e-6  # radians between two rotations below which the way between them is a straight line
+
+
+def sample_nodes(document: Document, time: float) -> dict[int, dict[str, Any]]:
+    """The properties that animations give nodes at `time` in seconds: node -> property of `PATHS` -> value.
+
+    The first animation is played, and each further one that moves none of the same properties: others are other
+    sequences of the same object. Before the first keyframe and behind the last one a property stays as it is there.
+
+    Raises `InvalidOption` without animations.
+    """
+    animations = document.json.get("animations", [])
+    if not animations:
+        raise InvalidOption(f"time: {document.name} holds no animation; leave it out")
+    played: dict[int, dict[str, Any]] = {}
+    skipped, end = [], 0.0
+    for number in range(len(animations)):
+        animation = document.item("animations", number)
+        channels = _find_channels(document, animation)
+        if any(path in played.get(node, {}) for node, path, _ in channels):
+            skipped.append(clean_text(str(animation.get("name", number)))[:40])
+            continue
+        for node, path, sampler in channels:
+            value, last = sample(document, sampler, path, time)
+            played.setdefault(node, {})[path] = value
+            end = max(end, last)
+    if skipped:
+        others = ", ".join(skipped[:5]) + (", ..." if skipped[5:] else "")
+        document.resolver.add_note(f"the first animation is played, not others that move the same nodes: {others}")
+    if time > end:
+        document.resolver.add_note(f"time: the animation ends at {end:g} s; its last pose is shown")
+    return played
+
+
+def _find_channels(document: Document, animation: dict[str, Any]) -> list[tuple[int, str, dict[str, Any]]]:
+    """Node, property and sampler of each channel."""
+    found = []
+    for channel in animation["channels"]:
+        target = channel["target"]
+        if "node" not in target or target["path"] not in PATHS:
+            document.resolver.add_note("animations of other things than nodes are not played")
+            continue
+        document.item("nodes", target["node"])
+        found.append((target["node"], target["path"], animation["samplers"][channel["sampler"]]))
+    return found
+
+
+def sample(document: Document, sampler: dict[str, Any], path: str, time: float) -> tuple[NDArray[np.float64], float]:
+    """The value of a sampler at `time`, and the time of its last keyframe. Raises `Unreadable` where it has none."""
+    times = read_accessor(document, sampler["input"])[:, 0]
+    values = read_accessor(document, sampler["output"])
+    mode = sampler.get("interpolation", "LINEAR")
+    count, parts = len(times), 3 if mode == "CUBICSPLINE" else 1
+    if not count or len(values) % (count * parts) or not np.isfinite(times).all():
+        raise Unreadable(f"{document.name}: an animation's keyframes and values don't fit; export it again")
+    before = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, count - 1))
+    after, rows = min(before + 1, count - 1), len(values) // count
+    first, second = (
+        values[key * rows : (key + 1) * rows].astype(np.float64).reshape(parts, -1) for key in (before, after)
+    )  # (parts, length); of a spline the parts are in-tangent, value, out-tangent
+    length = first.shape[1]
+    if PATHS[path] not in (None, length):
+        raise Unreadable(f"{document.name}: an animated {path} has {length} numbers; export it again")
+    step = float(times[after] - times[before])
+    share = min(max((time - float(times[before])) / step, 0.0), 1.0) if step > 0 else 0.0
+    if mode == "CUBICSPLINE":
+        value = _interpolate_spline(first, second, share, step)
+    elif mode == "STEP":
+        value = first[0]
+    elif path == "rotation":
+        value = slerp(first[0], second[0], share)
+    else:
+        value = first[0] + share * (second[0] - first[0])
+    return value, float(times[-1])
+
+
+def _interpolate_spline(
+    first: NDArray[np.float64], second: NDArray[np.float64], share: float, step: float
+) -> NDArray[np.float64]:
+    """A cubic Hermite spline between two keyframes (appendix C.5)."""
+    squared, cubed = share**2, share**3
+    value: NDArray[np.float64] = (
+        (2 * cubed - 3 * squared + 1) * first[1]
+        + step * (cubed - 2 * squared + share) * first[2]
+        + (3 * squared - 2 * cubed) * second[1]
+        + step * (cubed - squared) * second[0]
+    )
+    return value
+
+
+def slerp(first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """The rotation at `share` of the shorter way between two quaternions (appendix C.4)."""
+    first, second = (quaternion / max(float(np.linalg.norm(quaternion)), 1e-300) for quaternion in (first, second))
+    cosine = float(first @ second)
+    if cosine < 0:
+        second, cosine = -second, -cosine
+    angle = np.arccos(min(cosine, 1.0))
+    if angle < _STRAIGHT:
+        return first + share * (second - first)
+    turned: NDArray[np.float64] = (np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(angle)
+    return turned

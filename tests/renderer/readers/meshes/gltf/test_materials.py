@@ -1,0 +1,130 @@
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ciir.renderer.readers import pictures
+from ciir.renderer.shading import encode_srgb
+from tests.support.meshes import FRONT
+from tests.support.meshes.gltf import PIXELS, UV, Model
+from tests.support.meshes.ktx2 import UASTC
+
+
+@pytest.mark.parametrize("name", ["a.png", "../secret.png", "https://example.org/a.png", ""])
+def test_a_texture_that_is_not_there_or_no_picture_is_left_out_with_a_note(name: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"uri": name} if name else {"bufferView": model.view(b"BM as bitmaps start")}]
+    scene = model.read()
+    assert scene.parts[0].texture is None
+    assert len(scene.notes) == 1
+    assert (name.rpartition("/")[2] or "texture image 0 is left out") in scene.notes[0]
+
+
+def test_a_texture_keeps_its_pixels_its_wrap_and_its_place() -> None:
+    (part,) = Model(TEXCOORD_0=UV).texture(wrapS=33071, wrapT=33648).read().parts
+    assert (part.texture.wrap_u, part.texture.wrap_v) == ("clamp", "mirror")
+    assert np.array_equal(part.texture.pixels[:, :, :3], PIXELS[:, :, :3])
+    assert (part.texture.pixels[:, :, 3] == 255).all()  # alphaMode OPAQUE: its alpha plays no part
+    assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]  # from the lower left
+
+
+def test_texture_coordinates_as_normalised_integers_and_of_another_set() -> None:
+    model = Model(TEXCOORD_0=np.zeros_like(UV)).texture()
+    model.primitive["attributes"]["TEXCOORD_1"] = model.add((UV * 255).astype(np.uint8), normalized=True)
+    model.material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1
+    (part,) = model.read().parts
+    assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
+
+
+def test_texture_transform_scales_then_turns_then_shifts() -> None:
+    model = Model(TEXCOORD_0=np.array([[1, 0], [0, 1], [0, 0], [1, 1]], np.float32)).texture()
+    transform = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3]}
+    model.material["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {"KHR_texture_transform": transform}
+    model.json["extensionsRequired"] = ["KHR_texture_transform"]
+    (part,) = model.read().parts
+    # Counter-clockwise with v going down takes (1, 0), right, to (0, -1), up.
+    expected = np.array([[0.25, 0.5 - 2], [0.25 + 3, 0.5], [0.25, 0.5], [0.25 + 3, 0.5 - 2]])
+    assert part.uv == pytest.approx(np.stack([expected[:, 0], 1 - expected[:, 1]], 1), abs=1e-6)
+
+
+@pytest.mark.parametrize("color", [np.array([0.5, 1, 0, 1], np.float32), np.array([128, 255, 0], np.uint8)])
+def test_factors_and_vertex_colours_are_linear_and_go_through_the_curve(color: np.ndarray) -> None:
+    model = Model()
+    model.primitive["attributes"]["COLOR_0"] = model.add(np.tile(color, (4, 1)), normalized=True)
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0.2, 0.2, 1, 1]}
+    (part,) = model.read().parts
+    curve = encode_srgb(np.array([0.2, 128 / 255 if color.dtype == np.uint8 else 0.5]))
+    assert part.colors[0] == pytest.approx([curve[0] * curve[1] * FRONT, curve[0] * FRONT, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("KHR_materials_pbrSpecularGlossiness", {"diffuseFactor": [1, 0, 0, 1]}, [FRONT, 0, 0, 1]),
+        ("KHR_materials_unlit", {}, [1, 1, 1, 1]),
+    ],
+)
+def test_materials_of_extensions(name: str, values: dict[str, object], expected: list[float]) -> None:
+    model = Model()
+    model.material["extensions"] = {name: values}
+    assert model.read().parts[0].colors[0] == pytest.approx(expected)
+
+
+def test_mask_keeps_alpha_and_its_cutoff() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.material |= {"alphaMode": "MASK", "alphaCutoff": 0.25}
+    (part,) = model.read().parts
+    assert part.alpha_cutoff == 0.25
+    assert np.array_equal(part.texture.pixels, PIXELS)
+
+
+@pytest.mark.parametrize("mode", ["BLEND", "OPAQUE"])
+def test_blend_is_see_through(mode: str) -> None:
+    model = Model()
+    model.material |= {"alphaMode": mode, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75]}}
+    scene = model.read()
+    assert scene.is_see_through == (mode == "BLEND")
+    assert scene.parts[0].colors[:, 3] == pytest.approx(0.75 if mode == "BLEND" else 1.0)
+
+
+def test_blend_keeps_the_alpha_of_a_texture() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.material |= {"alphaMode": "BLEND"}
+    (part,) = model.read().parts
+    assert part.is_see_through
+    assert np.array_equal(part.texture.pixels, PIXELS)
+
+
+@pytest.mark.parametrize("extension", ["EXT_texture_webp", "KHR_texture_basisu"])
+@pytest.mark.parametrize("is_beside_png", [True, False])
+def test_textures_of_extensions(extension: str, is_beside_png: bool) -> None:
+    if extension == "KHR_texture_basisu":
+        pytest.importorskip("opengl_basisu", reason="needs the extra basisu")
+    model = Model(TEXCOORD_0=UV).texture()
+    pixels = np.full((4, 4, 3), 90, np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "WEBP", lossless=True)
+    data = file.getvalue() if extension == "EXT_texture_webp" else UASTC
+    model.json["images"].append({"bufferView": model.view(data)})
+    texture = {"extensions": {extension: {"source": 1}}}
+    model.json["textures"] = [texture | ({"source": 0} if is_beside_png else {})]
+    model.json["extensionsUsed"] = [extension]
+    (part,) = model.read().parts
+    # WebP is as good as a PNG; Basis Universal is lossy.
+    size = (4, 4) if extension == "EXT_texture_webp" else (2, 2) if is_beside_png else (8, 12)
+    assert part.texture.pixels.shape == (*size, 4)
+
+
+def test_a_picture_is_decoded_once_however_often_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    decode = pictures.decode
+    monkeypatch.setattr(pictures, "decode", lambda *args, **more: calls.append(1) or decode(*args, **more))
+    model = Model(TEXCOORD_0=UV).texture()
+    view = model.view(b"\x89PNG\r\n\x1a\n")
+    model.json["images"] = [{"bufferView": view}] * 5
+    model.json["textures"] = [{"source": i} for i in range(5)]
+    model.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(5)]
+    model.json["meshes"][0]["primitives"] = [{**model.primitive, "material": i} for i in range(5)]
+    assert len(model.read().notes) == 1
+    assert len(calls) == 1
