@@ -27,6 +27,7 @@ DECODED = {
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
+TRANSMITTED = 0.9
+"""Most of the light from behind that comes through clear glass: the rest stands for its reflections."""
+
 
 class Material:
     """The colour of a primitive's material."""
@@ -39,7 +42,23 @@ class Material:
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
         if mode == "MASK":
             self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
-        self.is_see_through = mode == "BLEND"
+        self._has_alpha = mode != "OPAQUE"
+        transmitted = self._transmitted()
+        self.is_see_through = mode == "BLEND" or transmitted > 0
+        if transmitted:
+            self.color = red, green, blue, (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
+
+    def _transmitted(self) -> float:
+        """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""
+        transmission = self.extensions.get("KHR_materials_transmission", {})
+        factor = min(max(float(transmission.get("transmissionFactor", 0.0)), 0.0), 1.0)
+        if factor == 0 or self.alpha_cutoff is not None:
+            return 0.0
+        self._document.resolver.add_note(
+            "KHR_materials_transmission is drawn as see-through, darker colours as hiding more; without refraction"
+        )
+        luma = 0.2126 * self.color[0] + 0.7152 * self.color[1] + 0.0722 * self.color[2]
+        return TRANSMITTED * factor * luma
 
     def texture(self, arrays: dict[str, NDArray[Any]]) -> tuple[Texture | None, NDArray[np.float64] | None]:
         """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
@@ -66,7 +85,7 @@ class Material:
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
             name=f"image {source}" if embedded else uri,
-            opaque=self.alpha_cutoff is None and not self.is_see_through,
+            opaque=not self._has_alpha,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
         )

@@ -88,6 +88,28 @@ def test_blend_is_see_through(mode: str) -> None:
     assert scene.parts[0].colors[:, 3] == pytest.approx(0.75 if mode == "BLEND" else 1.0)
 
 
+@pytest.mark.parametrize(
+    ("mode", "factor", "color", "alpha"),
+    [
+        ("OPAQUE", 1, [1, 1, 1, 0.5], 0.1),  # opaque: the colour's alpha plays no part
+        ("BLEND", 1, [1, 1, 1, 0.5], 0.05),
+        ("OPAQUE", 0.5, [1, 1, 1, 1], 0.55),
+        ("OPAQUE", 1, [0, 1, 0, 1], 1 - 0.9 * 0.7152),
+        ("OPAQUE", 0, [1, 1, 1, 1], 1.0),
+        ("MASK", 1, [1, 1, 1, 0.8], 0.8),
+    ],
+)
+def test_transmission_is_see_through(mode: str, factor: float, color: list[float], alpha: float) -> None:
+    model = Model()
+    model.material |= {"alphaMode": mode, "pbrMetallicRoughness": {"baseColorFactor": color}}
+    model.material["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": factor}}
+    model.json["extensionsUsed"] = ["KHR_materials_transmission"]
+    scene = model.read()
+    assert scene.parts[0].colors[:, 3] == pytest.approx(alpha)
+    assert scene.is_see_through == (factor > 0 and mode != "MASK")
+    assert len(scene.notes) == scene.is_see_through
+
+
 def test_blend_keeps_the_alpha_of_a_texture() -> None:
     model = Model(TEXCOORD_0=UV).texture()
     model.material |= {"alphaMode": "BLEND"}
