@@ -32,7 +32,7 @@ from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
 from tests.fuzz import seeds
-from tests.fuzz.seeds import gltf, parts
+from tests.fuzz.seeds import containers, gltf, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -116,6 +116,12 @@ def anything(data: bytes) -> None:
     _check_content(inputs.read(Bundle.from_upload("upload", data, LIMITS), Layout(lenses=(1, 1))))
 
 
+def container(kind: Format) -> Callable[[bytes], None]:
+    """A file that holds a whole light field."""
+    name = f"upload.{kind.extension}"
+    return lambda data: _check_content(inputs.read(Bundle.from_upload(name, data, LIMITS), Layout()))
+
+
 def view_set(data: bytes) -> None:
     """A set of views: their names, one a line, and their pictures."""
     listed, *contents = parts(data)
@@ -197,6 +203,7 @@ TARGETS: dict[str, Target] = {
     "png-sealed": Target(sealed_png, seeds.png),
     "jpeg": Target(picture("jpg"), seeds.jpegs),
     "tiff": Target(picture("tif"), seeds.tiffs),
+    "webp": Target(picture("webp"), seeds.webps),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),
     "glb": Target(mesh(SUFFIXES[".glb"]), gltf.glb),
@@ -208,6 +215,10 @@ TARGETS: dict[str, Target] = {
     "off": Target(mesh(SUFFIXES[".off"]), seeds.off),
     "dae": Target(mesh(SUFFIXES[".dae"], "x.png"), seeds.dae),
     "3mf": Target(mesh(SUFFIXES[".3mf"]), seeds.threemf),
+    "npy": Target(container(SUFFIXES[".npy"]), containers.npy),
+    "npz": Target(container(SUFFIXES[".npz"]), containers.npz),
+    "mat": Target(container(SUFFIXES[".mat"]), containers.mat),
+    "h5": Target(container(SUFFIXES[".h5"]), containers.hdf5),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),

@@ -12,6 +12,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,9 @@ class Array:
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
         if read is None:
             raise UnsupportedType(f"{name}: version {version[0]}.{version[1]} of npy is not read; save it with NumPy")
-        shape, self._is_fortran, self.dtype = read(file)
+        with warnings.catch_warnings():  # of headers as Python 2 wrote them
+            warnings.simplefilter("ignore", UserWarning)
+            shape, self._is_fortran, self.dtype = read(file)
         self.shape: tuple[int, ...] = tuple(map(int, shape))
         self._data, self._start, self._name = data, file.tell(), name
         if self.dtype.hasobject:

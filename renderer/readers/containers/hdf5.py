@@ -11,6 +11,8 @@ Only plain data sets of the file itself are read: no links to other files, and n
 from __future__ import annotations
 
 import io
+import math
+import zlib
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -38,6 +40,7 @@ WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 _MOST_NAMES = 1000
+_CHECKSUM_BYTES = 4
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
@@ -90,11 +93,27 @@ def _open(file: h5py.File, key: str, name: str) -> h5py.Dataset:
     filters = [plan.get_filter(index)[0] for index in range(plan.get_nfilters())]
     if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
         raise UnsupportedType(f"{name}: {clean_text(key)} lies in another file; save it as one file")
-    if any(number not in _FILTERS for number in filters):
+    if any(number not in _FILTERS for number in filters) or len(set(filters)) < len(filters):
         raise UnsupportedType(f"{name}: {clean_text(key)} is packed by filter {filters}; save it with gzip or unpacked")
     if dataset.chunks is not None and np.prod(dataset.chunks, dtype=float) > 2 * np.prod(dataset.shape, dtype=float):
         raise TooLarge(f"{name}: {clean_text(key)} has chunks larger than itself; save it unpacked")
+    if h5py.h5z.FILTER_DEFLATE in filters:
+        _check_chunks(dataset, 1 << filters.index(h5py.h5z.FILTER_DEFLATE), name)
     return dataset
+
+
+def _check_chunks(dataset: h5py.Dataset, skipped: int, name: str) -> None:
+    """Raises `Unreadable` for a chunk that unpacks to more than its samples: HDF5 allocates whatever comes out.
+
+    `skipped`: the bit of a chunk's mask that says that it is not deflated.
+    """
+    most = math.prod(dataset.chunks) * dataset.dtype.itemsize + _CHECKSUM_BYTES
+    chunks: list[Any] = []
+    dataset.id.chunk_iter(chunks.append)
+    for chunk in chunks:
+        mask, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        if not mask & skipped and len(zlib.decompressobj().decompress(packed, most + 1)) > most:
+            raise Unreadable(f"{name}: a chunk unpacks to over its {most:,} bytes; save it again")
 
 
 def _read_hci(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:

@@ -90,6 +90,12 @@ def jpegs() -> list[bytes]:
     ]
 
 
+def webps() -> list[bytes]:
+    """With and without loss, and with alpha."""
+    rgb, rgba = (Image.fromarray(noise(16, 16, channels)) for channels in (3, 4))
+    return [saved(rgb, "WEBP"), saved(rgb, "WEBP", lossless=True), saved(rgba, "WEBP")]
+
+
 def tiffs() -> list[bytes]:
     """8 and 16 bit, the compressions that are read, strips and tiles, planes apart, both byte orders."""
     written = [encode_tiff(noise(16, 16, n, dtype)) for n in (2, 3, 4) for dtype in (np.uint8, np.uint16)]

@@ -1,6 +1,7 @@
 """Each layout written here by h5py, element by element, as its source does it."""
 
 import io
+import zlib
 
 import h5py
 import numpy as np
@@ -162,3 +163,34 @@ def be_large(file):
 def test_what_is_refused(fill, error, message):
     with pytest.raises(error, match=message):
         read(made(fill))
+
+
+def test_a_chunk_that_unpacks_to_more_than_its_samples():
+    def fill(file):
+        found = file.create_dataset("LF", (1, 1, 4, 4, 3), "u1", chunks=(1, 1, 4, 4, 3), compression="gzip")
+        found.id.write_direct_chunk((0,) * 5, zlib.compress(bytes(2**20)))
+
+    with pytest.raises(Unreadable, match="unpacks to over its 52 bytes"):
+        read(made(fill))
+
+
+def test_chunks_that_are_packed_twice():
+    def fill(file):
+        plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plan.set_chunk((1, 1, 4, 4, 3))
+        plan.set_deflate()
+        plan.set_deflate()
+        h5py.h5d.create(file.id, b"LF", h5py.h5t.STD_U8LE, h5py.h5s.create_simple((1, 1, 4, 4, 3)), plan)
+
+    with pytest.raises(UnsupportedType, match=r"packed by filter \[1, 1\]"):
+        read(made(fill))
+
+
+def test_a_chunk_that_is_not_packed_though_others_are():
+    views = np.arange(48, dtype="u1").reshape(1, 1, 4, 4, 3)
+
+    def fill(file):
+        found = file.create_dataset("LF", views.shape, "u1", chunks=views.shape, compression="gzip")
+        found.id.write_direct_chunk((0,) * 5, views.tobytes(), filter_mask=1)
+
+    assert np.array_equal(read(made(fill)).views, views)

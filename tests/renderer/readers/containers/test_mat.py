@@ -122,3 +122,18 @@ def test_sizes_are_checked_by_the_header():
     data[place : place + 16] = struct.pack("<4i", 15, 15, 30000, 30000)
     with pytest.raises(TooLarge, match="pixels of a view"):
         read(bytes(data))
+
+
+def test_what_unpacks_to_more_than_its_header_says_is_not_unpacked():
+    body = make_mat5()[136:]
+    packed = zlib.compress(struct.pack("<II", MATRIX, len(body) + 2**22) + body + bytes(2**22))
+    data = make_mat5()[:128] + struct.pack("<II", COMPRESSED, len(packed)) + packed
+    with pytest.raises(TooLarge, match="unpacks to over 1,...,... bytes"):
+        read(data)
+    with pytest.raises(TooLarge, match="unpacks to over 99 bytes"):
+        read(make_mat5(is_compressed=True), bytes=99)
+
+
+def test_two_variables_of_one_name():
+    with pytest.raises(Unreadable, match="two variables of one name"):
+        read(make_mat5() + make_mat5()[128:])

@@ -1,0 +1,70 @@
+"""Seeds of files that hold a whole light field."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+from scipy.io import savemat
+
+from ciir.renderer.readers.containers.mat import VERSION_5
+from tests.fuzz.seeds import noise, zipped
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+VIEWS = noise(16, 5, 3).reshape(2, 2, 4, 5, 3)
+
+
+def _save(array: NDArray[np.generic]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def npy() -> list[bytes]:
+    """Integers and fractions, in both orders of axes."""
+    return [_save(VIEWS), _save(np.asfortranarray(VIEWS)), _save(VIEWS[..., :1] * np.uint16(257)), _save(VIEWS / 255)]
+
+
+def npz() -> list[bytes]:
+    """One array, and views with their positions."""
+    positions = np.array([(1, 1), (1, 0), (0, 1), (0, 0)])
+    listed = {"views.npy": VIEWS.reshape(4, 4, 5, 3), "positions.npy": positions, "report.npy": np.array("{}")}
+    return [zipped({"a.npy": npy()[0]}), zipped({name: _save(array) for name, array in listed.items()})]
+
+
+def mat() -> list[bytes]:
+    """Version 5, plain and packed, of integers and fractions; version 7.3."""
+    made = []
+    for is_packed, views in ((False, VIEWS), (True, VIEWS), (True, VIEWS / 255)):
+        buffer = io.BytesIO()
+        savemat(buffer, {"other": 3.0, "LF": views}, do_compression=is_packed)
+        made.append(VERSION_5.ljust(116) + buffer.getvalue()[116:])  # without the date
+    return [*made, hdf5()[0]]
+
+
+def hdf5() -> list[bytes]:
+    """As MATLAB, the HCI data set, h5py and BasicLFSR write it."""
+
+    def fill_hci(file: h5py.File) -> None:
+        file["LF"] = VIEWS
+        file.attrs["dH"] = 0.1
+
+    return [
+        _fill(lambda file: file.create_dataset("LF", data=VIEWS.T, compression="gzip", shuffle=True)),
+        _fill(fill_hci),
+        _fill(lambda file: file.create_dataset("a", data=VIEWS / 255, fletcher32=True)),
+        _fill(lambda file: file.create_dataset("Hr_SAI_y", data=np.linspace(0, 1, 150).reshape(15, 10))),
+    ]
+
+
+def _fill(fill: Callable[[h5py.File], object]) -> bytes:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        fill(file)
+    return buffer.getvalue()
