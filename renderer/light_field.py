@@ -138,7 +138,7 @@ class LightField:
         """
         return replace(self, views=self.views.swapaxes(0, 1))
 
-    def save(self, path: str | PathLike[str], format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
+    def save(self, path: str | PathLike[str], /, format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
         """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.
 
         A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, and a name without a suffix a folder of views.

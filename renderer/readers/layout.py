@@ -18,6 +18,8 @@ class Layout:
     pixels: tuple[int, int] | None = None
     """Rows and columns of pixels under a lens: the number of views."""
     pickup: Pickup = "virtual"
+    frame: int = 0
+    """Of a video of elemental image arrays: which one."""
     order: OrderCheck = "auto"
     flip: Flip = "none"
     """Which order of views is reversed, after `transpose`."""

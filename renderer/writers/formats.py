@@ -88,6 +88,8 @@ def _container(name: str, suffixes: tuple[str, ...], media_type: str, writer: st
     return Format(name, suffixes, media_type, partial(_open_container, writer=writer), is_whole=True)
 
 
+STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
+"""The suffixes of pictures without motion: of a whole light field, WebP is an animation."""
 BINARY = "application/octet-stream"
 """The media type of formats without one of their own."""
 
@@ -101,12 +103,16 @@ FORMATS = {
         Format("zip", (".zip",), "application/zip", partial(_open_plain, writer=ZipWriter), holds_report=True),
         Format("npz", (".npz",), "application/x-npz", partial(_open_plain, writer=NpzWriter), holds_report=True),
         Format("html", (".html",), "text/html", partial(_open_plain, writer=HtmlWriter)),
-        _container("eia", pictures.SUFFIXES, "image/png", "pictures:EiaWriter"),
-        _container("epi", pictures.SUFFIXES, "image/png", "pictures:EpiWriter"),
+        _container("eia", STILL, "image/png", "pictures:EiaWriter"),
+        _container("epi", STILL, "image/png", "pictures:EpiWriter"),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
         _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),
         _container("hci", (".h5", ".hdf5"), BINARY, "matlab:HciWriter"),
+        _container("mp4", (".mp4",), "video/mp4", "video:Mp4Writer"),
+        _container("webm", (".webm",), "video/webm", "video:WebmWriter"),
+        _container("gif", (".gif",), "image/gif", "video:GifWriter"),
+        _container("animated-webp", (".webp",), "image/webp", "video:WebpWriter"),
     )
 }
 """By name. Where several have a suffix, the first one is its format."""

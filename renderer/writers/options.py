@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 from ciir.errors import InvalidOption
+
+PathName = Literal["circle", "sweep", "spiral"]
+"""Paths of a camera among the views."""
 
 
 @dataclass(frozen=True)
@@ -14,6 +18,12 @@ class WriterOptions:
 
     suffix: str = ""
     """Of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
+    path: PathName = "circle"
+    """Of the camera, in videos: `renderer.writers.containers.camera_paths.list_positions`."""
+    frames: int = 60
+    """In a video."""
+    fps: float = 30.0
+    """Frames per second of a video."""
     epi: str = ""
     """The line of an EPI picture, as `EpiLine.parse` reads it; empty: the middle row of the centre view."""
 

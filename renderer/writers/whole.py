@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WholeWriter(Writer):
-    """Collects all views, and writes them as one light field when it finishes."""
+    """Collects all views, and writes them as one light field when the last one is there."""
 
     name = ""
     """Of the format, for messages."""
@@ -28,6 +28,8 @@ class WholeWriter(Writer):
         self.file, self.options = file, options
         self._views: Pixels | None = None
         self._contents: Contents | None = None
+        self._missing = 0
+        self._notes: list[str] = []
 
     def check(self, contents: Contents) -> None:
         """Raises `InvalidOption` where the format can't hold the light field, before any view is made."""
@@ -47,19 +49,22 @@ class WholeWriter(Writer):
         self.check(contents)
         shape = (rows, columns, contents.height, contents.width, contents.channels)
         self._views, self._contents = np.empty(shape, contents.dtype), contents
+        self._missing = len(contents.views)
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Keeps a copy of the view."""
+        """Keeps a copy of the view; with the last one, writes the file."""
         assert self._views is not None  # noqa: S101 - `begin` was called: the contract of Writer
+        assert self._contents is not None  # noqa: S101
         self._views[view] = pixels
+        self._missing -= 1
+        if self._missing == 0:
+            light_field = LightField(self._views, is_ordered=True, depth_sense=self._contents.depth_sense)
+            self._notes = self.encode(light_field)
         return file_name(view)
 
     def finish(self, report: dict[str, Any]) -> None:
-        """Writes the file, and adds notes to the report."""
-        assert self._views is not None  # noqa: S101
-        assert self._contents is not None  # noqa: S101
-        light_field = LightField(self._views, is_ordered=True, depth_sense=self._contents.depth_sense)
-        report["notes"] += self.encode(light_field)
+        """Adds notes to the report."""
+        report["notes"] += self._notes
 
     def discard(self) -> None:
         """Releases the views."""

@@ -13,7 +13,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.registry import is_picture
+from ciir.renderer.readers.registry import is_container, is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -91,7 +91,9 @@ class Input:
         from ciir.renderer.readers import inputs
 
         content = inputs.open_input(self._source, self._layout(options), options.placement, pose, views)
-        if self._source.main is None and not isinstance(content, Scene):
+        main = self._source.main
+        is_eia = main is not None and (is_picture(main) or (is_container(main) and options.lenses is not None))
+        if not is_eia and not isinstance(content, Scene):
             self._check_views(content, options)
         return content
 
@@ -100,6 +102,7 @@ class Input:
             lenses=options.lenses,
             pixels=options.pixels,
             pickup=options.pickup,
+            frame=options.frame,
             order=options.order,
             flip=options.flip,
             transpose=options.transpose == "yes",

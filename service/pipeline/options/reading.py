@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from ciir.renderer.light_field import Flip, OrderCheck, Pickup
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import make_name, make_number, make_switch
+from ciir.service.pipeline.options.values import make_integer, make_name, make_number, make_switch
 
 Switch = Literal["yes", "no"]
 
@@ -43,6 +43,9 @@ READING = {
         make_name(get_args(Pickup)),
         "optical",
     ),
+    "frame": Option(
+        "N", "the frame to read of a video of EIAs (with --lenses), from 0 (default 0)", make_integer(0, 999_999), "0"
+    ),
     "order": Option(
         "NAME",
         "auto: put a set of views right whose order is certainly wrong; given: keep the order; rows, columns: the "
@@ -72,6 +75,7 @@ class ReadingOptions:
     parallax: float | None = None
     """Degrees."""
     pickup: Pickup = "virtual"
+    frame: int = 0
     order: OrderCheck = "auto"
     flip: Flip = "none"
     transpose: Switch = "no"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import get_args
 
-from ciir.renderer.writers.options import EpiLine, WriterOptions
+from ciir.renderer.writers.options import EpiLine, PathName, WriterOptions
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import ValueType
+from ciir.service.pipeline.options.values import ValueType, make_integer, make_name, make_number
 
 
 def _read_line(_: str, text: str) -> str:
@@ -22,6 +23,14 @@ EPI = ValueType(
 )
 
 WRITING = {
+    "path": Option(
+        "NAME",
+        "of the camera in a video: circle, sweep (left to right and back) or spiral (default circle)",
+        make_name(get_args(PathName)),
+        "sweep",
+    ),
+    "frames": Option("N", "frames of a video, 1 to 3600 (default 60)", make_integer(1, 3600), "3"),
+    "fps": Option("RATE", "frames per second of a video, 1 to 240 (default 30)", make_number(1, 240), "25"),
     "epi": Option(
         "LINE",
         "format epi: a row y=120 of the views, or a column x=80; with v or u: of the views of that row or column "
@@ -37,6 +46,9 @@ WRITING = {
 class WritingOptions:
     """Values of the options in `WRITING`."""
 
+    path: PathName = "circle"
+    frames: int = 60
+    fps: float = 30.0
     epi: str = ""
 
     def make_writer_options(self, suffix: str = "") -> WriterOptions:

@@ -90,5 +90,5 @@ def test_format_follows_the_count(count, chosen):
 
 
 def test_unknown_format():
-    with pytest.raises(InvalidOption, match=r"'gif'.*give png, .*zip, npz"):
-        FileWriter(io.BytesIO(), "gif")
+    with pytest.raises(InvalidOption, match=r"'bmp'.*give png, .*zip, npz"):
+        FileWriter(io.BytesIO(), "bmp")

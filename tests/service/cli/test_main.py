@@ -346,7 +346,7 @@ def test_views_in_a_wrong_order_are_put_right_with_a_note(tmp_path, capsys):
 
 
 def test_upscale_says_what_it_takes(tmp_path, capsys):
-    for name, data in (("a.gif", b"GIF89a"), ("a.png", b"hello"), ("b.jpg", encode(EIA, ".png"))):
+    for name, data in (("a.bmp", b"BM"), ("a.png", b"hello"), ("b.jpg", encode(EIA, ".png"))):
         (tmp_path / name).write_bytes(data)
         line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
         assert contains_all(line, [name, ".png", ".tif", "folder"])

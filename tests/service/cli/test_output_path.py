@@ -62,7 +62,7 @@ def test_no_name_is_refused(folder, capsys, command):
 @pytest.mark.parametrize(
     ("command", "name"),
     [
-        *(("reconstruct", f"zz.{suffix}") for suffix in ("gif", "bmp", "GIF", "tar.gz")),
+        *(("reconstruct", f"zz.{suffix}") for suffix in ("ico", "bmp", "ICO", "tar.gz")),
         ("upscale a picture", "zz.gif"),
         ("upscale a folder", "zz.png"),
         ("upscale a folder", "zz.zip"),

@@ -21,6 +21,7 @@ def test_parses_every_option():
         "transpose": "yes", "parallax": "30", "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
         "time": "1.5", "camera": " Front left ",
+        "path": "spiral", "frame": "7", "frames": "90", "fps": "25",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
@@ -29,6 +30,7 @@ def test_parses_every_option():
         skip="exact", neighbour_time=0.25, order="given", flip="uv", transpose="yes", parallax=30.0, up="z",
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
         time=1.5, camera="Front left",
+        path="spiral", frame=7, frames=90, fps=25.0,
     )  # fmt: skip
 
 
@@ -46,6 +48,7 @@ def test_parses_every_option():
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
         ("epi", "3"), ("epi", "x=1,v=2"),
         ("time", "-1"), ("camera", "x" * 201),
+        ("path", "square"), ("frames", "0"), ("frames", "1.5"), ("fps", "0"), ("fps", "nan"),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):

@@ -1,0 +1,126 @@
+"""Reads videos by FFmpeg (PyAV): of a camera that moves, frame by frame a view; or of elemental image arrays.
+
+The frames of a video are `L[v, u, y, x, c]` with v = frame // U and u = frame % U: a single row of views, of a camera
+that moves to the right, unless the grid is given.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import av
+import numpy as np
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.containers.samples import check_array
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from av.container import InputContainer
+    from av.video.stream import VideoStream
+    from numpy.typing import NDArray
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+
+CODECS = frozenset({
+    "av1", "ffv1", "gif", "h264", "hevc", "libdav1d", "libvpx", "libvpx-vp9", "mjpeg", "mpeg4", "png", "rawvideo",
+    "vp8", "vp9",
+})  # fmt: skip
+"""FFmpeg's names of the decoders that untrusted bytes reach."""
+MOVES_RIGHT = "frames are taken as views of a camera that moves from left to right; flip u where it moves to the left"
+
+
+def read_mp4(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """An MP4 or QuickTime file."""
+    return _read(data, "mp4", name, layout, limits)
+
+
+def read_matroska(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """A Matroska or WebM file."""
+    return _read(data, "matroska", name, layout, limits)
+
+
+def read_gif(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """An animated GIF."""
+    return _read(data, "gif", name, layout, limits)
+
+
+def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits) -> LightField:
+    """With `layout.lenses` frame `layout.frame` as an elemental image array, else all frames as views."""
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        stream = _open_stream(file, name, limits)
+        if layout.lenses is not None:
+            return _read_eia(file, stream, name, layout)
+        frames = _count_frames(data, container)
+    rows, columns = layout.pixels or (1, frames)
+    if rows * columns != frames:
+        raise InvalidOption(
+            f"pixels: {rows}x{columns} asks for {rows * columns} views, but {name} has {frames} frames; "
+            "give the rows and columns of views, or leave it out for one row"
+        )
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        stream = _open_stream(file, name, limits)
+        views = _read_views(_decode(file, stream), (rows, columns), name, limits)
+    return LightField(views, (MOVES_RIGHT,), depth_sense="cameras")
+
+
+def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream:
+    """The first video stream, whose decoder refuses frames over the limit."""
+    if not file.streams.video:
+        raise Unreadable(f"{name}: holds no video; give one with a picture")
+    stream = file.streams.video[0]
+    codec = stream.codec_context
+    if codec.name not in CODECS:
+        raise UnsupportedType(f"{name}: a video by {codec.name} is not read; give H.264, VP9, AV1 or an animated GIF")
+    height, width = stream.height, stream.width
+    if height * width > limits.pixels:
+        raise TooLarge(
+            f"{name}: frames of {height}x{width} pixels; at most {limits.pixels:,} are read; scale it down", "pixels"
+        )
+    codec.options = {"max_pixels": str(limits.pixels)}  # a frame's own header may give another size
+    return stream
+
+
+def _count_frames(data: bytes, container: str) -> int:
+    """Packets of the first video stream: a frame each. The number in the header may be missing or wrong."""
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        return sum(1 for packet in file.demux(file.streams.video[0]) if packet.size > 0)
+
+
+def _decode(file: InputContainer, stream: VideoStream) -> Iterator[NDArray[Any]]:
+    """RGB frames `(H, W, 3)`, turned upright; 16 bit where the video has more than 8."""
+    for frame in file.decode(stream):
+        is_deep = frame.format.components[0].bits > 8
+        pixels = frame.to_ndarray(format="rgb48le" if is_deep else "rgb24")
+        yield np.rot90(pixels, round(frame.rotation / 90))
+
+
+def _read_views(frames: Iterator[NDArray[Any]], grid: tuple[int, int], name: str, limits: Limits) -> NDArray[Any]:
+    count = grid[0] * grid[1]
+    first = next(frames, None)
+    if first is None:
+        raise Unreadable(f"{name}: no frame of the video can be decoded; give the whole file")
+    check_array(name, (*grid, *first.shape), first.dtype, limits)
+    views = np.empty((count, *first.shape), first.dtype)
+    views[0] = first
+    done = 1
+    for frame in frames:
+        if done == count or frame.shape != first.shape or frame.dtype != first.dtype:
+            raise Unreadable(f"{name}: frame {done} is not like the first, or one too many; convert the video")
+        views[done] = frame
+        done += 1
+    if done < count:
+        raise Unreadable(f"{name}: {done} of {count} frames can be decoded; give the whole file")
+    return views.reshape(*grid, *first.shape)
+
+
+def _read_eia(file: InputContainer, stream: VideoStream, name: str, layout: Layout) -> LightField:
+    for number, frame in enumerate(_decode(file, stream)):
+        if number == layout.frame:
+            rows, columns = layout.lenses or (0, 0)
+            return LightField.from_eia(np.ascontiguousarray(frame), rows=rows, cols=columns, pickup=layout.pickup)
+    raise InvalidOption(f"frame: {name} has no frame {layout.frame}; they are counted from 0")

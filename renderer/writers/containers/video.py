@@ -1,0 +1,161 @@
+"""Writes what a camera sees on a path among the views: MP4 and WebM by FFmpeg, GIF and WebP by Pillow."""
+
+from __future__ import annotations
+
+import io
+from abc import abstractmethod
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.containers.camera_paths import draw_frames, list_positions
+from ciir.renderer.writers.whole import WholeWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+    from PIL import Image
+
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.writers.writer import Contents
+
+MOST_SIDE = 16_383
+"""Pixels along a side of a frame: WebP's limit, the least of the four formats'."""
+MOST_ANIMATION_FPS = 50
+"""Browsers show a frame of less than 20 ms for 100 ms."""
+_BT601, _LIMITED = 6, 1
+"""How FFmpeg turns RGB into luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
+
+
+class PathWriter(WholeWriter):
+    """Draws the frames of the path that the options give: 8 bit RGB."""
+
+    def check(self, contents: Contents) -> None:
+        """Refuses views that are too large for a frame."""
+        list_positions(self.options.path, 1, contents.grid)
+        if max(contents.height, contents.width) > MOST_SIDE:
+            raise InvalidOption(
+                f"format: {self.name} holds frames of up to {MOST_SIDE:,} pixels a side and the views have "
+                f"{contents.height}x{contents.width}; give smaller ones"
+            )
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the frames, and notes what is lost."""
+        options = self.options
+        notes = self.write_frames(draw_frames(light_field, options.path, options.frames))
+        count_v, count_u, *_, channels = light_field.views.shape
+        if count_v * count_u > 1:
+            notes.append("between views the nearest are blended: what moves by more than a pixel is seen twice there")
+        if light_field.views.dtype == np.uint16:
+            notes.append(f"{self.name} holds 8 bit: samples are rounded")
+        if channels in (2, 4):
+            notes.append(f"{self.name}: alpha is left out")
+        return notes
+
+    @abstractmethod
+    def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
+        """Writes the frames, `(H, W, 3)` each; returns notes."""
+
+
+class VideoWriter(PathWriter):
+    """Writes a video of 4:2:0 chrominance, which all players show; an odd last row or column is repeated."""
+
+    container = ""
+    """FFmpeg's name of the format."""
+    codecs: tuple[tuple[str, dict[str, str]], ...] = ()
+    """FFmpeg's names of encoders, the preferred one first, and their options."""
+
+    def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
+        """Encodes one frame after the other. The file has no dates: the same views make the same bytes."""
+        import av
+        from av.container import Flags
+
+        codec, settings = next((name, settings) for name, settings in self.codecs if name in av.codecs_available)
+        packed, size = io.BytesIO(), (0, 0)
+        with av.open(packed, "w", format=self.container) as container:
+            container.flags |= cast("int", Flags.bitexact.value)
+            stream = container.add_stream(codec, rate=Fraction(self.options.fps).limit_denominator(1001))
+            assert isinstance(stream, av.VideoStream)  # noqa: S101 - all of `codecs` are of videos
+            for number, pixels in enumerate(frames):
+                height, width = size = pixels.shape[:2]
+                even = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), "edge")
+                if number == 0:
+                    stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
+                    stream.options = dict(settings)
+                    stream.codec_context.colorspace, stream.codec_context.color_range = _BT601, _LIMITED
+                frame = av.VideoFrame.from_ndarray(even, format="rgb24")
+                frame.pts = number
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        self.file.write(packed.getbuffer())
+        lossy = f"{self.name}: lossy, {codec} with 4:2:0 chrominance"
+        return [lossy + ", an odd last row or column is repeated" if size[0] % 2 or size[1] % 2 else lossy]
+
+
+class Mp4Writer(VideoWriter):
+    """Writes MP4: H.264, or MPEG-4 Visual where FFmpeg was built without x264."""
+
+    name, container = "mp4", "mp4"
+    codecs = (("libx264", {"crf": "18"}), ("mpeg4", {"qscale": "2"}))
+
+
+class WebmWriter(VideoWriter):
+    """Writes WebM: VP9."""
+
+    name, container = "webm", "webm"
+    codecs = (("libvpx-vp9", {"crf": "24", "b": "0", "row-mt": "1"}),)
+
+
+class AnimationWriter(PathWriter):
+    """Writes an animation that starts again at its end. Equal frames that follow one another are stored as one."""
+
+    unit = 1
+    """Milliseconds of the format's clock."""
+    lost = ""
+    """A note on what the format changes."""
+
+    def check(self, contents: Contents) -> None:
+        """Refuses a rate that viewers don't keep."""
+        super().check(contents)
+        if self.options.fps > MOST_ANIMATION_FPS:
+            raise InvalidOption(
+                f"fps: {self.options.fps:g} is over the {MOST_ANIMATION_FPS} that viewers show of {self.name}; "
+                "give fewer, or format mp4 or webm"
+            )
+
+    def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
+        """Frames are shown for whole units of the format's clock; their mean is the rate that is asked for."""
+        from PIL import Image
+
+        ends = [round(1000 * (number + 1) / self.options.fps / self.unit) for number in range(self.options.frames)]
+        durations = [self.unit * (end - start) for start, end in zip([0, *ends], ends, strict=False)]
+        first, *rest = [Image.fromarray(pixels) for pixels in frames]
+        self.save(first, save_all=True, append_images=rest, duration=durations, loop=0)
+        return [f"{self.name}: {self.lost}"]
+
+    @abstractmethod
+    def save(self, first: Image.Image, **options: Any) -> None:
+        """Writes the animation that starts with `first`, with options of Pillow."""
+
+
+class GifWriter(AnimationWriter):
+    """Writes GIF."""
+
+    name, unit, lost = "gif", 10, "256 colours a frame, and a clock of 10 ms"
+
+    def save(self, first: Image.Image, **options: Any) -> None:
+        """Pillow selects the colours of each frame."""
+        first.save(self.file, "GIF", disposal=1, optimize=False, **options)
+
+
+class WebpWriter(AnimationWriter):
+    """Writes animated WebP."""
+
+    name, lost = "animated-webp", "lossy, of quality 90"
+
+    def save(self, first: Image.Image, **options: Any) -> None:
+        """Method 4 of 6 is the usual compromise between time and size."""
+        first.save(self.file, "WEBP", quality=90, method=4, **options)

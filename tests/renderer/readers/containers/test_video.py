@@ -1,0 +1,123 @@
+"""Videos are made here by PyAV itself, with lossless codecs, so that each frame is known to the bit."""
+
+import io
+
+import av
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.containers import video
+from ciir.renderer.readers.layout import Layout
+
+READERS = {"mp4": video.read_mp4, "matroska": video.read_matroska, "gif": video.read_gif}
+FRAMES = np.random.default_rng(0).integers(0, 255, (6, 16, 24, 3), np.uint8)
+FRAMES[:, :, :, 1:] = FRAMES[:, :, :, :1]  # grey: all codecs below keep it
+
+
+def make(frames=FRAMES, codec="ffv1", container="matroska", pixel_format="bgr0", source="rgb24"):
+    file = io.BytesIO()
+    with av.open(file, "w", format=container) as output:
+        stream = output.add_stream(codec, rate=25)
+        stream.height, stream.width, stream.pix_fmt = *frames.shape[1:3], pixel_format
+        for number, pixels in enumerate(frames):
+            frame = av.VideoFrame.from_ndarray(pixels, format=source)
+            frame.pts = number
+            output.mux(stream.encode(frame))
+        output.mux(stream.encode())
+    return file.getvalue()
+
+
+def read(data, container="matroska", limits=None, **layout):
+    return READERS[container](data, name="a", layout=Layout(**layout), limits=limits or Limits())
+
+
+def test_frames_are_a_row_of_views_from_the_left():
+    found = read(make())
+    assert found.views.shape == (1, 6, 16, 24, 3)
+    for number, frame in enumerate(FRAMES):
+        np.testing.assert_array_equal(found.view(0, number), frame)
+    assert found.depth_sense == "cameras"
+    assert "from left to right" in found.notes[0]
+
+
+def test_frames_fill_a_grid_row_by_row():
+    found = read(make(), pixels=(2, 3))
+    for v, u in np.ndindex(2, 3):
+        np.testing.assert_array_equal(found.view(v, u), FRAMES[3 * v + u])
+
+
+def test_a_frame_as_an_elemental_image_array():
+    data = make()
+    first = read(data, lenses=(4, 8))
+    fourth = read(data, lenses=(4, 8), frame=3)
+    turned = read(data, lenses=(4, 8), frame=3, pickup="optical")
+    for v, u, y, x in np.ndindex(4, 3, 4, 8):
+        assert (first.view(v, u)[y, x] == FRAMES[0, 4 * y + v, 3 * x + u]).all()
+        assert (fourth.view(v, u)[y, x] == FRAMES[3, 4 * y + v, 3 * x + u]).all()
+        assert (turned.view(v, u)[y, x] == FRAMES[3, 4 * y + 3 - v, 3 * x + 2 - u]).all()
+    assert first.depth_sense == "lenses"
+    with pytest.raises(InvalidOption, match="a has no frame 6; they are counted from 0"):
+        read(data, lenses=(4, 8), frame=6)
+
+
+def test_gif():
+    grey = np.zeros((3, 16, 24), np.uint8)
+    grey[1], grey[2] = 85, 255
+    data = make(grey, "gif", "gif", "gray", "gray")
+    found = read(data, "gif")
+    assert found.views.shape == (1, 3, 16, 24, 3)
+    assert [found.view(0, u)[5, 5, 0] for u in range(3)] == [0, 85, 255]
+
+
+def test_lossy_codecs_keep_the_order():
+    steps = np.repeat(np.arange(6, dtype=np.uint8) * 40, 16 * 24 * 3).reshape(FRAMES.shape)
+    for codec, container in (("libx264", "mp4"), ("libvpx-vp9", "webm"), ("mpeg4", "mp4")):
+        data = make(steps, codec, container, "yuv420p")
+        found = read(data, "mp4" if container == "mp4" else "matroska").views[0, :, 8, 12, 0]
+        np.testing.assert_allclose(found, [0, 40, 80, 120, 160, 200], atol=4)
+
+
+def test_more_than_8_bit_are_kept():
+    deep = np.random.default_rng(0).integers(0, 2**16, (2, 16, 24, 3), np.uint16)
+    found = read(make(deep, "ffv1", "matroska", "gbrp16le", "rgb48le"))
+    assert found.views.dtype == np.uint16
+    np.testing.assert_array_equal(found.views[0], deep)
+
+
+@pytest.mark.parametrize(
+    ("layout", "limits", "error", "message"),
+    [
+        ({"pixels": (2, 2)}, Limits(), InvalidOption, "2x2 asks for 4 views, but a has 6 frames"),
+        ({"lenses": (5, 5)}, Limits(), InvalidOption, "5x5 does not divide the picture of 16x24"),
+        ({}, Limits(pixels=300), TooLarge, "frames of 16x24 pixels; at most 300"),
+        ({}, Limits(set_bytes=6000), TooLarge, "comes to 6,912 bytes"),
+        ({}, Limits(views=5), TooLarge, "at most 5 views"),
+    ],
+)
+def test_limits_and_grids(layout, limits, error, message):
+    with pytest.raises(error, match=message):
+        read(make(), limits=limits, **layout)
+
+
+def test_other_codecs_and_sounds_are_refused():
+    with pytest.raises(UnsupportedType, match="a video by mpeg2video is not read"):
+        read(make(codec="mpeg2video", pixel_format="yuv420p"))
+    file = io.BytesIO()
+    with av.open(file, "w", format="matroska") as output:
+        output.add_stream("pcm_s16le", rate=8000)
+        sound = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), layout="mono")
+        sound.sample_rate = 8000
+        output.mux(output.streams[0].encode(sound))
+    with pytest.raises(Unreadable, match="holds no video"):
+        read(file.getvalue())
+
+
+def test_a_video_that_is_cut_short():
+    from ciir.renderer.readers import inputs
+    from ciir.renderer.readers.bundle import Bundle
+
+    data = make(codec="libx264", container="mp4", pixel_format="yuv420p")
+    with pytest.raises(Unreadable, match="truncated or corrupt"):
+        inputs.read(Bundle.from_upload("a.mp4", data[: len(data) // 2]))

@@ -1,0 +1,100 @@
+import io
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.containers.camera_paths import draw_frames
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.writer import Contents
+
+FORMATS = {"mp4": ".mp4", "webm": ".webm", "gif": ".gif", "animated-webp": ".webp"}
+
+
+def make_field(height=48, width=64, dtype=np.uint8, channels=3):
+    """A bright square on grey, which moves by 4 pixels from one view to the next."""
+    top = np.iinfo(dtype).max
+    views = np.full((3, 5, height, width, channels), top // 4, dtype)
+    for v, u in np.ndindex(3, 5):
+        views[v, u, 8 + 4 * v :, 8 + 4 * u :, :1][:16, :16] = top
+    return LightField(views, depth_sense="cameras")
+
+
+def read(path, name):
+    """Frames as players decode them, and the rate."""
+    if name == "animated-webp":
+        with Image.open(path) as image:
+            frames, times = [], []
+            for number in range(image.n_frames):
+                image.seek(number)
+                frames.append(np.array(image.convert("RGB")))
+                times.append(image.info["duration"])
+        return frames, 1000 * len(times) / max(1, sum(times))  # a single frame has no duration
+    with av.open(path) as container:
+        rate = container.streams.video[0].average_rate
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)], float(rate)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(("frames", "fps"), [(1, 10), (12, 25)])
+def test_every_frame_of_the_path_at_its_rate(tmp_path, name, frames, fps):
+    field = make_field()
+    path = tmp_path / f"a{FORMATS[name]}"
+    notes = field.save(path, name, path="sweep", frames=frames, fps=fps)
+    found, rate = read(path, name)
+    assert len(found) == frames
+    assert rate == pytest.approx(fps, rel=0.01) or frames == 1  # GIF's clock has units of 10 ms
+    for frame, expected in zip(found, draw_frames(field, "sweep", frames), strict=True):
+        # 4:2:0 chrominance, 256 colours and quality 90 change edges; a frame in another place differs by over 20.
+        assert np.abs(frame.astype(int) - expected).mean() < 5
+    assert any("blended" in note for note in notes)
+
+
+@pytest.mark.parametrize("name", ["gif", "animated-webp"])
+def test_equal_frames_are_stored_as_one_of_their_duration(tmp_path, name):
+    path = tmp_path / f"a{FORMATS[name]}"
+    make_field().save(path, name, path="sweep", frames=13, fps=25)  # frames 6 and 7 are on either side of the turn
+    with Image.open(path) as image:
+        durations = []
+        for number in range(image.n_frames):
+            image.seek(number)
+            image.load()
+            durations.append(image.info["duration"])
+    assert durations == [40] * 6 + [80] + [40] * 5
+
+
+@pytest.mark.parametrize(("height", "width"), [(47, 63), (1, 1)])
+def test_odd_sides_are_padded(tmp_path, height, width):
+    views = np.full((2, 2, height, width, 3), 77, np.uint8)
+    notes = LightField(views).save(tmp_path / "a.mp4", frames=2)
+    (frame, _), _ = read(tmp_path / "a.mp4", "mp4")
+    assert frame.shape == (height + height % 2, width + width % 2, 3)
+    assert np.abs(frame.astype(int) - 77).max() < 4
+    assert "an odd last row or column is repeated" in notes[0]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_what_is_lost_is_noted(tmp_path, name):
+    notes = make_field(dtype=np.uint16, channels=4).save(tmp_path / f"a{FORMATS[name]}", frames=2)
+    assert [f"{name} holds 8 bit: samples are rounded", f"{name}: alpha is left out"] == list(notes[-2:])
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "contents", "message"),
+    [
+        ("gif", {"fps": 60}, (8, 8), "fps: 60 is over the 50 that viewers show of gif"),
+        ("mp4", {"path": "square"}, (8, 8), "path: 'square' is not known"),
+        ("webm", {}, (8, 20_000), "webm holds frames of up to 16,383 pixels a side"),
+    ],
+)
+def test_what_is_refused_before_any_view_is_made(name, options, contents, message):
+    given = Contents(tuple(np.ndindex(2, 2)), (2, 2), *contents, 3, np.dtype(np.uint8))
+    with (
+        FileWriter(io.BytesIO(), name, WriterOptions(**options)) as writer,
+        pytest.raises(InvalidOption, match=message),
+    ):
+        writer.begin(given)
