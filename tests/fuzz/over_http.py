@@ -34,7 +34,16 @@ from tests.load.requests import PATH, LoadRequest, make_form
 from tests.support.servers import run_server
 
 ANSWER_SECONDS = 60
-SUFFIXES = {"png-sealed": ".png", "jpeg": ".jpg", "tiff": ".tif", "draco": ".glb", "any": "", "views": ".zip"}
+SUFFIXES = {
+    "png-sealed": ".png",
+    "jpeg": ".jpg",
+    "tiff": ".tif",
+    "draco": ".glb",
+    "meshopt": ".glb",
+    "gltf-pose": ".gltf",
+    "any": "",
+    "views": ".zip",
+}
 """Of a target's files, where it isn't the target's name."""
 HEADS = (
     f"POST {PATH}\r\nContent-Type: multipart/form-data; boundary=bound\r\n",

@@ -23,6 +23,7 @@ from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.writers.formats import FileWriter
@@ -32,7 +33,7 @@ from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
 from tests.fuzz import seeds
-from tests.fuzz.seeds import containers, gltf, parts
+from tests.fuzz.seeds import containers, gltf, gltf_extensions, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,7 +94,7 @@ def sealed_png(data: bytes) -> None:
     picture("png")(b"".join(made))
 
 
-def mesh(kind: Format, *beside: str) -> Callable[[bytes], None]:
+def mesh(kind: Format, *beside: str, pose: MeshPose = AS_STORED) -> Callable[[bytes], None]:
     """A mesh, and the files `beside` it where the input holds several parts."""
 
     def check(data: bytes) -> None:
@@ -101,7 +102,7 @@ def mesh(kind: Format, *beside: str) -> Callable[[bytes], None]:
         name = f"main.{kind.extension}"
         if identify(name, main) is kind:
             files = {name: main, **dict(zip(beside, others, strict=False))}
-            _check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind))
+            _check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind, pose=pose))
 
     return check
 
@@ -204,10 +205,13 @@ TARGETS: dict[str, Target] = {
     "jpeg": Target(picture("jpg"), seeds.jpegs),
     "tiff": Target(picture("tif"), seeds.tiffs),
     "webp": Target(picture("webp"), seeds.webps),
+    "ktx2": Target(picture("ktx2"), gltf_extensions.ktx2),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),
-    "glb": Target(mesh(SUFFIXES[".glb"]), gltf.glb),
+    "glb": Target(mesh(SUFFIXES[".glb"]), lambda: [*gltf.glb(), *gltf_extensions.textured()]),
     "gltf": Target(mesh(SUFFIXES[".gltf"], "a.bin", "x.png"), gltf.gltf),
+    "gltf-pose": Target(mesh(SUFFIXES[".gltf"], "a.bin", pose=MeshPose(0.5, "0")), gltf_extensions.pose),
+    "meshopt": Target(mesh(SUFFIXES[".glb"]), gltf_extensions.packed),
     "draco": Target(mesh(SUFFIXES[".glb"]), gltf.draco),
     "obj": Target(mesh(SUFFIXES[".obj"], "a.mtl", "x.png"), seeds.obj),
     "ply": Target(mesh(SUFFIXES[".ply"], "x.png"), seeds.ply),

@@ -60,8 +60,10 @@ class Document:
     """Buffers that were read, by index."""
     elements: int = 0
     """Elements in all accessors that were read."""
-    unpacked: dict[int, memoryview] = field(default_factory=dict)
+    unpacked: dict[object, memoryview] = field(default_factory=dict)
     """Buffer views that were decompressed, by index."""
+    unpacked_bytes: int = 0
+    """Of them all."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""
@@ -112,17 +114,16 @@ class Document:
         found = memoryview(data)[start : start + length]
         if packed is None:
             return found
-        number = int(str(index))
-        if number not in self.unpacked:
-            self.unpacked[number] = self._unpack(found, packed, number)
-        return self.unpacked[number]
+        if index not in self.unpacked:
+            self.unpacked[index] = self._unpack(found, packed, index)
+        return self.unpacked[index]
 
-    def _unpack(self, data: memoryview, packed: dict[str, Any], index: int) -> memoryview:
+    def _unpack(self, data: memoryview, packed: dict[str, Any], index: object) -> memoryview:
         """A buffer view of `meshopt.NAMES`. Raises `Unreadable`, or `TooLarge` before anything is allocated."""
         count, stride = int(packed["count"]), int(packed["byteStride"])
-        size = count * stride
         most = ELEMENT_BYTES * self.max_elements
-        if sum(len(view) for view in self.unpacked.values()) + size > most:
+        self.unpacked_bytes += count * stride
+        if self.unpacked_bytes > most:
             raise TooLarge(
                 f"{self.name}: with buffer view {index} those that are compressed unpack to over {most:,} bytes; "
                 "decimate the mesh",

@@ -52,15 +52,19 @@ def find_surfaces(
         root = find_view_matrix(document, walk_nodes(document, moved, root), pose.camera)
     nodes = list(walk_nodes(document, moved, root))
     world = {index: matrix for index, _, matrix in nodes}
-    primitives: dict[tuple[int, int | None, int], Surface | None] = {}
-    weights: dict[int, list[tuple[int, float]]] = {}
+    primitives: dict[tuple[int, int | None, int | None, int], Surface | None] = {}
+    weights: dict[int, list[tuple[int, float]]] = {}  # of a mesh
+    skins: dict[int, NDArray[np.float64] | None] = {}
     placed = 0
     for index, node, matrix in nodes:
         if "mesh" not in node:
             continue
         mesh = document.item("meshes", node["mesh"])
         matrices = place_instances(document, node, matrix, MAX_PRIMITIVES)
-        joints = find_joint_matrices(document, node["skin"], world) if "skin" in node else None
+        skin = node.get("skin")
+        if skin is not None and skin not in skins:
+            skins[skin] = find_joint_matrices(document, skin, world)
+        joints = None if skin is None else skins[skin]
         if joints is not None:
             matrices = np.eye(4)[None]  # joints alone place a skinned mesh
         placed += max(1, len(mesh["primitives"])) * len(matrices)
@@ -72,9 +76,9 @@ def find_surfaces(
         if node["mesh"] not in weights:
             weights[node["mesh"]] = _find_nonzero(mesh.get("weights", ()))
         own = _find_nonzero(node["weights"]) if "weights" in node else weights[node["mesh"]]
-        shape = index if joints is not None or "weights" in node else None
+        shape = index if "weights" in node else None
         for number, primitive in enumerate(mesh["primitives"]):
-            key = node["mesh"], shape, number
+            key = node["mesh"], shape, skin, number
             if key not in primitives:
                 primitives[key] = read_primitive(document, primitive, own, joints)
             yield primitives[key], matrices
