@@ -51,8 +51,8 @@ class Material:
     def _transmitted(self) -> float:
         """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""
         transmission = self.extensions.get("KHR_materials_transmission", {})
-        factor = min(max(float(transmission.get("transmissionFactor", 0.0)), 0.0), 1.0)
-        if factor == 0 or self.alpha_cutoff is not None:
+        factor = min(float(transmission.get("transmissionFactor", 0.0)), 1.0)
+        if not factor > 0 or self.alpha_cutoff is not None:  # NaN too
             return 0.0
         self._document.resolver.add_note(
             "KHR_materials_transmission is drawn as see-through, darker colours as hiding more; without refraction"

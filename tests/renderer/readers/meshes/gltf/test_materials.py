@@ -96,6 +96,7 @@ def test_blend_is_see_through(mode: str) -> None:
         ("OPAQUE", 0.5, [1, 1, 1, 1], 0.55),
         ("OPAQUE", 1, [0, 1, 0, 1], 1 - 0.9 * 0.7152),
         ("OPAQUE", 0, [1, 1, 1, 1], 1.0),
+        ("OPAQUE", float("nan"), [1, 1, 1, 1], 1.0),
         ("MASK", 1, [1, 1, 1, 0.8], 0.8),
     ],
 )
