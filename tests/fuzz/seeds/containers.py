@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+import av
 import h5py
 import numpy as np
+from av.container import Flags
 from scipy.io import savemat
 
 from ciir.renderer.readers.containers.mat import VERSION_5
@@ -61,6 +63,36 @@ def hdf5() -> list[bytes]:
         _fill(lambda file: file.create_dataset("a", data=VIEWS / 255, fletcher32=True)),
         _fill(lambda file: file.create_dataset("Hr_SAI_y", data=np.linspace(0, 1, 150).reshape(15, 10))),
     ]
+
+
+def mp4() -> list[bytes]:
+    """Of our writer's two codecs."""
+    return [_film("mp4", codec, "yuv420p") for codec in ("libx264", "mpeg4") if codec in av.codecs_available]
+
+
+def matroska() -> list[bytes]:
+    """With and without loss."""
+    return [_film("webm", "libvpx-vp9", "yuv420p"), _film("matroska", "ffv1", "bgr0")]
+
+
+def gif() -> list[bytes]:
+    """An animation."""
+    return [_film("gif", "gif", "rgb8")]
+
+
+def _film(container: str, codec: str, pixel_format: str) -> bytes:
+    """Three frames of 16x16 pixels, the same bytes each time."""
+    buffer = io.BytesIO()
+    with av.open(buffer, "w", format=container) as file:
+        file.flags |= cast("int", Flags.bitexact.value)
+        stream = cast("av.VideoStream", file.add_stream(codec, rate=25))
+        stream.height, stream.width, stream.pix_fmt = 16, 16, pixel_format
+        for number in range(3):
+            frame = av.VideoFrame.from_ndarray(np.roll(noise(16, 16, 3), number, axis=1), format="rgb24")
+            frame.pts = number
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    return buffer.getvalue()
 
 
 def _fill(fill: Callable[[h5py.File], object]) -> bytes:

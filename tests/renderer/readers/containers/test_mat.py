@@ -128,7 +128,7 @@ def test_what_unpacks_to_more_than_its_header_says_is_not_unpacked():
     body = make_mat5()[136:]
     packed = zlib.compress(struct.pack("<II", MATRIX, len(body) + 2**22) + body + bytes(2**22))
     data = make_mat5()[:128] + struct.pack("<II", COMPRESSED, len(packed)) + packed
-    with pytest.raises(TooLarge, match="unpacks to over 1,...,... bytes"):
+    with pytest.raises(TooLarge, match=r"unpacks to over 1,...,... bytes"):
         read(data)
     with pytest.raises(TooLarge, match="unpacks to over 99 bytes"):
         read(make_mat5(is_compressed=True), bytes=99)
