@@ -31,9 +31,9 @@ class Material:
         metallic = entry.get("pbrMetallicRoughness", {})
         glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness", {})
         factor = glossy.get("diffuseFactor") if glossy else metallic.get("baseColorFactor")
-        red, green, blue, alpha = (float(value) for value in factor or (1.0, 1.0, 1.0, 1.0))
-        red, green, blue = (float(value) for value in encode_srgb(np.array([red, green, blue])))
-        self.color = red, green, blue, min(max(alpha, 0.0), 1.0)
+        linear = np.nan_to_num(np.array(factor or (1.0, 1.0, 1.0, 1.0), np.float64))  # JSON as Python reads it has NaN
+        red, green, blue = (float(value) for value in encode_srgb(linear[:3]))
+        self.color = red, green, blue, float(np.clip(linear[3], 0.0, 1.0))
         self._texture = glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture")
         self._transform: dict[str, Any] = (self._texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
         channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))

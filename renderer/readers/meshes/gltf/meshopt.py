@@ -17,12 +17,17 @@ if TYPE_CHECKING:
 NAMES = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 _TRIANGLES, _INDICES = 0xE1, 0xD1  # first bytes
 _TABLE_BYTES, _PADDING_BYTES = 16, 4  # last bytes
+_MOST_STRIDE = 256
 _UNSET = 0xFFFFFFFF  # no vertex: a stream that reads it is refused as it names a vertex that is not there
 
 
 def decode(data: bytes, *, count: int, stride: int, mode: str, filter_: str) -> NDArray[Any]:
     """`count` elements of `stride` bytes. Raises any error where the data is corrupt."""
+    if count < 1:
+        raise ValueError("meshopt data of no elements")
     if mode == "ATTRIBUTES":
+        if stride % 4 or not 0 < stride <= _MOST_STRIDE:  # imagecodecs divides by it, and has room for no more
+            raise ValueError("meshopt attributes of a wrong stride")
         import imagecodecs
 
         rows: NDArray[np.uint8] = imagecodecs.meshopt_decode(data, (count, stride), np.uint8)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.meshes.gltf.document import Document
 
+_WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "COLOR": (3, 4), "TEXCOORD": (2,)}
+"""Numbers for each vertex; 4 of joints and weights."""
+
 
 def read_primitive(
     document: Document,
@@ -103,6 +106,9 @@ def _read_arrays(
         faces = make_triangles(indices, mode)
     if any(len(values) != count for values in arrays.values()):
         raise Unreadable(f"{document.name}: a primitive's attributes differ in length; export it again")
+    for name in given:
+        if arrays[name].shape[1] not in _WIDTHS.get(name.partition("_")[0], (4,)):
+            raise Unreadable(f"{document.name}: {name} has {arrays[name].shape[1]} numbers a vertex; export it again")
     return arrays, faces
 
 

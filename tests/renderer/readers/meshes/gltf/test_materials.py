@@ -151,3 +151,9 @@ def test_a_picture_is_decoded_once_however_often_it_is_named(monkeypatch: pytest
     model.json["meshes"][0]["primitives"] = [{**model.primitive, "material": i} for i in range(5)]
     assert len(model.read().notes) == 1
     assert len(calls) == 1
+
+
+def test_colours_that_are_no_numbers_are_black() -> None:
+    model = Model()
+    model.material |= {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [float("nan"), 1e999, -1, 9]}}
+    assert model.read().parts[0].colors[0] == pytest.approx([0, FRONT, 0, 1])

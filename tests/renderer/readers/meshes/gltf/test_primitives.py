@@ -7,7 +7,7 @@ from ciir.renderer.readers.meshes.gltf.scene import find_surfaces
 from ciir.renderer.readers.meshes.pose import MeshPose
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.shading import shade
-from tests.support.meshes.gltf import SQUARE, Model
+from tests.support.meshes.gltf import SQUARE, UV, Model
 
 UPWARD = np.tile(np.array([0, 0, 2], np.float32), (4, 1))
 FRONTAL = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
@@ -90,3 +90,11 @@ def test_a_meshs_weights_are_looked_at_once() -> None:
     document = Document("a", {"meshes": [mesh], "nodes": [{"mesh": 0}] * 20}, None, Resolver({}, "a"), 100)
     assert list(find_surfaces(document)) == []
     assert Weights.looks == 1
+
+
+@pytest.mark.parametrize("name", ["POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0"])
+def test_attributes_of_a_wrong_width(name: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.primitive["attributes"][name] = model.add(np.ones((4, 1), np.float32))
+    with pytest.raises(Unreadable, match=f"{name} has 1 numbers a vertex; export it again"):
+        model.read()
