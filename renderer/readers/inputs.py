@@ -14,6 +14,8 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import (
+    ESLF,
+    TIFF_STACK,
     ContainerFormat,
     Format,
     MeshFormat,
@@ -74,6 +76,7 @@ def open_input(
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_, placement, pose)
+    format_ = _refine(format_, bundle, key, layout)
     if isinstance(format_, ContainerFormat):
         return settle_order(_read_container(bundle, key, format_, layout), layout)
     light_field = read_eia(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
@@ -109,6 +112,19 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     if not views:
         raise Unreadable(f"{name}: {_describe_others(names)}; give a mesh, or the views of a light field as pictures")
     return None
+
+
+def _refine(format_: Format, bundle: Bundle, key: str, layout: Layout) -> Format:
+    """The format of a container that is a picture, where `format_` is that of the picture."""
+    if format_.name == "TIFF":
+        from ciir.renderer.readers.containers import tiff_stack
+
+        return TIFF_STACK if tiff_stack.is_stack(bundle.files[key]) else format_
+    if format_.name == "PNG" and layout.lenses is None:
+        from ciir.renderer.readers.containers import eslf
+
+        return ESLF if eslf.is_eslf(bundle.name, bundle.files[key]) else format_
+    return format_
 
 
 def _describe_others(names: list[str]) -> str:

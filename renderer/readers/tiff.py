@@ -40,20 +40,30 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     """
     with tifffile.TiffFile(io.BytesIO(data)) as file:
         page = file.pages.first
-        sides = (page.imagelength, page.imagewidth, page.tilelength, page.tilewidth, page.rowsperstrip)
-        if not all(isinstance(side, int) for side in sides):
-            raise Unreadable(f"{name}: the TIFF's size is not given as single numbers; save the picture again")
-        check_size(page.imagelength, page.imagewidth)
+        check_page(page, len(data), name, check_size)
         if len(file.pages) > 1:
             raise UnsupportedType(f"{name}: a TIFF of {len(file.pages)} pages; save each as a file of its own")
-        _check_kind(page, name)
-        _check_segments(page, len(data), name)
-        pixels: Pixels = page.asarray(maxworkers=1)
-        if page.axes == "SYX":
-            pixels = np.moveaxis(pixels, 0, -1)
-        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
-            pixels = _invert_grey(pixels, page.samplesperpixel)
-        return pixels, int(page.tags.valueof(ORIENTATION, 1))
+        return read_page(page), int(page.tags.valueof(ORIENTATION, 1))
+
+
+def check_page(page: tifffile.TiffPage, file_bytes: int, name: str, check_size: Callable[[int, int], None]) -> None:
+    """Checks that a page is of a kind that is read, is not too large, and lies in the file. Raises as `decode`."""
+    sides = (page.imagelength, page.imagewidth, page.tilelength, page.tilewidth, page.rowsperstrip)
+    if not all(isinstance(side, int) for side in sides):
+        raise Unreadable(f"{name}: the TIFF's size is not given as single numbers; save the picture again")
+    check_size(page.imagelength, page.imagewidth)
+    _check_kind(page, name)
+    _check_segments(page, file_bytes, name)
+
+
+def read_page(page: tifffile.TiffPage) -> Pixels:
+    """Pixels of a page that was checked, `(H, W)` or `(H, W, C)`; black is 0."""
+    pixels: Pixels = page.asarray(maxworkers=1)
+    if page.axes == "SYX":
+        pixels = np.moveaxis(pixels, 0, -1)
+    if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+        pixels = _invert_grey(pixels, page.samplesperpixel)
+    return pixels
 
 
 def _invert_grey(pixels: Pixels, samples: int) -> Pixels:

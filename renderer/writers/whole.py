@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.options import WriterOptions
     from ciir.renderer.writers.writer import Contents
 
+REVERSED = "{name} counts cameras: views are written in reversed order in v and in u, which is the same light field"
+"""A note of formats that have the depth sense of cameras."""
+
 
 class WholeWriter(Writer):
     """Collects all views, and writes them as one light field when the last one is there."""

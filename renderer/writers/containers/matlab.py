@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.whole import WholeWriter
+from ciir.renderer.writers.whole import REVERSED, WholeWriter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 _HEADER = 116
 """Bytes of text at the start of a MAT file."""
 _USER_BLOCK = 512
-_REVERSED = "{name} counts cameras: views are written in reversed order in v and in u, which is the same light field"
 
 _UNKNOWN = "hci: the distance of cameras and the focus are not known: dH, dV and focalLength are 1, shift is 0"
 
@@ -39,7 +38,7 @@ class CameraWriter(WholeWriter):
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the views, with a note where they are reversed."""
         self.pack(light_field.with_depth_sense("cameras").views)
-        return [] if light_field.depth_sense == "cameras" else [_REVERSED.format(name=self.name)]
+        return [] if light_field.depth_sense == "cameras" else [REVERSED.format(name=self.name)]
 
     def pack(self, views: NDArray[Any]) -> None:
         """Writes `views[v, u, y, x, c]` to `file`."""

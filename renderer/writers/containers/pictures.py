@@ -1,19 +1,26 @@
-"""Writes a light field as one picture: an elemental image array, or an epipolar plane image."""
+"""Writes a light field as a picture: an elemental image array, ESLF, a TIFF stack, or an epipolar plane image."""
 
 from __future__ import annotations
 
+import io
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import tifffile
 
 from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.options import EpiLine
 from ciir.renderer.writers.pictures import SUFFIXES, encode
-from ciir.renderer.writers.whole import WholeWriter
+from ciir.renderer.writers.whole import REVERSED, WholeWriter
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.writers.writer import Contents
+
+ESLF_PIXELS = 14
+"""Along each side of a lens."""
 
 
 class PictureWriter(WholeWriter):
@@ -41,6 +48,58 @@ class EiaWriter(PictureWriter):
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array."""
         return light_field.eia()
+
+
+class EslfWriter(PictureWriter):
+    """Writes Lytro's ESLF: 14x14 pixels under each lens, those around the views empty."""
+
+    name = "eslf"
+
+    def check(self, contents: Contents) -> None:
+        """Refuses alpha, which would be taken for a weight, and more views than a lens has pixels."""
+        super().check(contents)
+        if contents.channels in (2, 4) or max(contents.grid) > ESLF_PIXELS:
+            raise InvalidOption(
+                f"format: eslf holds up to {ESLF_PIXELS}x{ESLF_PIXELS} views without alpha, not "
+                f"{contents.grid[0]}x{contents.grid[1]} of {contents.channels} channels; give format eia"
+            )
+
+    def draw(self, light_field: LightField) -> Pixels:
+        """The elemental image array, with the views in the middle of each lens."""
+        views = light_field.with_depth_sense("cameras").views
+        margins = [((ESLF_PIXELS - count) // 2, (ESLF_PIXELS - count + 1) // 2) for count in views.shape[:2]]
+        return LightField(cast("Pixels", np.pad(views, (*margins, (0, 0), (0, 0), (0, 0))))).eia()
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Notes a reversed order."""
+        super().encode(light_field)
+        return [] if light_field.depth_sense == "cameras" else [REVERSED.format(name=self.name)]
+
+
+class StackWriter(WholeWriter):
+    """Writes a TIFF with a page for each view, row by row; the first page's description has the grid and the sense."""
+
+    name = "stack"
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the pages (deflate, horizontal differences)."""
+        views = light_field.views
+        channels = views.shape[4]
+        colours = 3 if channels >= 3 else 1
+        packed = io.BytesIO()
+        tifffile.imwrite(
+            packed,
+            views if channels > 1 else views[..., 0],
+            photometric="rgb" if colours == 3 else "minisblack",
+            planarconfig="contig" if channels > 1 else None,
+            extrasamples=["unassalpha"] if channels > colours else None,
+            compression="deflate",
+            predictor=True,
+            metadata={"axes": "QQYXS" if channels > 1 else "QQYX", "depth_sense": light_field.depth_sense},
+            software=False,
+        )
+        self.file.write(packed.getbuffer())
+        return []
 
 
 class EpiWriter(PictureWriter):

@@ -1,0 +1,78 @@
+"""Reads Lytro's ESLF: an elemental image array of 14x14 pixels under each lens, `eslf[14*y + v, 14*x + u]`.
+
+Lytro Desktop exports it, and the archives of Stanford and of Kalantari et al. (2016) hold it. Views at the rim of the
+lenses are empty; rows and columns that the last lenses lack are filled up with zeros (LFReadESLF.m of the Light Field
+Toolbox). u grows to the right, as with cameras.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.readers.pictures import Pixels
+
+PIXELS = (14, 14)
+LENSES = (range(375, 377), range(540, 542))
+"""Rows and columns of lenses of the Lytro Illum."""
+EMPTY = 0.02
+"""A view whose mean is below this share of that of the brightest view is empty."""
+
+
+def is_eslf(name: str, data: bytes) -> bool:
+    """Whether a PNG is named `..._eslf.png`, or has the size of the Illum's."""
+    height, width = int.from_bytes(data[20:24], "big"), int.from_bytes(data[16:20], "big")
+    is_of_size = height // PIXELS[0] in LENSES[0] and width // PIXELS[1] in LENSES[1]
+    return PurePosixPath(name.lower()).stem.endswith("eslf") or is_of_size
+
+
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """The views that are not empty, of a lens of `layout.pixels`, by default 14x14."""
+    picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
+    notes: tuple[str, ...] = ()
+    weight = None
+    if picture.shape[2] == 4:
+        weight, picture = picture[..., 3:], picture[..., :3]
+        notes += ("the fourth channel of ESLF is a weight, not alpha: it is left out",)
+    views = _map(picture, layout.pixels or PIXELS)
+    shown = views if weight is None else _map(weight, layout.pixels or PIXELS)
+    kept = _find_full_grid(shown.mean(axis=(2, 3, 4)))
+    count_v, count_u = views.shape[:2]
+    views = views[kept]
+    if views.shape[:2] != (count_v, count_u):
+        left = f"{views.shape[0]}x{views.shape[1]} views from ({kept[0].start}, {kept[1].start})"
+        notes += (f"of the {count_v}x{count_u} views those on the margin are empty: {left} are read",)
+    return LightField(views, notes, depth_sense="cameras")
+
+
+def _map(picture: Pixels, pixels: tuple[int, int]) -> Pixels:
+    """The views of an elemental image array, filled up with zeros to whole lenses."""
+    height, width = picture.shape[:2]
+    below, beside = -height % pixels[0], -width % pixels[1]
+    whole = cast("Pixels", np.pad(picture, ((0, below), (0, beside), (0, 0)))) if below or beside else picture
+    return LightField.from_eia(whole, rows=whole.shape[0] // pixels[0], cols=whole.shape[1] // pixels[1]).views
+
+
+def _find_full_grid(means: NDArray[np.float64]) -> tuple[slice, slice]:
+    """The views that are left when rows and columns on the margin are taken away, each time the one with the largest
+    share of empty views, until no view is empty.
+    """
+    is_empty = means <= EMPTY * means.max()
+    top, left, (bottom, right) = 0, 0, is_empty.shape
+    while is_empty[top:bottom, left:right].any() and bottom - top > 1 and right - left > 1:
+        grid = is_empty[top:bottom, left:right]
+        sides = {"top": grid[0], "bottom": grid[-1], "left": grid[:, 0], "right": grid[:, -1]}
+        worst = max(sides, key=lambda side: sides[side].mean())
+        top, bottom = top + (worst == "top"), bottom - (worst == "bottom")
+        left, right = left + (worst == "left"), right - (worst == "right")
+    return slice(top, bottom), slice(left, right)

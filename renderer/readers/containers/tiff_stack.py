@@ -1,0 +1,105 @@
+"""Reads TIFF stacks: each page is a view, row by row of the grid.
+
+The grid is `layout.pixels`; else it is in the description of the first page, as `{"shape": [V, U, ...]}` (tifffile's
+and ours) or `frames=V` and `slices=U` (ImageJ); else the pages fill a square.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import tifffile
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import tiff
+from ciir.renderer.readers.containers.samples import check_array
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+
+_LONGEST_DESCRIPTION = 65_536
+"""Characters; JSON in longer ones is not read."""
+
+
+def is_stack(data: bytes) -> bool:
+    """Whether a TIFF has more than one page; False where it can't be opened, which the reader of pictures reports."""
+    try:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            return len(file.pages) > 1
+    except Exception:  # noqa: BLE001 - any error of the library
+        return False
+
+
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """The pages as views. Raises `InvalidOption` where they fill no grid."""
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        count = len(file.pages)
+        if count > limits.views:
+            raise TooLarge(f"{name}: {count:,} pages; at most {limits.views:,} views are read; give fewer", "views")
+        described = _parse_description(file.pages.first.description)
+        grid, notes = _find_grid(count, layout, described, name)
+        first, dtype = file.pages.first, np.dtype(file.pages.first.dtype)
+        tiff.check_page(first, len(data), name, _allow)
+        height, width, channels = first.imagelength, first.imagewidth, first.samplesperpixel
+        check_array(name, (*grid, height, width, channels), dtype, limits)
+        views = np.empty((count, height, width, channels), dtype.newbyteorder("="))
+        for number, page in enumerate(cast("Iterator[tifffile.TiffPage]", file.pages)):
+            if (page.shape, page.dtype) != (first.shape, first.dtype):
+                raise Unreadable(f"{name}: page {number} is not like the first; make all views alike")
+            tiff.check_page(page, len(data), name, _allow)
+            views[number] = tiff.read_page(page).reshape(height, width, channels)
+    is_cameras = described.get("depth_sense") == "cameras"
+    views = views.reshape(*grid, height, width, channels)
+    return LightField(views, notes, depth_sense="cameras" if is_cameras else "lenses")
+
+
+def _allow(height: int, width: int) -> None:
+    """The size was checked with that of all pages."""
+
+
+def _find_grid(
+    count: int, layout: Layout, described: dict[str, Any], name: str
+) -> tuple[tuple[int, int], tuple[str, ...]]:
+    """Rows and columns of views, and a note where they are a guess."""
+    grid = layout.pixels
+    if grid is not None:
+        if grid[0] * grid[1] != count:
+            raise InvalidOption(
+                f"pixels: {grid[0]}x{grid[1]} asks for {grid[0] * grid[1]} views, but {name} has {count} pages; "
+                "give the rows and columns of views"
+            )
+        return grid, ()
+    found = described.get("grid")
+    if found is not None and found[0] * found[1] == count:
+        return found, ()
+    side = math.isqrt(count)
+    if side * side != count:
+        raise InvalidOption(f"{name}: {count} pages, no square number; give pixels ROWSxCOLUMNS (of views)")
+    return (side, side), (f"the {count} pages are taken as {side}x{side} views, row by row; pixels gives another grid",)
+
+
+def _parse_description(text: str) -> dict[str, Any]:
+    """`grid` and `depth_sense`, as far as the description of the first page has them."""
+    if text.startswith("{") and len(text) <= _LONGEST_DESCRIPTION:
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):  # a text of another program
+            return {}
+        shape = found.get("shape")
+        sizes = shape if isinstance(shape, list) and len(shape) in (4, 5) else []
+        if len(sizes) > 1 and all(isinstance(size, int) and size > 0 for size in sizes[:2]):
+            return {"grid": (sizes[0], sizes[1]), "depth_sense": found.get("depth_sense")}
+    if text.startswith("ImageJ="):
+        numbers = {key: int(value) for key, value in re.findall(r"^(frames|slices)=(\d{1,6})$", text, re.MULTILINE)}
+        if len(numbers) == 2:
+            return {"grid": (numbers["frames"], numbers["slices"])}
+    return {}
