@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import ConnectionFailed, Error, NotDone, NotFound, QueueFull, ServiceError, Unauthorized, Unreadable
+from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.service.errors import find_class
 from ciir.service.pipeline.options import write_texts
 
@@ -32,9 +33,8 @@ class Result:
 
     id: str
     content: bytes = field(repr=False)
-    """A picture, a zip with `report.json`, or an npz."""
     format: str
-    """`png`, `tiff`, `jpeg`, `webp`, `zip` or `npz`."""
+    """The file's, such as `png` or `zip`; docs/formats.md has them all."""
     timings_ms: dict[str, float]
     """Milliseconds of each stage; `stored` if the server had kept the result."""
 
@@ -177,6 +177,8 @@ def read_path(response: httpx2.Response) -> str:
 def read_result(response: httpx2.Response) -> Result:
     """The result that a response holds."""
     parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
-    form = response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
+    suffix = "." + response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
     timings = {stage: float(ms) for stage, ms in parts}
-    return Result(response.headers["etag"].removeprefix("W/").strip('"'), response.content, form, timings)
+    return Result(
+        response.headers["etag"].removeprefix("W/").strip('"'), response.content, BY_SUFFIX[suffix].name, timings
+    )
