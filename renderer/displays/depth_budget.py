@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.renderer.displays.interpolation import find_disparities
 from ciir.renderer.displays.screen import place_views
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.displays.integral import IntegralDisplay
+    from ciir.renderer.displays.lenticular import Calibration
     from ciir.renderer.displays.screen import Screen
+    from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.scene import Scene
 
 GHOST = 5.0
@@ -44,8 +47,8 @@ class DepthBudget:
         ]
         if self.blurred:
             lines.append(
-                f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; --zoom {self._fit():.2g} "
-                "would keep all of it sharp"
+                f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; "
+                f"at {self._fit():.2g} times the size (zoom) all of it would be sharp"
             )
         if self.cut:
             lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions")
@@ -68,16 +71,49 @@ def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
     return _measure(scene, sharp, display.size, reach, "mm")
 
 
-def measure_screen(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:
-    """The budget of a scene before a lenticular display of `views` views that are `pixels` wide, in screen heights.
+def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: float) -> tuple[str, ...]:
+    """A note on the disparities of a light field, `(V, U, h, w, c)`, that an integral display shows sharply.
+
+    `disparity`: of what lies in the display's plane. See `resample_panel`, which spreads the views over its directions.
+    """
+    size_v, size_u, height, width, _ = cameras.shape
+    scale = min(display.size[0] / width, display.size[1] / height)
+    moved = display.lens_pitch / display.tangent_step * 2 * display.tangent_range / max(size_v, size_u) / scale
+    note = (
+        f"depth: the display is sharp for disparities from {disparity - moved:.2g} to {disparity + moved:.2g} pixels "
+        "between neighbouring views"
+    )
+    if size_u == 1:
+        return (note,)
+    least, largest = find_disparities(cameras[(size_v - 1) // 2])
+    blurs = "; the rest blurs" if least < disparity - moved or largest > disparity + moved else ""
+    return (f"{note}; the light field has about {least} to {largest}{blurs}",)
+
+
+def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:
+    """The budget of a scene in a quilt of `views` views that are `pixels` wide, in screen heights.
 
     Sharp is what moves by at most `GHOST` pixels between neighbouring views.
     """
     cameras = screen.camera_x(place_views(views))
     step = float(np.diff(cameras).max()) / screen.distance if views > 1 else 1e-9
     pixel = screen.aspect / pixels
-    reach = (float(np.abs(cameras).max()) / screen.distance, 0.5 / screen.distance)
-    return _measure(scene, GHOST * pixel / step, (screen.aspect, 1.0), reach, "screen heights")
+    return _measure_at_screen(scene, screen, GHOST * pixel / step)
+
+
+def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -> DepthBudget:
+    """The budget of a scene in a native picture, in screen heights.
+
+    As `measure_integral`: each lens shows as many directions as there are subpixels under it.
+    """
+    lens = screen.aspect / calibration.pitch
+    step = 2 * np.tan(np.radians(screen.cone) / 2) / (3 * calibration.width / calibration.pitch)
+    return _measure_at_screen(scene, screen, lens / float(step))
+
+
+def _measure_at_screen(scene: Scene, screen: Screen, sharp: float) -> DepthBudget:
+    reach = (float(np.tan(np.radians(screen.cone) / 2)), 0.5 / screen.distance)
+    return _measure(scene, sharp, (screen.aspect, 1.0), reach, "screen heights")
 
 
 def _measure(

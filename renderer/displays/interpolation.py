@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 REACH = 1 / 12
 """Largest disparity between neighbours that is searched for, as a share of a view's side."""
-MOST_STEPS = 24
+MOST_STEPS = 40
 """Largest disparity that is searched for, pixels."""
 WINDOW = 7
 """Side of the box over which a disparity is judged, pixels."""
-FEW = 0.002
+FEW = 0.004
 """Share of the pixels below which a disparity counts as an error."""
-REST = 0.02
+REST = 0.1
 """What a pixel of disparity costs, in levels of 255: without texture the smallest one wins."""
 
 
@@ -33,7 +33,8 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
     total = len(views)
     if total == 1 or count == 1:
         return np.broadcast_to(views[(total - 1) // 2], (count, *views.shape[1:]))
-    reach = _find_reach(views)
+    least, largest = find_disparities(views)
+    reach = 1 + max(-least, largest)
     result = np.empty((count, *views.shape[1:]), views.dtype)
     for index, position in enumerate(np.linspace(0, total - 1, count)):
         left = min(int(position + 1e-9), total - 2)  # a view that is there is not missed by a rounding error
@@ -45,13 +46,17 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
     return result
 
 
-def _find_reach(views: Pixels) -> int:
-    """The largest disparity, in whole pixels, that the two views in the middle show in more than a few places."""
+def find_disparities(views: Pixels) -> tuple[int, int]:
+    """The least and the largest disparity, in whole pixels, between the two views in the middle of `(n, h, w, c)`.
+
+    Those of less than the share `FEW` of the pixels are left out. Larger is nearer (the HCI benchmark's sense).
+    """
     middle = (len(views) - 1) // 2
     most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
     _, found = _interpolate(views[middle], views[middle + 1], 0.5, most)
-    counts = np.bincount(np.abs(found).ravel(), minlength=most + 1)
-    return int(min(most, 1 + np.flatnonzero(counts > FEW * found.size).max()))
+    counts = np.bincount((found + most).ravel(), minlength=2 * most + 1)
+    usual = np.flatnonzero(counts > FEW * found.size) - most
+    return int(usual.min()), int(usual.max())
 
 
 def _interpolate(

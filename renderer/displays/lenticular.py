@@ -21,11 +21,13 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.displays.interpolation import weigh_neighbours
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.readers.pictures import Pixels
 
 
@@ -121,7 +123,7 @@ def _is_set(found: dict[str, Any], key: str, name: str) -> bool:
     return _read(found, key, name, (0, 1), 0.0) > 0.5
 
 
-def interlace(views: Pixels, calibration: Calibration) -> Pixels:
+def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:
     """The native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost camera on.
 
     Each subpixel is sampled bilinearly in the two views around its place, and the two are blended: the place is a
@@ -141,4 +143,5 @@ def interlace(views: Pixels, calibration: Calibration) -> Pixels:
                 for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
                     total += of_view * of_row * of_column * views[view, top, left, channel]
         native[row] = np.rint(total)
+        progress(row + 1, calibration.height)
     return native

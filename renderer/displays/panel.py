@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ciir.renderer.displays.interpolation import interpolate_views, weigh_neighbours
+from ciir.renderer.displays.light_fields import reduce_views
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.sampling import check_samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.displays.integral import IntegralDisplay
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.displays.rays import RayCaster
     from ciir.renderer.readers.pictures import Pixels
 
@@ -23,7 +26,12 @@ depth inverted (pseudoscopic)."""
 
 
 def render_panel(
-    caster: RayCaster, display: IntegralDisplay, *, conversion: Conversion = "spoc", samples: int = 1
+    caster: RayCaster,
+    display: IntegralDisplay,
+    *,
+    conversion: Conversion = "spoc",
+    samples: int = 1,
+    progress: Progress = ignore_progress,
 ) -> NDArray[np.uint8]:
     """The panel's picture `(height, width, 3)` of a mesh that stands in the display's coordinates, millimetres.
 
@@ -46,6 +54,7 @@ def render_panel(
         colors = caster.cast_lines(points.reshape(-1, 3), directions.reshape(-1, 3)).reshape(points.shape)
         # Each ray gives the colour of its subpixel.
         panel[row] = np.rint(np.diagonal(colors, axis1=2, axis2=3).mean(axis=0))
+        progress(row + 1, display.height)
     return panel
 
 
@@ -56,6 +65,7 @@ def resample_panel(
     conversion: Conversion = "spoc",
     disparity: float = 0.0,
     background: tuple[int, int, int] = (0, 0, 0),
+    progress: Progress = ignore_progress,
 ) -> Pixels:
     """The panel's picture `(height, width, 3)` of a light field.
 
@@ -64,7 +74,8 @@ def resample_panel(
     from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
     than there are views, views between them are interpolated. Around the views is `background`.
     """
-    views, reduced = _reduce(views, display)
+    reduced = _find_factor(views.shape[2:4], display)
+    views = reduce_views(views, reduced) if reduced > 1 else views
     size_v, size_u, height, width, channels = views.shape
     scale = min(display.size[0] / width, display.size[1] / height)  # millimetres in a pixel of a view
     cut = display.lens_pitch / 2 / scale  # a lens that the border of the views cuts shows the border
@@ -93,6 +104,7 @@ def resample_panel(
         )
         levels = np.iinfo(views.dtype).max // 255
         panel[row] = np.rint(np.where(is_inside, total, np.array(background) * levels))
+        progress(row + 1, display.height)
     return panel
 
 
@@ -117,15 +129,7 @@ def _fill_directions(views: Pixels, count: int) -> Pixels:
     return views
 
 
-def _reduce(views: Pixels, display: IntegralDisplay) -> tuple[Pixels, int]:
-    """The views with about a pixel for each lens, where they have more, and by how much they are reduced."""
-    size_v, size_u, height, width, channels = views.shape
-    lenses = min(display.size[0] / width, display.size[1] / height) / display.lens_pitch  # in a pixel
-    factor = max(1, int(1 / lenses + 1e-9))
-    if factor == 1:
-        return views, 1
-    rows, cols = height // factor, width // factor
-    top, left = (height - rows * factor) // 2, (width - cols * factor) // 2
-    cells = views[:, :, top : top + rows * factor, left : left + cols * factor]
-    cells = cells.reshape(size_v, size_u, rows, factor, cols, factor, channels)
-    return np.rint(cells.mean(axis=(3, 5))).astype(views.dtype), factor
+def _find_factor(size: tuple[int, int], display: IntegralDisplay) -> int:
+    """How many pixels along a side of views of `size` (height, width) share a lens, a whole number, at least 1."""
+    scale = min(display.size[0] / size[1], display.size[1] / size[0])
+    return max(1, int(display.lens_pitch / scale + 1e-9))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.backends.embree import RAYS_PER_BATCH, PreparedScene
+from ciir.renderer.backends.embree import PASSED, RAYS_PER_BATCH, PreparedScene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +23,10 @@ class RayCaster:
         self._background = np.array(background, np.float32)
         self.front = float(scene.bounds()[1, 2])
         """z of the scene's nearest point."""
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on what rays so far have left out."""
+        return (PASSED,) if self._prepared.passed else ()
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
         """The colour of each ray, `(n, 3)` RGB, 0 to 255, not rounded.

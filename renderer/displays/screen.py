@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.sampling import check_samples
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.displays.lenticular import Calibration
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.displays.rays import RayCaster
 
 FIELD_OF_VIEW = 14.0
@@ -89,7 +91,9 @@ class Screen:
             means = colors.reshape(size[0], samples, size[1], samples, 3).mean(axis=(1, 3))
             yield np.rint(means).astype(np.uint8)
 
-    def render_native(self, caster: RayCaster, calibration: Calibration) -> NDArray[np.uint8]:
+    def render_native(
+        self, caster: RayCaster, calibration: Calibration, *, progress: Progress = ignore_progress
+    ) -> NDArray[np.uint8]:
         """The native picture `(height, width, 3)` for `calibration`, each subpixel by a ray from its own camera."""
         native = np.empty((calibration.height, calibration.width, 3), np.uint8)
         for row in range(calibration.height):
@@ -97,6 +101,7 @@ class Screen:
             places = calibration.view_places(row)  # (width, 3)
             colors = self.cast(caster, np.repeat(x, 3), np.repeat(y, 3), places.ravel()).reshape(-1, 3, 3)
             native[row] = np.rint(np.diagonal(colors, axis1=1, axis2=2))  # each ray gives the colour of its subpixel
+            progress(row + 1, calibration.height)
         return native
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes
+from ciir.renderer.readers.containers import quilts
 from ciir.renderer.readers.eia import read_eia
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
@@ -26,7 +27,7 @@ from ciir.renderer.readers.registry import (
     is_picture,
 )
 from ciir.renderer.readers.view_set import reader as view_set
-from ciir.renderer.readers.view_set.order import settle_order
+from ciir.renderer.readers.view_set.order import reorient, settle_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def open_input(
 ) -> Scene | LightField | ViewFiles:
     """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
-    - One picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`.
+    - A picture that its name, or the JSON beside it, makes a quilt: read as one.
+    - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`.
     - A file that holds a light field: read by its format's reader.
     - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of
       `layout.pixels` where their names don't give one. Views are decoded when they are first used; `views` selects
@@ -79,6 +81,8 @@ def open_input(
     format_ = _refine(format_, bundle, key, layout)
     if isinstance(format_, ContainerFormat):
         return settle_order(_read_container(bundle, key, format_, layout), layout)
+    if layout.lenses is None and layout.pixels is None and (quilt := quilts.find_layout(bundle, key)) is not None:
+        return reorient(quilts.read(bundle, key, quilt), layout)
     light_field = read_eia(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     return settle_order(light_field, layout, corrects=False)
 

@@ -107,6 +107,7 @@ FORMATS = {
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
         _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
         _container("epi", STILL, "image/png", "pictures:EpiWriter"),
+        _container("quilt", STILL, "image/png", "quilts:QuiltWriter"),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
         _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),

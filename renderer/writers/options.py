@@ -18,6 +18,8 @@ class WriterOptions:
 
     suffix: str = ""
     """Of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
+    device: str = ""
+    """The display that a quilt is for, of `renderer.displays.devices`; empty: the usual one, and the own aspect."""
     path: PathName = "circle"
     """Of the camera, in videos: `renderer.writers.containers.camera_paths.list_positions`."""
     frames: int = 60

@@ -11,6 +11,8 @@ from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
 from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
+from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
+from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
 from ciir.service.pipeline.options import KINDS, MESH, NAMES, OPTIONS, READING, WRITING
 
 if TYPE_CHECKING:
@@ -112,9 +114,10 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     command.add_argument(
         "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
     )
-    command.add_argument(
-        "--to", metavar="FORMAT", help=f"one of {', '.join(WHOLE)} (default: what the name of OUT asks for)"
-    )
+    known = ", ".join(dict.fromkeys([*WHOLE, *KINDS_FOR_DISPLAYS]))
+    command.add_argument("--to", metavar="FORMAT", help=f"one of {known} (default: what the name of OUT asks for)")
+    for name, (placeholder, text) in ARGUMENTS_FOR_DISPLAYS.items():
+        command.add_argument(f"--{name}", metavar=placeholder, help=text)
     _add_options(command, CONVERSION)
     command.add_argument("--report", metavar="FILE", help=report)
 

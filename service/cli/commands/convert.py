@@ -10,6 +10,8 @@ from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, find_whole_format
 from ciir.service.cli import common, output_path
+from ciir.service.cli.display_arguments import find_kind
+from ciir.service.cli.display_pictures import write_picture
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.source import open_source
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes all views as they are, and prints a line about them."""
+    display = find_kind(args)
+    if display is not None:
+        write_picture(args, display)
+        return
     path = Path(args.out)
     name = _find_format(args.to, args.out)
     output_path.check_not_input([args.out, args.report], args.input)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from ciir.renderer.displays.depth_budget import measure_integral, measure_screen
+from ciir.renderer.displays.depth_budget import measure_integral, measure_quilt
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.scene import Part, Scene
@@ -30,7 +30,10 @@ def test_what_lies_within_the_depth_of_field_is_sharp():
 def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():
     budget = measure_integral(make_sheets((-80, 0, 20), (0, 0, 20), (10, 0, 20), (50, 0, 20)), DISPLAY)
     assert budget.blurred == pytest.approx(0.5)
-    assert "50 % of the surface is beyond that and blurs; --zoom 0.5 would keep all of it sharp" in budget.notes()[1]
+    assert (
+        "50 % of the surface is beyond that and blurs; at 0.5 times the size (zoom) all of it would be sharp"
+        in budget.notes()[1]
+    )
 
 
 def test_what_leaves_the_frame_in_some_direction_is_counted():
@@ -42,7 +45,7 @@ def test_what_leaves_the_frame_in_some_direction_is_counted():
 
 def test_a_quilt_is_sharp_where_neighbours_differ_by_five_pixels():
     screen = Screen(0.75, 40.0)
-    budget = measure_screen(make_sheets((-0.1, 0, 0.1), (0.1, 0, 0.1)), screen, 48, 420)
+    budget = measure_quilt(make_sheets((-0.1, 0, 0.1), (0.1, 0, 0.1)), screen, 48, 420)
     spacing = screen.distance * (math.tan(math.radians(20)) - math.tan(math.radians(20 - 40 / 47)))
     moved = spacing * budget.sharp / screen.distance / (0.75 / 420)
     assert moved == pytest.approx(5.0, rel=1e-6)

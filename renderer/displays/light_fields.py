@@ -1,0 +1,122 @@
+"""Views of a light field for a display: opaque, in the order of cameras, as many and of the shape that it shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.renderer.displays.interpolation import interpolate_views, shift_rows
+from ciir.renderer.displays.quilt import join_views
+
+if TYPE_CHECKING:
+    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.readers.pictures import Pixels
+
+Color = tuple[int, int, int]
+
+
+def order_as_cameras(light_field: LightField, background: Color = (0, 0, 0)) -> Pixels:
+    """All views, `(V, U, h, w, c)` with 1 or 3 channels, v from the uppermost camera and u from the leftmost.
+
+    A pixel further to the right under a lens sees further to the right, as a camera further to the left does: views of
+    a lens array are taken in the opposite order. What is see-through is laid over `background`.
+    """
+    views = light_field.views if light_field.depth_sense == "cameras" else light_field.views[::-1, ::-1]
+    if views.shape[4] in (1, 3):
+        return views
+    colors = views[..., :-1]
+    if not light_field.is_transparent():
+        return colors
+    most = np.iinfo(views.dtype).max
+    alpha = views[..., -1:].astype(np.float32) / most
+    behind = np.array(background[: colors.shape[4]], np.float32) * (most // 255)
+    flat: Pixels = np.empty(colors.shape, views.dtype)
+    flat[:] = np.rint(colors * alpha + behind * (1 - alpha))
+    return flat
+
+
+def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pixels, tuple[str, ...]]:
+    """`count` views, `(count, h, w, c)`, of the middle row of `cameras`, from the leftmost on; and notes.
+
+    `disparity`: what moves by as many pixels to the left from one camera to the next stays in its place.
+    """
+    row = cameras[(cameras.shape[0] - 1) // 2]
+    total = len(row)
+    notes: tuple[str, ...] = ()
+    if total == 1:
+        notes = ("one column of views has no horizontal parallax: all views of the display are the same",)
+    elif total != count:
+        what = "interpolated from" if count > total else "chosen among"
+        notes = (f"{count} views are {what} the {total} of the middle row",)
+    if disparity:
+        shifted = np.empty_like(row)
+        for u in range(total):
+            moved = shift_rows(row[u].astype(np.float32), -disparity * (u - (total - 1) / 2))
+            shifted[u] = np.rint(moved)
+        row = shifted
+    return interpolate_views(row, count), notes
+
+
+def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tuple[str, ...]]:
+    """The views, `(n, h, w, c)`, with black borders at two sides, so that their aspect is `aspect`; and a note.
+
+    `own`: the aspect, width / height, that they are shown with; pixels need not be square.
+    """
+    count, height, width, channels = views.shape
+    wide, high = max(width, round(width * aspect / own)), max(height, round(height * own / aspect))
+    if (wide, high) == (width, height):
+        return views, ()
+    padded: Pixels = np.zeros((count, high, wide, channels), views.dtype)
+    top, left = (high - height) // 2, (wide - width) // 2
+    padded[:, top : top + height, left : left + width] = views
+    return padded, (f"black borders bring views of {width}x{height} pixels to the aspect {aspect:.4g}",)
+
+
+def make_quilt(
+    light_field: LightField,
+    layout: QuiltLayout,
+    *,
+    own_aspect: float,
+    keeps_aspect: bool,
+    disparity: float = 0.0,
+    max_pixels: int,
+) -> tuple[Pixels, QuiltLayout, tuple[str, ...]]:
+    """The quilt `(height, width, 1 or 3)` of a light field's views, its layout, and notes.
+
+    `own_aspect`: width / height that views are shown with. With `keeps_aspect` it becomes the layout's, else the views
+    get borders. `disparity`: as in `take_row`. `max_pixels`: most pixels of the quilt.
+    """
+    cameras, reduced = fit_pixels(order_as_cameras(light_field), layout.count, max_pixels)
+    row, notes = take_row(cameras, layout.count, disparity=disparity)
+    if keeps_aspect:
+        layout = replace(layout, aspect=own_aspect)
+        return join_views(row, layout), layout, (*reduced, *notes)
+    row, padded = pad_to_aspect(row, own_aspect, layout.aspect)
+    return join_views(row, layout), layout, (*reduced, *notes, *padded)
+
+
+def reduce_views(views: Pixels, factor: int) -> Pixels:
+    """The means over `factor x factor` pixels, of `(..., h, w, c)`; rows and columns beyond whole ones are cut off, at
+    all sides alike.
+    """
+    *grid, height, width, channels = views.shape
+    rows, cols = height // factor, width // factor
+    top, left = (height - rows * factor) // 2, (width - cols * factor) // 2
+    cells = views[..., top : top + rows * factor, left : left + cols * factor, :]
+    reduced: Pixels = np.empty((*grid, rows, cols, channels), views.dtype)
+    for index in np.ndindex(*grid):  # a view at a time: their means are floating-point
+        reduced[index] = np.rint(cells[index].reshape(rows, factor, cols, factor, channels).mean(axis=(1, 3)))
+    return reduced
+
+
+def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
+    """The views, reduced by a whole factor where `count` of their size would exceed `most` pixels; and a note then."""
+    height, width = views.shape[-3:-1]
+    factor = math.ceil(math.sqrt(count * height * width / most))
+    if factor <= 1:
+        return views, ()
+    return reduce_views(views, factor), (f"views of {width}x{height} pixels are made {factor} times smaller",)

@@ -1,0 +1,46 @@
+"""Reads a quilt as a light field of one row of views."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ciir.errors import Unreadable
+from ciir.renderer.displays.quilt import parse_json, parse_name, split_quilt
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.readers.bundle import Bundle
+
+
+def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
+    """The layout of the picture `key`, from its name or the file `key.json` beside it; None where it is no quilt.
+
+    Raises `InvalidOption` where a number is out of range.
+    """
+    named = parse_name(key)
+    if named is not None or f"{key}.json" not in bundle.files:
+        return named
+    try:
+        return parse_json(bundle.files[f"{key}.json"], name=clean_text(f"{key}.json"))
+    except Unreadable:  # JSON of something else
+        return None
+
+
+def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
+    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on.
+
+    Raises `InvalidOption` where the picture is smaller than its layout, and what decoding it raises.
+    """
+    name = clean_text(bundle.name)
+    quilt = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
+    views = split_quilt(quilt, layout, name=name)
+    notes = [f"read as a quilt of {layout.cols} columns and {layout.rows} rows of views"]
+    height, width = views.shape[1:3]
+    if abs(width / height / layout.aspect - 1) > 1 / min(width, height):
+        notes.append(
+            f"views of {width}x{height} pixels are shown with the aspect {layout.aspect:.4g}: pixels are not square"
+        )
+    return LightField(views[None], notes=tuple(notes), is_ordered=True, depth_sense="cameras")

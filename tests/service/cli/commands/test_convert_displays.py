@@ -1,0 +1,135 @@
+"""`ciir convert` to pictures for displays, as a display's owner types it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ciir.renderer.displays.devices import DEVICES
+from ciir.renderer.displays.lenticular import interlace, parse_calibration
+from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.pictures import decode
+from ciir.service.cli.main import main
+from tests.support.displays import CALIBRATION
+from tests.support.light_fields import make_views
+
+VIEWS = make_views((3, 6), disparities=(1, 1), side=24, channels=3)
+PANEL = """
+[panel]
+pixels = [60, 40]
+pitch = 0.1
+[lenses]
+pitch = 1.0
+gap = 3.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A light field of cameras, a calibration and a panel, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(DEVICES, "portrait", replace(DEVICES["portrait"], width=96, height=96))
+    LightField(VIEWS, depth_sense="cameras").save("in.npz")
+    (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
+    (tmp_path / "p.toml").write_text(PANEL)
+    return tmp_path
+
+
+def read(path):
+    return decode(path.read_bytes(), name=path.name)
+
+
+def convert(words):
+    return main(["convert", *words.split()])
+
+
+def test_a_mesh_becomes_a_quilt_that_is_read_back(folder, capsys):
+    assert convert("scene:vase -o vase_qs3x2a0.75.png --report r.json") == 0
+    quilt = read(folder / "vase_qs3x2a0.75.png")
+    assert quilt.shape == (2 * 42, 3 * 32, 3)
+    assert json.loads((folder / "vase_qs3x2a0.75.png.json").read_text())["viewX"] == 3
+    assert "quilt of 3x2 views, 96x84 pixels" in capsys.readouterr().out
+    report = json.loads((folder / "r.json").read_text())
+    assert report["display"]["layout"] == {"cols": 3, "rows": 2, "aspect": 0.75}
+    assert np.array(report["scene_transform"]).shape == (4, 4)
+    assert report["options"]["place"] == 0.0
+    assert any(note.startswith("depth: the display is sharp up to") for note in report["notes"])
+    assert convert("vase_qs3x2a0.75.png -o back.npy") == 0
+    assert np.load(folder / "back.npy").shape == (1, 6, 42, 32, 3)
+
+
+def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
+    assert convert("in.npz -o out.png --to quilt --quilt 3x2") == 0
+    quilt = read(folder / "out_qs3x2a1.png")
+    assert np.array_equal(split_quilt(quilt, QuiltLayout(3, 2, 1.0), name="q"), VIEWS[1])
+    assert "named out_qs3x2a1.png: displays read columns, rows and aspect from the name" in capsys.readouterr().err
+
+
+def test_depth_sense_gives_the_order(folder):
+    LightField(VIEWS[::-1, ::-1], depth_sense="lenses").save("lenses.npz")
+    for name in ("in", "lenses"):
+        assert convert(f"{name}.npz -o {name}_qs3x2a1.png --order given") == 0
+    assert np.array_equal(read(folder / "in_qs3x2a1.png"), read(folder / "lenses_qs3x2a1.png"))
+
+
+def test_a_quilt_becomes_a_native_picture(folder, capsys):
+    assert convert("in.npz -o q_qs8x6a1.png") == 0
+    assert convert("q_qs8x6a1.png -o native.png --to lenticular --calibration c.json --disparity 0.5") == 0
+    assert read(folder / "native.png").shape == (80, 120, 3)
+    assert "lenticular picture, 120x80 pixels" in capsys.readouterr().out
+    assert convert("q_qs8x6a1.png -o native.png --calibration c.json") == 0
+    views = split_quilt(read(folder / "q_qs8x6a1.png"), QuiltLayout(8, 6, 1.0), name="q")
+    padded = np.pad(views, ((0, 0), (0, 0), (6, 6), (0, 0)))
+    calibration = parse_calibration((folder / "c.json").read_bytes(), name="c")
+    assert np.array_equal(read(folder / "native.png"), interlace(padded, calibration))
+
+
+def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
+    assert convert("scene:vase -o mesh.png --display p.toml --rotate 30,0,0 --report r.json") == 0
+    assert convert("in.npz -o views.png --display p.toml --conversion none") == 0
+    assert read(folder / "mesh.png").shape == read(folder / "views.png").shape == (40, 60, 3)
+    printed = capsys.readouterr()
+    assert "panel picture, 60x40 pixels" in printed.out
+    assert "for disparities from" in printed.err
+    assert json.loads((folder / "r.json").read_text())["display"]["distance"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            "in.npz -o a.png --to lenticular",
+            "nothing is known of the display; give --calibration FILE",
+        ),
+        ("in.npz -o a.png --to panel", "nothing is known of the display; give --display FILE"),
+        ("in.npz -o a.png --to eia --device go", "--device: this is for --to quilt; leave it out"),
+        ("in.npz -o a.png --to quilt --device phone", "device: 'phone' is not known; give portrait, go,"),
+        ("in.npz -o a.png --to quilt --quilt 8", "--quilt: '8' is not understood; give columns x rows"),
+        ("in.npz -o a.png --to quilt --quilt 99x1", "quilt: 99x1 is out of range"),
+        ("in.npz -o a_qs8x6a1.png --device go", "name says qs8x6a1 and the options say qs11x6a0.5625"),
+        ("in.npz -o a.zip --to quilt", "a.zip: not a picture's name"),
+        ("in.npz -o a.jpg --display p.toml", "a.jpg: JPEG mixes the subpixels that lenses tell apart"),
+        ("in.npz -o a.png --display none.toml", "none.toml: No such file"),
+        ("in.npz -o a.png --display c.json", "c.json: not TOML; docs/displays.md has a file to begin with"),
+        ("in.npz -o a.png --display p.toml --conversion x", "--conversion: 'x' is not known; give spoc or none"),
+        ("in.npz -o a.png --display p.toml --disparity x", "--disparity: 'x' is not a number"),
+        ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
+        ("scene:vase -o a.png --display p.toml --lenses 9x9", "lenses: the display gives it; leave it out"),
+        ("scene:vase -o a.png --display p.toml --disparity 1", "disparity: this is for light fields"),
+        ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are cast by rays"),
+    ],
+)
+def test_mistakes_are_named_in_one_line(folder, capsys, words, message):
+    assert convert(words) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (folder / "a.png").exists()
+
+
+def test_the_input_is_never_replaced(folder, capsys):
+    assert convert("in.npz -o q_qs3x2a1.png") == 0
+    assert convert("q_qs3x2a1.png -o q.png --to quilt --quilt 3x2") == 2
+    assert "the input is there" in capsys.readouterr().err

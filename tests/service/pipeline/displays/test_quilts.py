@@ -1,0 +1,40 @@
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.displays.devices import DEVICES
+from ciir.renderer.displays.quilt import QuiltLayout
+from ciir.service.pipeline.displays.quilts import resolve_quilt
+
+PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
+
+
+def test_without_anything_it_is_the_default_devices_with_a_note():
+    found = resolve_quilt()
+    assert (found.layout, found.tile, found.keeps_aspect) == (PORTRAIT.layout, (560, 420), True)
+    assert found.notes[0].startswith("quilt: for the device portrait; --device NAME gives another: portrait, go,")
+
+
+@pytest.mark.parametrize("given", [{"device": "go"}, {"named": GO.layout}, {"device": "go", "named": GO.layout}])
+def test_a_device_or_a_name_gives_layout_size_and_cone(given):
+    found = resolve_quilt(**given)
+    assert (found.layout, found.tile, found.cone) == (GO.layout, (682, 372), 40.0)
+    assert (found.keeps_aspect, found.notes) == (False, ())
+
+
+def test_columns_rows_and_aspect_can_be_overridden():
+    found = resolve_quilt(device="16-landscape", grid=(5, 9), aspect=1.6)
+    assert (found.layout, found.cone) == (QuiltLayout(5, 9, 1.6), 50.0)
+    height, width = found.tile
+    assert width / height == pytest.approx(1.6, abs=1 / height)
+    assert 5 * width <= 7680
+    assert 9 * height <= 4320
+
+
+def test_a_light_field_keeps_its_aspect_where_only_columns_and_rows_are_given():
+    assert resolve_quilt(grid=(5, 9)).keeps_aspect
+    assert not resolve_quilt(aspect=1.0).keeps_aspect
+
+
+def test_a_name_that_says_something_else_is_refused():
+    with pytest.raises(InvalidOption, match=r"name says qs11x6a0\.5625 and the options say qs8x6a0\.75; change"):
+        resolve_quilt(named=GO.layout, device="portrait")
