@@ -76,7 +76,7 @@ class Attacker:
         self._files = [
             (SUFFIXES.get(name, f".{name}"), file)
             for name, target in TARGETS.items()
-            if not name.startswith(("options", "multipart"))
+            if not name.startswith(("options", "multipart", "gltf-values"))
             for file in target.seeds()
         ]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import json
 import struct
 import zlib
 from dataclasses import dataclass
@@ -33,7 +34,8 @@ from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
 from tests.fuzz import seeds
-from tests.fuzz.seeds import containers, gltf, gltf_extensions, parts
+from tests.fuzz.mutate import edit_values
+from tests.fuzz.seeds import containers, gltf, gltf_extensions, pack, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -105,6 +107,17 @@ def mesh(kind: Format, *beside: str, pose: MeshPose = AS_STORED) -> Callable[[by
             _check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind, pose=pose))
 
     return check
+
+
+def gltf_values(data: bytes) -> None:
+    """Values of a glTF's JSON, changed as bytes say: the first one chooses the file, and whether it is posed."""
+    which, *_ = data or b"\0"
+    made = gltf_extensions.documents()
+    text, binary = made[which % len(made)]
+    document = json.loads(text)
+    edit_values(document, data[1:])
+    pose = MeshPose(0.5, "0") if which >= 128 else AS_STORED
+    mesh(SUFFIXES[".gltf"], "a.bin", pose=pose)(pack(json.dumps(document).encode(), binary))
 
 
 def archive(data: bytes) -> None:
@@ -211,6 +224,7 @@ TARGETS: dict[str, Target] = {
     "glb": Target(mesh(SUFFIXES[".glb"]), lambda: [*gltf.glb(), *gltf_extensions.textured()]),
     "gltf": Target(mesh(SUFFIXES[".gltf"], "a.bin", "x.png"), gltf.gltf),
     "gltf-pose": Target(mesh(SUFFIXES[".gltf"], "a.bin", pose=MeshPose(0.5, "0")), gltf_extensions.pose),
+    "gltf-values": Target(gltf_values, gltf_extensions.value_edits),
     "meshopt": Target(mesh(SUFFIXES[".glb"]), gltf_extensions.packed),
     "draco": Target(mesh(SUFFIXES[".glb"]), gltf.draco),
     "obj": Target(mesh(SUFFIXES[".obj"], "a.mtl", "x.png"), seeds.obj),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import imagecodecs
 import numpy as np
 
@@ -16,6 +18,18 @@ TRIANGLES = bytes.fromhex("e1f000" + "007687566778a9866589689801690000")
 def pose() -> list[bytes]:
     """Skins, morph targets, each kind of keyframes, instances and a camera; as `a.gltf` and its `a.bin`."""
     return [pack(model.gltf("a.bin"), model.binary) for model in (_skinned(), _morphed(), _instanced())]
+
+
+@cache
+def documents() -> list[tuple[bytes, bytes]]:
+    """All files of this module, as `a.gltf` and its `a.bin`."""
+    models = [_skinned(), _morphed(), _instanced(), *_list_packed(), *_list_textured()]
+    return [(model.gltf("a.bin"), model.binary) for model in models]
+
+
+def value_edits() -> list[bytes]:
+    """An edit of each of `documents`, which leaves it readable."""
+    return [bytes([number, 0, 1, 5]) for number in range(len(documents()))]
 
 
 def _skinned() -> Model:
@@ -58,7 +72,11 @@ def _film(model: Model, node: int) -> Model:
 
 def packed() -> list[bytes]:
     """Buffer views of each mode of meshopt, with and without filters."""
-    return [_pack(filters).glb() for filters in ({}, {"NORMAL": "OCTAHEDRAL", "POSITION": "EXPONENTIAL"})]
+    return [model.glb() for model in _list_packed()]
+
+
+def _list_packed() -> list[Model]:
+    return [_pack({}), _pack({"NORMAL": "OCTAHEDRAL", "POSITION": "EXPONENTIAL"})]
 
 
 def _pack(filters: dict[str, str]) -> Model:
@@ -103,12 +121,16 @@ def _add_packed(model: Model, data: bytes, stride: int, count: int, mode: str) -
 
 def textured() -> list[bytes]:
     """A WebP and a KTX2 texture."""
+    return [model.glb() for model in _list_textured()]
+
+
+def _list_textured() -> list[Model]:
     made = []
     for extension, data in (("EXT_texture_webp", webps()[0]), ("KHR_texture_basisu", UASTC)):
         model = Model(TEXCOORD_0=UV).texture()
         model.json["images"] = [{"bufferView": model.view(data)}]
         model.json["textures"] = [{"extensions": {extension: {"source": 0}}}]
-        made.append(model.glb())
+        made.append(model)
     return made
 
 
