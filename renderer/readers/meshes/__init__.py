@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
-from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose, select_before
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import MeshFormat
@@ -53,12 +53,13 @@ def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
     try:
-        return assemble_scene(
+        scene = assemble_scene(
             surfaces,
             name=name,
             notes=resolver.notes,
             max_triangles=bundle.limits.triangles,
             light=placement.light_direction(),
         )
+        return scene if pose.camera is None else select_before(scene, name)
     except MemoryError as error:
         raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

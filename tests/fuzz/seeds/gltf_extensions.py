@@ -64,9 +64,10 @@ def _instanced() -> Model:
 
 
 def _film(model: Model, node: int) -> Model:
-    """With a camera at the node."""
+    """With a camera before the node."""
     model.json["cameras"] = [{"name": "Front", "type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]
-    model.json["nodes"][node]["camera"] = 0
+    model.json["nodes"].append({"camera": 0, "translation": [0, 0, 5]})
+    model.json["nodes"][node]["children"] = [len(model.json["nodes"]) - 1]
     return model
 
 

@@ -23,15 +23,14 @@ _LISTED = 10
 def find_view_matrix(
     document: Document, nodes: Iterable[tuple[int, dict[str, Any], NDArray[np.float64]]], camera: str
 ) -> NDArray[np.float64]:
-    """The 4x4 matrix that turns the scene so that the camera's axes are those of the lens array, and adds a note.
+    """The 4x4 matrix from the scene to the camera's coordinates: the camera at the origin, x to its right, y up.
 
-    The array then looks the camera's way: x to its right, y up, z towards who looks. The camera's position and angle
-    of view play no part: a lens array sees along parallel rays, and the whole object is framed as without a camera.
+    The lens array then looks the camera's way, and `pose.select_before` takes what does not lie behind the camera.
 
     `camera`: a number, counted from 0 in the order of the scene's `nodes`, or the name of a camera or of its node.
     Raises `InvalidOption` where there is no such camera.
     """
-    found = []
+    found: list[tuple[tuple[str, str], NDArray[np.float64]]] = []
     for _, node, matrix in nodes:
         if "camera" in node:
             entry = document.item("cameras", node["camera"])
@@ -45,13 +44,13 @@ def find_view_matrix(
         listed = ", ".join(f"{i} ({clean_text(names[0] or names[1])[:40]})" for i, (names, _) in enumerate(found))
         known = listed if len(found) <= _LISTED else f"0 to {len(found) - 1}"
         raise InvalidOption(f"camera: {clean_text(camera)[:40]!r} is none of {document.name}'s; give {known}")
-    backward = normalize(found[number][1][:3, 2])
-    up = normalize(found[number][1][:3, 1] - backward * (found[number][1][:3, 1] @ backward))
+    matrix = found[number][1]
+    backward = normalize(matrix[:3, 2])
+    up = normalize(matrix[:3, 1] - backward * (matrix[:3, 1] @ backward))
     view = np.eye(4)
-    view[:3, :3] = np.cross(up, backward), up, backward
+    view[:3, :3] = np.cross(up, backward), up, backward  # no scale: a camera has none
+    view[:3, 3] = -view[:3, :3] @ matrix[:3, 3]
     if not np.isfinite(view).all() or abs(float(np.linalg.det(view)) - 1) > 1e-6:  # a zero axis has no direction
         raise Unreadable(f"{document.name}: camera {number} has no orientation; export it again")
-    document.resolver.add_note(
-        f"camera {number}: its orientation is taken, not its position and angle of view: the whole object is framed"
-    )
+    document.resolver.add_note(f"camera {number}: the lens array looks its way; its angle of view plays no part")
     return view
