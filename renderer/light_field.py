@@ -31,6 +31,10 @@ DepthSense = Literal["lenses", "cameras"]
 The one becomes the other where the order of views is reversed in v and in u.
 """
 
+Arrangement = Literal["auto", "eia", "mosaic"]
+"""What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.
+"""
+
 OrderCheck = Literal["auto", "given", "rows", "columns"]
 """What is row and what is column: what the names and the pictures show; what the names show; the first number or index
 is the row; or it is the column.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from ciir.renderer.light_field import Flip, OrderCheck, Pickup
+    from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
     from ciir.renderer.placement import Up
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -75,6 +75,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     lenses: tuple[int, int] | None = None,
     pixels: tuple[int, int] | None = None,
     pickup: Pickup = "virtual",
+    arrangement: Arrangement = "auto",
+    crop: tuple[int, int, int, int] = (0, 0, 0, 0),
     order: OrderCheck = "auto",
     flip: Flip = "none",
     transpose: bool = False,
@@ -84,6 +86,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
 
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
+    `crop`: pixels of margin around it, (top, left, bottom, right). `arrangement`: `eia`, `mosaic` (views side by side,
+    `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
     keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
     `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`
@@ -95,7 +99,16 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     if progress is not None:
         progress(0, 1)
     asked = Options.convert(
-        {"lenses": lenses, "pixels": pixels, "pickup": pickup, "order": order, "flip": flip, "transpose": transpose}
+        {
+            "lenses": lenses,
+            "pixels": pixels,
+            "pickup": pickup,
+            "arrangement": arrangement,
+            "crop": crop,
+            "order": order,
+            "flip": flip,
+            "transpose": transpose,
+        }
     )
     content = Input(_open_path(path)).read(asked)
     if isinstance(content, Scene):
@@ -217,9 +230,10 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
 
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`, `order`, `flip`: names; `scale`; `skip`, `transpose`: bools; `background`: RGB from
-    0 to 255; `pitch`, `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`;
-    `neighbour_time`, `time`: seconds; `camera`: a name or a number. Text is read as on the command line.
+    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`: names; `crop`: (top, left, bottom, right); `scale`;
+    `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`, `delta`, `zoom`, `place`: numbers;
+    `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`, `time`: seconds; `camera`: a name or
+    a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

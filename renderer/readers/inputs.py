@@ -10,7 +10,7 @@ from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.containers import quilts
-from ciir.renderer.readers.eia import read_eia
+from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import clean_text
@@ -83,8 +83,8 @@ def open_input(
         return settle_order(_read_container(bundle, key, format_, layout), layout)
     if layout.lenses is None and layout.pixels is None and (quilt := quilts.find_layout(bundle, key)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
-    light_field = read_eia(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
-    return settle_order(light_field, layout, corrects=False)
+    light_field = eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
+    return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # a mosaic
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import Flip, OrderCheck, Pickup
+    from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,9 @@ class Layout:
     pickup: Pickup = "virtual"
     frame: int = 0
     """Of a video of elemental image arrays: which one."""
+    arrangement: Arrangement = "auto"
+    crop: tuple[int, int, int, int] = (0, 0, 0, 0)
+    """Pixels of margin around an elemental image array or a mosaic: top, left, bottom, right."""
     order: OrderCheck = "auto"
     flip: Flip = "none"
     """Which order of views is reversed, after `transpose`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +18,8 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
+from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
-
-if TYPE_CHECKING:
-    from ciir.service.pipeline.options import Options
 
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
@@ -103,6 +100,8 @@ class Input:
             pixels=options.pixels,
             pickup=options.pickup,
             frame=options.frame,
+            arrangement=options.arrangement,
+            crop=options.crop,
             order=options.order,
             flip=options.flip,
             transpose=options.transpose == "yes",
@@ -116,10 +115,11 @@ class Input:
             raise InvalidOption(
                 f"lenses: {given} doesn't fit {self.name}, whose views have {size[0]}x{size[1]} pixels; leave it out"
             )
-        if options.pickup != "virtual":
-            raise InvalidOption(
-                f"pickup: optical is for elemental image arrays and {self.name} holds views; leave it out"
-            )
+        for option in ("pickup", "arrangement", "crop"):
+            if getattr(options, option) != getattr(Options, option):
+                raise InvalidOption(
+                    f"{option}: this is for elemental image arrays and {self.name} holds views; leave it out"
+                )
 
     def read_mesh(self, options: Options) -> Scene:
         """The mesh; `InvalidOption` where the source holds pictures."""

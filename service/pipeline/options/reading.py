@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ciir.renderer.light_field import Flip, OrderCheck, Pickup
+from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import make_integer, make_name, make_number, make_switch
@@ -46,6 +46,19 @@ READING = {
     "frame": Option(
         "N", "the frame to read of a video of EIAs (with --lenses), from 0 (default 0)", make_integer(0, 999_999), "0"
     ),
+    "arrangement": Option(
+        "NAME",
+        "eia: a picture is an elemental image array; mosaic: it is views side by side, --pixels of them or each of "
+        "--lenses pixels; auto: a mosaic where it certainly is one (default auto)",
+        make_name(get_args(Arrangement)),
+        "mosaic",
+    ),
+    "crop": Option(
+        "TOP,LEFT,BOTTOM,RIGHT",
+        "pixels of margin to cut off an elemental image array (default 0,0,0,0)",
+        values.MARGINS,
+        "0,0,7,5",
+    ),
     "order": Option(
         "NAME",
         "auto: put a set of views right whose order is certainly wrong; given: keep the order; rows, columns: the "
@@ -76,6 +89,9 @@ class ReadingOptions:
     """Degrees."""
     pickup: Pickup = "virtual"
     frame: int = 0
+    arrangement: Arrangement = "auto"
+    crop: tuple[int, int, int, int] = (0, 0, 0, 0)
+    """Pixels: top, left, bottom, right."""
     order: OrderCheck = "auto"
     flip: Flip = "none"
     transpose: Switch = "no"

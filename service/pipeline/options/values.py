@@ -69,6 +69,13 @@ def read_pair(name: str, text: str) -> tuple[int, int]:
     return counts
 
 
+def _read_margins(name: str, text: str) -> tuple[int, ...]:
+    match = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*,\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", text)
+    if match is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5")
+    return tuple(map(int, match.groups()))
+
+
 def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all that read text share one signature
     return text.strip()
 
@@ -133,6 +140,13 @@ PAIR = ValueType(
     _convert_pair,
     "rows and columns, such as (50, 50)",
     lambda pair: "{}x{}".format(*pair),
+)
+MARGINS = ValueType(
+    {"type": "string", "pattern": "^([0-9]{1,6}(,[0-9]{1,6}){3})?$"},
+    _read_margins,
+    lambda value: _convert_whole_numbers(value, 4, _MOST),
+    "four whole numbers, such as (0, 0, 7, 5)",
+    lambda margins: ",".join(map(str, margins)),
 )
 VIEWS = ValueType(
     {"type": "string", "pattern": "^(center|cross|all|[0-9]{1,6},[0-9]{1,6}(;[0-9]{1,6},[0-9]{1,6})*)?$"},

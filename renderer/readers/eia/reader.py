@@ -1,0 +1,139 @@
+"""Reads a picture that holds all views: an elemental image array, or a mosaic of views."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.eia.period import Periods
+
+if TYPE_CHECKING:
+    from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.readers.pictures import Pixels
+
+    Pair = tuple[int, int]
+
+
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """The light field in the picture `data`, without its margins `layout.crop`.
+
+    - An elemental image array: `layout.lenses` elemental images, or elemental images of `layout.pixels`.
+    - A mosaic: `layout.pixels` rows and columns of views side by side, or views of `layout.lenses` pixels; the upper
+      left one is view (0, 0). Its depth sense is that of cameras.
+
+    With the arrangement `auto` a picture is a mosaic where its period certainly is that of one, with a note.
+
+    Raises `InvalidOption` where both numbers are missing or don't fit the picture, with those that would, and as
+    `pictures.decode`.
+    """
+    eia = _crop(pictures.decode(data, name=name, max_pixels=limits.pixels), layout.crop)
+    periods = Periods(eia)
+    if layout.lenses is None and layout.pixels is None:
+        raise InvalidOption(
+            f"{name}: a picture is read as an elemental image array; give the number of lenses, as in lenses 50x50 "
+            f"(rows x columns), or of pixels of each, as in pixels 15x15{_describe_period(periods, eia)}"
+        )
+    rows, cols = _count_lenses(eia, layout, periods)
+    grid = eia.shape[0] // rows, eia.shape[1] // cols
+    found = layout.arrangement
+    if found == "auto" and layout.pickup == "virtual":
+        found = periods.find_arrangement(grid) or "auto"
+    if found == "mosaic":
+        return _read_mosaic(eia, grid, is_sure=layout.arrangement == "mosaic")
+    light_field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=layout.pickup)
+    return replace(light_field, notes=_describe_unclear(periods, eia, grid) if found == "auto" else ())
+
+
+def _describe_unclear(periods: Periods, eia: Pixels, grid: Pair) -> tuple[str, ...]:
+    """A note on a picture that shows elemental images of another size, or none."""
+    if periods.find_arrangement(grid) is not None:
+        return ()
+    period = _find_size(periods, eia)
+    seen = "which the picture doesn't show clearly"
+    if period is not None:
+        seen = f"but the picture repeats about every {period[0]}x{period[1]} pixels"
+    note = (
+        f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
+        "give arrangement mosaic for views side by side"
+    )
+    return (note,)
+
+
+def _crop(picture: Pixels, margins: tuple[int, int, int, int]) -> Pixels:
+    top, left, bottom, right = margins
+    height, width = picture.shape[:2]
+    if top + bottom >= height or left + right >= width:
+        raise InvalidOption(
+            f"crop: {top},{left},{bottom},{right} leaves nothing of the picture of {height}x{width} pixels (rows x "
+            "columns); give the margins TOP,LEFT,BOTTOM,RIGHT in pixels"
+        )
+    return picture[top : height - bottom, left : width - right]
+
+
+def _read_mosaic(mosaic: Pixels, grid: Pair, *, is_sure: bool) -> LightField:
+    height, width, channels = mosaic.shape
+    tiles = mosaic.reshape(grid[0], height // grid[0], grid[1], width // grid[1], channels)  # (v, y, u, x, c)
+    note = (
+        f"arrangement: the picture repeats every {height // grid[0]}x{width // grid[1]} pixels, so it is read as a "
+        f"mosaic of {grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
+    )
+    return LightField(tiles.swapaxes(1, 2), () if is_sure else (note,), depth_sense="cameras")
+
+
+def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:
+    """Rows and columns of lenses; of a mosaic, of pixels of a view."""
+    height, width = size = eia.shape[:2]
+    described = f"the picture of {height}x{width} pixels (rows x columns)"
+    for option, given in (("pixels", layout.pixels), ("lenses", layout.lenses)):
+        if given is not None and (min(given) < 1 or height % given[0] or width % given[1]):
+            raise InvalidOption(
+                f"{option}: {given[0]}x{given[1]} does not divide {described}; {_describe_fitting(given, size)}"
+                f"{_describe_period(periods, eia)}"
+            )
+    counted = None if layout.pixels is None else (height // layout.pixels[0], width // layout.pixels[1])
+    lenses = layout.lenses or counted
+    assert lenses is not None  # noqa: S101 - `read` has checked that one of the options is given
+    if counted not in (None, lenses):
+        raise InvalidOption(
+            f"lenses, pixels: {lenses[0]}x{lenses[1]} lenses of {height // counted[0]}x{width // counted[1]} pixels do "
+            f"not make {described}; give one of the two options alone"
+        )
+    return lenses
+
+
+def _describe_fitting(given: Pair, size: Pair) -> str:
+    """The nearest numbers that divide the picture, and the margins that `given` would leave."""
+    fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
+    words = f"the nearest that does is {fitting[0]}x{fitting[1]}"
+    if all(0 < count <= length for count, length in zip(given, size, strict=True)):
+        rests = [length % count for count, length in zip(given, size, strict=True)]
+        words += f", or cut {rests[0]} rows and {rests[1]} columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT)"
+    return words
+
+
+def _find_nearest_divisor(count: int, length: int) -> int:
+    return min((n for n in range(1, length + 1) if length % n == 0), key=lambda n: (abs(n - count), n))
+
+
+def _describe_period(periods: Periods, picture: Pixels) -> str:
+    """What the picture's own period would be, for a message; empty where it shows none."""
+    size = _find_size(periods, picture)
+    if size is None:
+        return ""
+    return f"; the picture repeats about every {size[0]}x{size[1]} pixels, the size of an elemental image or of a view"
+
+
+def _find_size(periods: Periods, picture: Pixels) -> Pair | None:
+    """The period, or a divisor of the picture's size that is about as large: parallax changes the period a little."""
+    found = periods.find()
+    if found is None:
+        return None
+    nearest = [_find_nearest_divisor(each, length) for each, length in zip(found, picture.shape[:2], strict=True)]
+    rows, cols = (
+        divisor if abs(divisor - each) <= 1 + each // 16 else each for divisor, each in zip(nearest, found, strict=True)
+    )
+    return rows, cols

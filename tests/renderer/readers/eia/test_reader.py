@@ -1,0 +1,106 @@
+"""Pictures of all views: their margins, what they are, and the numbers that would fit."""
+
+import numpy as np
+import pytest
+
+import ciir
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.writers.pictures import encode_png
+from tests.renderer.readers.eia.test_period import make_mosaic
+from tests.support.light_fields import make_views
+
+VIEWS = make_views((5, 7), side=60, disparities=(-1, 1), channels=3)
+EIA, MOSAIC = LightField(VIEWS).eia(), make_mosaic(VIEWS)
+
+
+@pytest.fixture(scope="module")
+def vase():
+    """An elemental image array of 50x50 lenses of 9x9 pixels."""
+    return ciir.render("scene:vase", lenses=(50, 50), pixels=(9, 9), backend="raytrace").eia()
+
+
+def read(picture, **layout):
+    return inputs.read(Bundle("a.png", "a.png", {"a.png": encode_png(picture)}), Layout(**layout))
+
+
+def message(picture, **layout):
+    with pytest.raises(InvalidOption) as caught:
+        read(picture, **layout)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("layout", [{"pixels": (5, 7)}, {"lenses": (60, 60)}])
+def test_a_mosaic_is_read_as_what_it_is(layout):
+    field = read(MOSAIC, **layout)
+    assert np.array_equal(field.views, VIEWS)
+    assert field.depth_sense == "cameras"
+    assert field.notes[0] == (
+        "arrangement: the picture repeats every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
+        "elemental image array; arrangement eia reads it as one"
+    )
+    sure = read(MOSAIC, arrangement="mosaic", **layout)
+    assert np.array_equal(sure.views, VIEWS)
+    assert sure.notes == ()
+
+
+def test_an_elemental_image_array_stays_one_and_either_can_be_asked_for():
+    field = read(EIA, pixels=(5, 7))
+    assert np.array_equal(field.views, VIEWS)
+    assert (field.notes, field.depth_sense) == ((), "lenses")
+    asked = read(MOSAIC, pixels=(5, 7), arrangement="eia", order="given")
+    assert np.array_equal(asked.eia(), MOSAIC)
+    assert asked.notes == ()
+    optical = read(MOSAIC, pixels=(5, 7), pickup="optical", order="given")
+    assert np.array_equal(optical.eia(pickup="optical"), MOSAIC)
+
+
+def test_the_order_of_a_mosaic_is_put_right():
+    field = read(make_mosaic(VIEWS[::-1]), pixels=(5, 7))
+    assert np.array_equal(field.views, VIEWS)
+    assert field.notes[1].startswith("order: rows of views are taken from the bottom up")
+
+
+def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
+    (note,) = read(vase, lenses=(75, 75), order="given").notes
+    assert note == (
+        "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 9x9 pixels; check "
+        "lenses and pixels, or give arrangement mosaic for views side by side"
+    )
+    noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
+    (note,) = read(noise, pixels=(12, 12), order="given").notes
+    assert "12x12 pixels, which the picture doesn't show clearly" in note
+
+
+def test_margins_are_cut_off():
+    padded = np.pad(EIA, ((2, 3), (0, 4), (0, 0)))
+    assert np.array_equal(read(padded, pixels=(5, 7), crop=(2, 0, 3, 4)).views, VIEWS)
+    assert "crop: 100,0,300,0 leaves nothing of the picture of 305x424" in message(
+        padded, pixels=(5, 7), crop=(100, 0, 300, 0)
+    )
+
+
+def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
+    text = message(vase, lenses=(51, 49))
+    assert text == (
+        "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50, "
+        "or cut 42 rows and 9 columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT); the picture repeats about every 9x9 "
+        "pixels, the size of an elemental image or of a view"
+    )
+    text = message(vase, pixels=(8, 8))
+    assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")
+    assert (
+        "; the nearest that does is 9x9, or cut 2 rows and 2 columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT); "
+        in text
+    )
+    assert "the nearest that does is 450x450; " in message(vase, lenses=(999, 999))
+    assert "3x4 lenses of 5x7 pixels do not make" in message(EIA, lenses=(3, 4), pixels=(5, 7))
+
+
+def test_without_numbers_the_period_of_the_picture_is_named(vase):
+    text = message(vase)
+    assert "as in pixels 15x15; the picture repeats about every 9x9 pixels, the size of" in text
