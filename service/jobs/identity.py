@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,7 @@ _PACKAGES = (
     "DracoPy",
     "trimesh",
     "pycollada",
+    "opengl-basisu",  # optional
 )
 _CODE = ("renderer", "models", "service")
 _SUFFIXES = (".py", ".json", ".frag", ".vert")
@@ -55,9 +56,17 @@ def compute_id(request: Request, content: str, limits: Mapping[str, int]) -> str
 @cache
 def hash_installation() -> str:
     """Hash of the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies."""
-    digest = hashlib.sha256(json.dumps([(name, version(name)) for name in _PACKAGES]).encode())
+    digest = hashlib.sha256(json.dumps([(name, _find_version(name)) for name in _PACKAGES]).encode())
     root = Path(__file__).parents[2]
     for folder in _CODE:
         for path in sorted(path for path in (root / folder).rglob("*") if path.suffix in _SUFFIXES):
             digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
+
+
+def _find_version(package: str) -> str:
+    """Empty for a package that is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""

@@ -41,7 +41,8 @@ def find_view_matrix(
     named = {name: number for number, (names, _) in reversed(list(enumerate(found))) for name in names if name}
     number = numbers.get(camera, named.get(camera))
     if number is None:
-        listed = ", ".join(f"{i} ({clean_text(names[0] or names[1])[:40]})" for i, (names, _) in enumerate(found))
+        titles = [clean_text(names[0] or names[1])[:40] for names, _ in found]
+        listed = ", ".join(f"{i} ({title})" if title else str(i) for i, title in enumerate(titles))
         known = listed if len(found) <= _LISTED else f"0 to {len(found) - 1}"
         raise InvalidOption(f"camera: {clean_text(camera)[:40]!r} is none of {document.name}'s; give {known}")
     matrix = found[number][1]

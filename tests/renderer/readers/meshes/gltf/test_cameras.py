@@ -77,7 +77,7 @@ def test_a_camera_that_is_animated() -> None:
 
 
 def test_cameras_that_are_not_there() -> None:
-    with pytest.raises(InvalidOption, match=r"camera: 'Rear' is none of a\.glb's; give 0 \(\), 1 \(Left\), 2 \(1\)$"):
+    with pytest.raises(InvalidOption, match=r"camera: 'Rear' is none of a\.glb's; give 0, 1 \(Left\), 2 \(1\)$"):
         filmed_model().read(MeshPose(camera="Rear"))
     with pytest.raises(InvalidOption, match=r"camera: a\.glb holds no camera; leave it out"):
         Model().read(MeshPose(camera="0"))
