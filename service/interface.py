@@ -18,7 +18,7 @@ from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia
-from ciir.service.pipeline.source import Input, open_source
+from ciir.service.pipeline.source import Input, add_frames, open_source, save_grid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling
+    from ciir.service.pipeline.options.lenslet import GridShape, Pitch
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
@@ -80,9 +81,16 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     order: OrderCheck = "auto",
     flip: Flip = "none",
     transpose: bool = False,
+    lens_pitch: Pitch | None = None,
+    lens_offset: tuple[float, float] | None = None,
+    lens_rotation: float | None = None,
+    lens_grid: GridShape = "auto",
+    white: str | None = None,
+    dark: str | None = None,
+    show_grid: str | None = None,
     progress: Progress | None = None,
 ) -> LightField:
-    """Reads a light field: an elemental image array, or a folder or zip of views.
+    """Reads a light field: an elemental image array, a raw lenslet picture, or a folder or zip of views.
 
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
@@ -92,6 +100,10 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
     `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`
     (`LightField.flip`).
+    `lens_pitch`: pixels from lens to lens of a raw lenslet picture, or `auto`, to find its lens grid in it;
+    `lens_offset`: (y, x) of one lens's centre in pixels, `lens_rotation`: degrees by which rows of lenses go down to
+    the right, `lens_grid`: `square` or `hexagonal`; each is found where it is not given. `white`, `dark`: paths of its
+    frames; `show_grid`: a PNG to write, the grid over the picture.
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
     Raises `ciir.Error`; a mesh is refused with `InvalidOption`, since `render` takes it.
@@ -108,9 +120,16 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "order": order,
             "flip": flip,
             "transpose": transpose,
+            "lens_pitch": lens_pitch,
+            "lens_offset": lens_offset,
+            "lens_rotation": lens_rotation,
+            "lens_grid": lens_grid,
         }
     )
-    content = Input(_open_path(path)).read(asked)
+    source = add_frames(_open_path(path), white=white, dark=dark)
+    if show_grid is not None:
+        save_grid(source, asked, show_grid)
+    content = Input(source).read(asked)
     if isinstance(content, Scene):
         raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")
     if progress is not None:

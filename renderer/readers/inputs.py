@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.containers import quilts
 from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.names import clean_text, find_frames
 from ciir.renderer.readers.registry import (
     ESLF,
     TIFF_STACK,
@@ -58,7 +58,8 @@ def open_input(
     """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
     - A picture that its name, or the JSON beside it, makes a quilt: read as one.
-    - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`.
+    - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`; with
+      `layout.lens_grid` a raw lenslet picture, in a folder or a zip with its frames, pictures named white and dark.
     - A file that holds a light field: read by its format's reader.
     - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of
       `layout.pixels` where their names don't give one. Views are decoded when they are first used; `views` selects
@@ -73,6 +74,12 @@ def open_input(
     """
     found = find_main(bundle)
     name = clean_text(bundle.name)
+    if layout.lens_grid is not None:
+        if found is None or not isinstance(found[0], PictureFormat):
+            raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
+        from ciir.renderer.readers.lenslet import reader
+
+        return settle_order(reader.read(bundle, found[1], layout, layout.lens_grid), layout, corrects=False)
     if found is None:
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
@@ -81,6 +88,11 @@ def open_input(
     format_ = _refine(format_, bundle, key, layout)
     if isinstance(format_, ContainerFormat):
         return settle_order(_read_container(bundle, key, format_, layout), layout)
+    if bundle.main is None:
+        raise InvalidOption(
+            f"lens_pitch: {name} holds a picture with white or dark frames, as raw lenslet pictures have; give their "
+            "pitch in pixels, or auto"
+        )
     if layout.lenses is None and layout.pixels is None and (quilt := quilts.find_layout(bundle, key)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
     light_field = eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
@@ -110,6 +122,10 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
         )
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]
+    frames = find_frames(views)
+    if frames and len(views) == len(frames) + 1:
+        raw = next(key for key in views if key not in frames.values())
+        return identify(raw, bundle.files[raw]), raw
     containers = [key for key in names if is_container(key)]
     if not views and len(containers) == 1:
         return identify(containers[0], bundle.files[containers[0]]), containers[0]

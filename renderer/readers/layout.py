@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
+    from ciir.renderer.readers.lenslet.grid import Known
 
 
 @dataclass(frozen=True)
@@ -28,3 +29,5 @@ class Layout:
     """Which order of views is reversed, after `transpose`."""
     transpose: bool = False
     """Whether rows and columns of views are exchanged."""
+    lens_grid: Known | None = None
+    """Of a raw lenslet picture; None for a picture that is an elemental image array."""

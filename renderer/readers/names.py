@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import posixpath
 import re
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 _DRIVE_OR_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 
@@ -28,3 +33,9 @@ def resolve_key(name: str, folder: str = "") -> str | None:
         return None
     key = posixpath.normpath(posixpath.join(folder, name))
     return None if key in {".", ".."} or key.startswith("../") else key
+
+
+def find_frames(keys: Sequence[str]) -> dict[str, str]:
+    """The keys of the pictures named `white` and `dark`, the frames of a raw lenslet picture, by these names."""
+    stems = {PurePosixPath(key).stem.lower(): key for key in keys}
+    return {name: stems[name] for name in ("white", "dark") if name in stems}

@@ -12,6 +12,7 @@ from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.source import add_frames, open_source, save_grid
 
 if TYPE_CHECKING:
     import argparse
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
 
 _PREFIX = "option_"
 
@@ -27,6 +29,17 @@ def parse_options(args: argparse.Namespace) -> Options:
     """The options on the command line. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return Options.parse(given)
+
+
+def open_input(args: argparse.Namespace, options: Options) -> Source:
+    """The input with the frames that the command line gives it; writes the picture of its lens grid if asked to.
+
+    Raises `InputError`.
+    """
+    source = add_frames(open_source(args.input), white=args.white, dark=args.dark)
+    if args.show_grid is not None:
+        save_grid(source, options, args.show_grid)
+    return source
 
 
 def check_report(path: str | None, out: Path) -> None:

@@ -13,7 +13,7 @@ from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
 from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
-from ciir.service.pipeline.options import KINDS, MESH, NAMES, OPTIONS, READING, WRITING
+from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ KEPT = (
     "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
     "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
 )
-CONVERSION = tuple(name for name in (*READING, *MESH, *WRITING) if name != "neighbour_time")
+CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING) if name != "neighbour_time")
 """Options of `ciir convert`."""
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
@@ -95,6 +95,16 @@ def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: Ki
         )
 
 
+def _add_raw_files(parser: argparse.ArgumentParser) -> None:
+    """Adds the files that go with a raw lenslet picture."""
+    for name, text in (
+        ("white", "a picture of a white surface, to find the lens grid in and to even out lenses' brightness"),
+        ("dark", "a picture without light, to subtract"),
+        ("show-grid", "write the lens grid, drawn over the picture, to this PNG"),
+    ):
+        parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {text}")
+
+
 def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     report = "write the report (JSON) to this file"
     command = add_command(
@@ -107,6 +117,7 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
         "-o", "--out", required=True, metavar="OUT", help="a folder, a .zip or .npz file, or a picture for one view"
     )
     _add_options(command, NAMES)
+    _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
 
     command = add_command("convert", "write a light field, or all views of a mesh, in another format")
@@ -119,6 +130,7 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     for name, (placeholder, text) in ARGUMENTS_FOR_DISPLAYS.items():
         command.add_argument(f"--{name}", metavar=placeholder, help=text)
     _add_options(command, CONVERSION)
+    _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command("elemental", "render a mesh's elemental image array")

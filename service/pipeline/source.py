@@ -9,10 +9,10 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.registry import is_container, is_picture
+from ciir.renderer.readers.registry import PictureFormat, is_container, is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -44,6 +44,38 @@ def open_bundle(text: str) -> Bundle:
     return Bundle.from_path(Path(text), read_limits())
 
 
+def add_frames(source: Source, *, white: str | None, dark: str | None) -> Source:
+    """The raw lenslet picture `source` with the pictures at these paths as its frames, as a zip of them would be.
+
+    Raises `InputError`.
+    """
+    paths = {name: Path(path) for name, path in (("white", white), ("dark", dark)) if path is not None}
+    if not paths:
+        return source
+    if not isinstance(source, Bundle) or source.main is None:
+        raise InvalidOption(f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input")
+    frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}
+    return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
+
+
+def save_grid(source: Source, options: Options, path: str) -> None:
+    """Writes the lens grid of the raw lenslet picture `source`, drawn over it, as a PNG. Raises `InputError`."""
+    if Path(path).suffix.lower() != ".png":
+        raise InvalidOption(f"show_grid: {path!r} doesn't end with .png, and a PNG is written; rename it")
+    known = options.known_grid
+    from ciir.renderer.readers.inputs import find_main
+
+    found = find_main(source) if isinstance(source, Bundle) else None
+    if known is None or not isinstance(source, Bundle) or found is None or not isinstance(found[0], PictureFormat):
+        raise InvalidOption("show_grid: this is for a raw lenslet picture; give one, with lens_pitch")
+    from ciir.renderer.readers.lenslet.reader import draw
+    from ciir.renderer.writers.atomic_write import replacing
+    from ciir.renderer.writers.pictures import encode_png
+
+    with replacing(Path(path)) as file:
+        file.write(encode_png(draw(source, found[1], known)))
+
+
 class Input:
     """A source, and a count of the files and bytes that were read of it."""
 
@@ -67,6 +99,9 @@ class Input:
 
     def open(self, options: Options, views: str) -> Content:
         """The mesh, or the light field, of which `views` selects those that will be used. Raises `InputError`."""
+        is_raw = options.known_grid is not None
+        if is_raw and not isinstance(self._source, Bundle):
+            raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, and {self.name} is none; leave it out")
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
             field = self._source.transpose() if options.order == "columns" else self._source
@@ -90,7 +125,7 @@ class Input:
         content = inputs.open_input(self._source, self._layout(options), options.placement, pose, views)
         main = self._source.main
         is_eia = main is not None and (is_picture(main) or (is_container(main) and options.lenses is not None))
-        if not is_eia and not isinstance(content, Scene):
+        if not is_eia and not is_raw and not isinstance(content, Scene):
             self._check_views(content, options)
         return content
 
@@ -105,6 +140,7 @@ class Input:
             order=options.order,
             flip=options.flip,
             transpose=options.transpose == "yes",
+            lens_grid=options.known_grid,
         )
 
     def _check_views(self, light_field: LightField | ViewFiles, options: Options) -> None:

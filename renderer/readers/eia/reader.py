@@ -35,7 +35,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     if layout.lenses is None and layout.pixels is None:
         raise InvalidOption(
             f"{name}: a picture is read as an elemental image array; give the number of lenses, as in lenses 50x50 "
-            f"(rows x columns), or of pixels of each, as in pixels 15x15{_describe_period(periods, eia)}"
+            f"(rows x columns), or of pixels of each, as in pixels 15x15{_describe_period(periods, eia)}; "
+            "or lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
         )
     rows, cols = _count_lenses(eia, layout, periods)
     grid = eia.shape[0] // rows, eia.shape[1] // cols

@@ -14,7 +14,6 @@ from ciir.service.cli.display_arguments import find_kind
 from ciir.service.cli.display_pictures import write_picture
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import NO_MODEL
-from ciir.service.pipeline.source import open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -32,10 +31,10 @@ def run(args: argparse.Namespace) -> None:
         return
     path = Path(args.out)
     name = _find_format(args.to, args.out)
-    output_path.check_not_input([args.out, args.report], args.input)
+    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
     common.check_report(args.report, path)
     options = replace(common.parse_options(args), views="all", model=NO_MODEL)
-    source = open_source(args.input)
+    source = common.open_input(args, options)
     report = (
         _to_folder(source, options, path, Path(args.input)) if name is None else _to_file(source, options, path, name)
     )

@@ -10,7 +10,6 @@ from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
-from ciir.service.pipeline.source import open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -24,9 +23,10 @@ def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and prints a line about them."""
     is_file = output_path.names_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
-    output_path.check_not_input([args.out, args.report], args.input)
+    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
     common.check_report(args.report, path)
-    options, source = common.parse_options(args), open_source(args.input)
+    options = common.parse_options(args)
+    source = common.open_input(args, options)
     report = _to_file(source, options, path) if is_file else _to_folder(source, options, path, Path(args.input))
     common.write_report(report, args.report)
     views = report["views"]

@@ -1,6 +1,7 @@
 """Options and kinds of jobs: one table each, for the command line, HTTP and Python."""
 
 from ciir.service.pipeline.options.kinds import KINDS, Kind, KindName
+from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, Options, write_texts
 from ciir.service.pipeline.options.reading import READING
@@ -12,6 +13,7 @@ __all__ = [
     "AUTO",
     "AUTO_MODEL",
     "KINDS",
+    "LENSLET",
     "MAX_SCALE",
     "MESH",
     "NAMES",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.names import clean_text
+from ciir.service.pipeline.options.lenslet import LENSLET, LensletOptions
 from ciir.service.pipeline.options.mesh import MESH, MeshOptions
 from ciir.service.pipeline.options.reading import READING, ReadingOptions
 from ciir.service.pipeline.options.upscaling import UPSCALING, UpscalingOptions
@@ -15,13 +16,13 @@ from ciir.service.pipeline.options.writing import WRITING, WritingOptions
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-OPTIONS = READING | UPSCALING | MESH | WRITING
+OPTIONS = READING | LENSLET | UPSCALING | MESH | WRITING
 """By name, in the order of the help."""
 NAMES = tuple(OPTIONS)
 
 
 @dataclass(frozen=True)
-class Options(WritingOptions, MeshOptions, UpscalingOptions, ReadingOptions):
+class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, ReadingOptions):
     """Options of a job, which `OPTIONS` describes. Raises `InvalidOption` where one is out of range by itself.
 
     `service.pipeline.job` checks whether they fit the input.

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
+from ciir.renderer.readers.lenslet.grid import Known
 from ciir.service.pipeline.options import NAMES, Options, write_texts
 
 
@@ -21,6 +22,7 @@ def test_parses_every_option():
         "transpose": "yes", "arrangement": "mosaic", "crop": "1, 2,3,4", "parallax": "30", "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
         "time": "1.5", "camera": " Front left ",
+        "lens_pitch": "14.37", "lens_offset": "5.3, 8.8", "lens_rotation": "0.8", "lens_grid": "hexagonal",
         "path": "spiral", "frame": "7", "frames": "90", "fps": "25",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
@@ -32,6 +34,7 @@ def test_parses_every_option():
         parallax=30.0, up="z",
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
         time=1.5, camera="Front left",
+        lens_pitch=14.37, lens_offset=(5.3, 8.8), lens_rotation=0.8, lens_grid="hexagonal",
         path="spiral", frame=7, frames=90, fps=25.0,
     )  # fmt: skip
 
@@ -51,6 +54,8 @@ def test_parses_every_option():
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
         ("epi", "3"), ("epi", "x=1,v=2"),
         ("time", "-1"), ("camera", "x" * 201),
+        ("lens_pitch", "wide"), ("lens_pitch", "4"), ("lens_pitch", "nan"), ("lens_offset", "5"),
+        ("lens_offset", "-1,2"), ("lens_rotation", "46"), ("lens_grid", "round"),
         ("path", "square"), ("frames", "0"), ("frames", "1.5"), ("fps", "0"), ("fps", "nan"),
     ],
 )  # fmt: skip
@@ -69,7 +74,7 @@ def test_a_fault_repeats_only_so_much_of_what_was_given():
     ):
         with pytest.raises(InvalidOption) as caught:
             Options.parse(texts)
-        assert len(str(caught.value)) < 500
+        assert len(str(caught.value)) < 700
         assert str(caught.value).isprintable()
 
 
@@ -100,3 +105,13 @@ def test_any_text_gives_options_or_a_fault(texts):
     except InvalidOption:
         return
     json.dumps(options.as_dict(), allow_nan=False)
+
+
+def test_the_lens_grid_is_known_as_far_as_it_is_given():
+    assert Options().known_grid is None
+    assert Options.parse({"lens_pitch": "auto"}).known_grid == Known()
+    given = {"lens_pitch": 14.37, "lens_offset": (5, 8.8), "lens_rotation": 0, "lens_grid": "square"}
+    assert Options.convert(given).known_grid == Known(14.37, (5.0, 8.8), 0.0, "square")
+    for name in ("lens_offset", "lens_rotation", "lens_grid"):
+        with pytest.raises(InvalidOption, match=f"{name}: this needs lens_pitch"):
+            Options.convert({name: given[name]}).known_grid  # noqa: B018 - it raises

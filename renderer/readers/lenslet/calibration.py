@@ -1,0 +1,126 @@
+"""Calibration of a raw lenslet picture: its lens grid, from the picture alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, get_args
+
+import numpy as np
+
+from ciir.errors import Unreadable
+from ciir.renderer.readers.lenslet.grid import Known, LensGrid, Shape
+from ciir.renderer.readers.lenslet.refinement import center_grid, measure_depth, refine_grid
+from ciir.renderer.readers.lenslet.search import search_grid
+from ciir.renderer.readers.lenslet.signals import (
+    Cue,
+    blur_lenses,
+    find_even_parts,
+    scale_luma,
+    show_lenses,
+    show_periods,
+)
+from ciir.renderer.readers.lenslet.spectrum import Estimate, estimate_grids
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+_LEAST_CONTRAST = {"borders": 3.0, "edges": 4.0}  # photographs and noise reach 2.3
+_DISTINCT = 0.8
+_DARKER = 0.1  # 10%: less is the scene's own
+_MOST_SCATTER = {"borders": 0.04, "edges": 0.03}  # pitches
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A lens grid, and what speaks for it."""
+
+    grid: LensGrid
+    """Its offset is that of the lens nearest to the picture's upper left corner."""
+    cue: Cue | None
+    """What showed it; None where everything was given."""
+    lenses: int = 0
+    """Lenses that counted."""
+    scatter: float = 0.0
+    """Median distance of their own places from the grid's, in pixels."""
+
+
+def calibrate(
+    picture: NDArray[np.uint8] | NDArray[np.uint16],
+    known: Known = Known(),  # noqa: B008 - it is frozen
+    *,
+    name: str = "picture",
+) -> Calibration:
+    """The lens grid of a raw lenslet picture, or of a white one, `(H, W, C)`.
+
+    A first estimate from the Fourier transform, as in Dansereau, Pizarro and Williams, "Decoding, calibration and
+    rectification for lenselet-based plenoptic cameras" (CVPR 2013), then phases in blocks, then least squares over
+    lenses. Rotations are found within 10 degrees.
+
+    Raises `Unreadable` where the picture shows no grid, or more than one. `name` is for messages.
+    """
+    if known.pitch is not None and known.offset is not None and known.rotation is not None and known.shape is not None:
+        return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape), None)
+    luma = scale_luma(picture)
+    for cue in get_args(Cue):
+        estimate = _estimate(luma, cue, known, name)
+        if estimate is None:
+            continue
+        found = _refine(luma, cue, estimate, known)
+        depth = measure_depth(luma, found.grid)
+        if found.scatter <= _MOST_SCATTER[cue] * found.grid.pitch and (cue == "edges" or depth > _DARKER):
+            return replace(found, grid=_move_to_corner(found.grid))
+    given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
+    raise Unreadable(
+        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and their rows lie "
+        "within 10 degrees of the picture's; give a white picture, or lens_pitch, lens_offset, lens_rotation and "
+        "lens_grid"
+    )
+
+
+def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> Estimate | None:
+    shapes: tuple[Shape, ...] = get_args(Shape) if known.shape is None else (known.shape,)
+    found = estimate_grids(show_periods(luma, cue), shapes, pitch=known.pitch, rotation=known.rotation)
+    best = max(found.values(), default=None)
+    if best is None or best.contrast < _LEAST_CONTRAST[cue]:
+        return None
+    for other in found.values():
+        if other.shape != best.shape and other.contrast > _DISTINCT * best.contrast:
+            raise Unreadable(
+                f"{name}: a {best.shape} grid with a pitch of {best.pitch:.2f} pixels and a {other.shape} one with "
+                f"{other.pitch:.2f} fit nearly as well; give lens_grid, or a white picture"
+            )
+    return best
+
+
+def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known) -> Calibration:
+    signal, blurred = show_lenses(luma, cue), blur_lenses(luma, estimate.pitch)
+    keep_pitch, keep_rotation = known.pitch is not None, known.rotation is not None
+    grid = search_grid(
+        signal * find_even_parts(blurred, estimate.pitch),
+        estimate,
+        keep_pitch=keep_pitch,
+        keep_rotation=keep_rotation,
+    )
+    grid = center_grid(signal, blurred, grid) if known.offset is None else replace(grid, offset=known.offset)
+    found = refine_grid(
+        signal,
+        blurred,
+        grid,
+        keep_pitch=keep_pitch,
+        keep_offset=known.offset is not None or cue == "edges",  # content's edges are more on one side of a border
+        keep_rotation=keep_rotation,
+    )
+    if known.offset is None and cue == "edges":
+        found = replace(found, grid=center_grid(signal, blurred, found.grid))
+    return Calibration(found.grid, cue, found.lenses, found.scatter)
+
+
+def _move_to_corner(grid: LensGrid) -> LensGrid:
+    """The same lenses, counted from the one inside the picture that is nearest to its upper left corner."""
+    i, j = grid.find_nearest(np.zeros(2))
+    around = np.mgrid[-2:3, -2:3].reshape(2, -1)
+    centers = grid.find_centers(i + around[0], j + around[1])
+    inside = centers[(centers > -0.5).all(axis=1)]
+    y, x = min(inside, key=lambda center: float(np.hypot(*center)))
+    return replace(grid, offset=(float(y), float(x)))

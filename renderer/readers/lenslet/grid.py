@@ -1,0 +1,93 @@
+"""The lens grid of a raw lenslet picture: where each lens's centre lies in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Shape = Literal["square", "hexagonal"]
+"""Rows and columns of lenses, or rows of which every other one is shifted by half a pitch."""
+
+ROW_STEP = {"square": 1.0, "hexagonal": 3**0.5 / 2}
+"""Distance between neighbouring rows, in pitches."""
+LEAST_PITCH, MOST_PITCH = 5.0, 200.0
+"""Pixels."""
+
+
+@dataclass(frozen=True)
+class LensGrid:
+    """Lens centres in a picture, whose pixels have their centres at whole numbers, y down.
+
+    Lens (0, 0) lies at `offset`. Lens (i, j) lies `i * ROW_STEP` pitches across the rows from there and j pitches along
+    them, half a pitch more where the grid is hexagonal and i is odd. Indices may be negative.
+
+    Raises `InvalidOption` for a pitch that is out of range.
+    """
+
+    pitch: float
+    """Pixels between neighbouring lenses of a row."""
+    offset: tuple[float, float]
+    """(y, x) of one lens's centre, in pixels."""
+    rotation: float = 0.0
+    """Degrees; rows of a positive one go down to the right."""
+    shape: Shape = "square"
+
+    def __post_init__(self) -> None:
+        if not LEAST_PITCH <= self.pitch <= MOST_PITCH:
+            raise InvalidOption(
+                f"lens_pitch: {self.pitch:g} is out of range; give {LEAST_PITCH:g} to {MOST_PITCH:g} pixels"
+            )
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """Unit vectors across the rows and along them, `(2, 2)`, each as (y, x)."""
+        return make_axes(self.rotation)
+
+    def find_positions(self, row: NDArray[np.int64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(y, x) in pixels, `(..., 2)`, of the points `along` pitches along each row from where lens (0, 0) stands."""
+        steps = np.stack(np.broadcast_arrays(row * ROW_STEP[self.shape], along), axis=-1)  # (..., 2)
+        positions: NDArray[np.float64] = np.asarray(self.offset) + self.pitch * (steps @ self.axes)
+        return positions
+
+    def find_centers(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(y, x) of lenses (i, j) in pixels, `(..., 2)`."""
+        return self.find_positions(i, j + self.find_shift(i))
+
+    def find_shift(self, i: NDArray[np.int64]) -> NDArray[np.float64]:
+        """By how many pitches the lenses of rows i are shifted along them."""
+        return (i % 2) / 2 if self.shape == "hexagonal" else np.zeros(np.shape(i))
+
+    def find_nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The lenses (i, j) whose centres are nearest to points (y, x) in pixels, `(..., 2)`."""
+        across, along = np.moveaxis((points - np.asarray(self.offset)) @ self.axes.T / self.pitch, -1, 0)
+        step = ROW_STEP[self.shape]
+        first = np.floor(across / step).astype(np.int64)
+        rows = np.stack([first, first + 1])  # the nearest lens is in one of the two rows around a point
+        shift = self.find_shift(rows)
+        lenses = np.rint(along - shift).astype(np.int64)
+        squared = (across - rows * step) ** 2 + (along - lenses - shift) ** 2
+        nearest = squared.argmin(axis=0)[None]
+        return np.take_along_axis(rows, nearest, 0)[0], np.take_along_axis(lenses, nearest, 0)[0]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a raw lenslet picture's grid. The picture itself has to show what is None."""
+
+    pitch: float | None = None
+    offset: tuple[float, float] | None = None
+    rotation: float | None = None
+    shape: Shape | None = None
+
+
+def make_axes(rotation: float) -> NDArray[np.float64]:
+    """Unit vectors across the rows and along them, `(2, 2)`, each as (y, x), of a grid turned by degrees."""
+    cosine, sine = np.cos(np.deg2rad(rotation)), np.sin(np.deg2rad(rotation))
+    return np.array([[cosine, -sine], [sine, cosine]])

@@ -1,0 +1,118 @@
+"""Reads a raw lenslet picture, with its white and dark frames, as a light field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate
+from ciir.renderer.readers.lenslet.drawing import draw_grid
+from ciir.renderer.readers.lenslet.frames import divide_by_white, subtract_dark
+from ciir.renderer.readers.lenslet.resampling import fit_pixels, resample_views
+from ciir.renderer.readers.names import clean_text, find_frames
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.lenslet.grid import Known
+    from ciir.renderer.readers.pictures import Pixels
+
+
+@dataclass(frozen=True)
+class _Raw:
+    picture: Pixels
+    """Less its dark frame, over its white one."""
+    calibration: Calibration
+    has_white: bool
+
+
+def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
+    """The light field of the picture `key`, with `white` and `dark` pictures of the same set as its frames.
+
+    Its views have a pixel for each lens, and `layout.pixels` say how many pixels under a lens become views; by default
+    as many as every lens has. Raises `InputError`.
+    """
+    name = clean_text(bundle.name)
+    for option in ("lenses", "arrangement", "crop"):
+        if getattr(layout, option) != getattr(Layout, option):
+            raise InvalidOption(
+                f"{option}: this is for elemental image arrays, and lens_pitch says that {name} is none"
+            )
+    raw = _load(bundle, key, known)
+    grid = raw.calibration.grid
+    fits = fit_pixels(grid)
+    pixels = layout.pixels or (fits, fits)
+    if max(pixels) > grid.pitch + 1:
+        raise InvalidOption(
+            f"pixels: {pixels[0]}x{pixels[1]} are more than lenses of {grid.pitch:.2f} pixels have; give at most "
+            f"{fits}x{fits}"
+        )
+    height, width, channels = raw.picture.shape
+    size = height * width * channels * raw.picture.dtype.itemsize * pixels[0] * pixels[1] / grid.pitch**2 * 4 / 3
+    if size > bundle.limits.set_bytes:
+        raise TooLarge(
+            f"{name}: its views take up to {int(size):,} bytes; at most {bundle.limits.set_bytes:,} are read; "
+            "give fewer pixels",
+            "set_bytes",
+        )
+    views = resample_views(raw.picture, grid, pixels, pickup=layout.pickup)
+    notes = [_describe_grid(raw.calibration)]
+    if max(pixels) > fits:
+        notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
+    if not raw.has_white:
+        notes.append("views of pixels at lenses' borders stay as dark as these are: there was no white picture")
+    if grid.shape == "hexagonal":
+        notes.append(f"the hexagonal grid was resampled to {views.shape[2]}x{views.shape[3]} pixels of a square one")
+    return LightField(views, tuple(notes))
+
+
+def draw(bundle: Bundle, key: str, known: Known) -> NDArray[np.uint8]:
+    """The lens grid of the picture `key` over the picture, `(H, W, 3)`. Raises `InputError`."""
+    raw = _load(bundle, key, known)
+    return draw_grid(raw.picture, raw.calibration.grid)
+
+
+def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
+    name = clean_text(bundle.name)
+    picture = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
+    frames = {
+        which: _decode_frame(bundle, frame, picture, which)
+        for which, frame in (find_frames(list(bundle.files)).items() if bundle.main is None else ())
+    }
+    white, dark = frames.get("white"), frames.get("dark")
+    if dark is not None:
+        picture = subtract_dark(picture, dark)
+        white = None if white is None else subtract_dark(white, dark)
+    calibration = calibrate(picture if white is None else white, known, name=name)
+    return _Raw(picture if white is None else divide_by_white(picture, white), calibration, white is not None)
+
+
+def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixels:
+    frame = pictures.decode(bundle.files[key], name=clean_text(key), max_pixels=bundle.limits.pixels)
+    if frame.shape != picture.shape or frame.dtype != picture.dtype:
+        given, needed = (
+            f"{shown.shape[0]}x{shown.shape[1]} pixels of {shown.shape[2]} channels, {shown.dtype.itemsize * 8} bit"
+            for shown in (frame, picture)
+        )
+        raise InvalidOption(f"{which}: {clean_text(key)} has {given}, the raw picture {needed}; give one of its kind")
+    return frame
+
+
+def _describe_grid(found: Calibration) -> str:
+    grid = found.grid
+    text = (
+        f"lens grid: {grid.shape}, pitch {grid.pitch:.3f} pixels, first lens at {grid.offset[0]:.2f},"
+        f"{grid.offset[1]:.2f} (y, x), rotation {grid.rotation:.3f} degrees"
+    )
+    if found.cue is None:
+        return f"{text}, as given"
+    text += f"; {found.lenses:,} lenses agree, within {found.scatter:.2f} pixels (median)"
+    if found.cue == "edges":
+        text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
+    return text

@@ -1,0 +1,195 @@
+"""A grid's last digits: least squares over the lenses that look like most others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from ciir.renderer.readers.lenslet.signals import FLOOR
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.lenslet.grid import LensGrid
+
+MOST_POINTS = 4_000_000
+"""Samples of all lenses together; of more lenses every so many are taken."""
+_REACH = 0.7  # pitches from a lens's centre to the side of its window, which holds the borders on both sides
+_ROUNDS = 6
+_LIKENESS = 0.8  # of a lens that counts, as a share of that of the best tenth
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A grid, and how well the lenses agree with it."""
+
+    grid: LensGrid
+    lenses: int
+    """Lenses that counted."""
+    scatter: float
+    """Median distance of these lenses' own places from the grid's, in pixels."""
+
+
+def refine_grid(
+    signal: NDArray[np.float32],
+    blurred: NDArray[np.float32],
+    grid: LensGrid,
+    *,
+    keep_pitch: bool = False,
+    keep_offset: bool = False,
+    keep_rotation: bool = False,
+) -> Refinement:
+    """The grid that fits `signal` best; `grid` may be wrong by a fifth of a pitch.
+
+    `signal`: `(H, W)`, bright inside lenses (`signals.show_lenses`). `blurred`: `(H, W)`, the scene's brightness.
+    Each round takes the mean of the lenses as the template and finds how far each lens is displaced from it. The
+    template is made symmetric about its centre, which settles the offset. Content moves the borders of its lenses a
+    little towards its darker side: one factor of the brightness's gradient accounts for that.
+    """
+    window = _make_window(_REACH * grid.pitch)
+    i, j = _list_lenses(grid, blurred, MOST_POINTS // len(window))
+    centers = grid.find_centers(i, j)
+    evenness = _sample(_measure_evenness(blurred, grid.pitch), centers)
+    slopes = np.stack(
+        [
+            _sample(ndimage.gaussian_filter1d(np.log(blurred + FLOOR), grid.pitch / 3, axis=axis, order=1), centers)
+            for axis in (0, 1)
+        ],
+        axis=-1,
+    )
+    some = window[:: max(1, len(window) // 64)]
+    limit = np.percentile(np.abs(_sample(signal, centers[:, None] + some)), 97)
+    counts = evenness >= np.percentile(evenness, 60)
+    free = ~np.array([False, False, keep_pitch, keep_rotation, False])
+    scatter = 0.0
+    for _ in range(_ROUNDS):
+        centers, axes, pitch = grid.find_centers(i, j), grid.axes, grid.pitch
+        windows = np.clip(_sample(signal, centers[:, None] + window @ axes), -limit, limit)
+        template = windows[counts].mean(axis=0)
+        if not keep_offset:
+            template = (template + template[::-1]) / 2
+        places, likeness = _compare(windows, template)
+        counts = likeness > _LIKENESS * np.percentile(likeness, 90)
+        # Rows of the equations: displacement across and along the rows, by offset (2), scale, turn and gradient.
+        lattice = (centers - np.asarray(grid.offset)) @ axes.T
+        equations = np.zeros((len(i), 2, 5))
+        equations[:, 0, 0] = equations[:, 1, 1] = 1
+        equations[:, :, 2] = lattice
+        equations[:, 0, 3], equations[:, 1, 3] = lattice[:, 1], -lattice[:, 0]
+        equations[:, :, 4] = pitch * slopes @ axes.T
+        found = np.zeros(5)
+        found[free], scatter = _solve(equations[counts][:, :, free], np.clip(places[counts], -pitch / 4, pitch / 4))
+        offset = np.asarray(grid.offset) + (np.zeros(2) if keep_offset else found[:2] @ axes)
+        grid = replace(
+            grid,
+            offset=(float(offset[0]), float(offset[1])),
+            pitch=float(pitch * (1 + found[2])),
+            rotation=float(grid.rotation + np.rad2deg(found[3])),
+        )
+    return Refinement(grid, int(counts.sum()), scatter)
+
+
+def center_grid(signal: NDArray[np.float32], blurred: NDArray[np.float32], grid: LensGrid) -> LensGrid:
+    """`grid` with its offset moved by up to a quarter of a pitch, to where the mean lens is most nearly symmetric."""
+    step = max(1, round(grid.pitch / 24))
+    count = round(grid.pitch / 4) // step  # of steps to each side
+    margin = count * step
+    window = _make_window(_REACH * grid.pitch + margin)
+    side = round(len(window) ** 0.5)
+    centers = grid.find_centers(*_list_lenses(grid, blurred, MOST_POINTS // len(window)))
+    mean = _sample(signal, centers[:, None] + window @ grid.axes).mean(axis=0).reshape(side, side)
+    likeness = np.zeros((2 * count + 1, 2 * count + 1))
+    for shift in np.ndindex(likeness.shape):
+        top, left = (step * number for number in shift)
+        part = mean[top : top + side - 2 * margin, left : left + side - 2 * margin].ravel()
+        likeness[shift] = np.corrcoef(part, part[::-1])[0, 1]
+    best = np.array(np.unravel_index(likeness[1:-1, 1:-1].argmax(), (2 * count - 1, 2 * count - 1))) + 1
+    between = np.zeros(2)
+    for axis, along in enumerate(np.eye(2, dtype=int)):
+        before, at, after = (likeness[tuple(best + way * along)] for way in (-1, 0, 1))
+        if before + after < 2 * at:
+            between[axis] = np.clip(0.5 * (before - after) / (before - 2 * at + after), -0.5, 0.5)
+    moved = np.asarray(grid.offset) + step * (best + between - count) @ grid.axes
+    return replace(grid, offset=(float(moved[0]), float(moved[1])))
+
+
+def measure_depth(luma: NDArray[np.float32], grid: LensGrid) -> float:
+    """How much darker lenses are at their left and right borders than in their middle: the median over lit lenses of
+    the difference of logarithms.
+    """
+    logs = np.log(ndimage.gaussian_filter(luma, max(1.0, grid.pitch / 12)) + np.float32(FLOOR))
+    i, j = _list_lenses(grid, luma, MOST_POINTS)
+    center, left, right = (_sample(logs, grid.find_positions(i, j + grid.find_shift(i) + d)) for d in (0.0, -0.5, 0.5))
+    return float(np.median(center - (left + right) / 2)) if len(i) else 0.0
+
+
+def _make_window(reach: float) -> NDArray[np.float64]:
+    """(y, x) of samples a pixel apart, to `reach` pixels on each side of a lens's centre, `(n, 2)`."""
+    side = np.arange(-np.floor(reach), np.floor(reach) + 1)
+    window: NDArray[np.float64] = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    return window
+
+
+def _list_lenses(
+    grid: LensGrid, blurred: NDArray[np.float32], most: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The lenses (i, j) that are lit and whose windows lie inside the picture; at most about `most` of them."""
+    size = np.array(blurred.shape)
+    reach = int(1.3 * np.hypot(*size) / grid.pitch) + 2
+    first_i, first_j = grid.find_nearest((size - 1) / 2)
+    i, j = (side.ravel() for side in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    i, j = i + first_i, j + first_j
+    centers = grid.find_centers(i, j)
+    margin = 1.0 * grid.pitch
+    is_inside = ((centers > margin) & (centers < size - 1 - margin)).all(axis=1)
+    i, j, centers = i[is_inside], j[is_inside], centers[is_inside]
+    is_lit = _sample(blurred, centers) > 2 * FLOOR
+    i, j = i[is_lit], j[is_lit]
+    step = -(-len(i) // max(most, 1))
+    return i[::step], j[::step]
+
+
+def _measure_evenness(blurred: NDArray[np.float32], pitch: float) -> NDArray[np.float32]:
+    """The least over the greatest brightness within half a pitch, `(H, W)`."""
+    side = 2 * round(pitch / 2) + 1
+    even: NDArray[np.float32] = ndimage.minimum_filter(blurred, side) / (ndimage.maximum_filter(blurred, side) + 1)
+    return even
+
+
+def _sample(picture: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Bilinear samples at (y, x), `(..., 2)`."""
+    samples: NDArray[np.float32] = ndimage.map_coordinates(picture, np.moveaxis(points, -1, 0), order=1, mode="nearest")
+    return samples
+
+
+def _compare(
+    windows: NDArray[np.float32], template: NDArray[np.float32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far each window's lens is displaced from the template, (y, x) `(n, 2)`, and their correlation `(n,)`.
+
+    `windows`: `(n, samples)`. The equations are those of Lucas and Kanade (1981), with a factor and a constant.
+    """
+    side = round(len(template) ** 0.5)
+    template = template - template.mean()
+    slope_y, slope_x = (slope.ravel() for slope in np.gradient(template.reshape(side, side)))
+    basis = np.stack([np.ones_like(template), template, -slope_y, -slope_x], axis=1)
+    parts = np.linalg.lstsq(basis, windows.T, rcond=None)[0]  # (4, n)
+    centred = windows - windows.mean(axis=1, keepdims=True)
+    norm = np.sqrt((template**2).sum() * (centred**2).sum(axis=1)) + 1e-12
+    return (parts[2:] / np.maximum(parts[1], 0.2)).T, centred @ template / norm
+
+
+def _solve(equations: NDArray[np.float64], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Least squares with Tukey's weights of `equations`, `(n, 2, unknowns)`, and the median distance from `places`."""
+    found = np.zeros(equations.shape[2])
+    middle = 0.0
+    for _ in range(10):
+        distance = np.hypot(*(places - equations @ found).T)
+        middle = float(np.median(distance))
+        weight = np.clip(1 - (distance / (4 * max(middle, 0.01))) ** 2, 0, 1)  # the root of Tukey's
+        left = (equations * weight[:, None, None]).reshape(-1, len(found))
+        found = np.linalg.lstsq(left, (places * weight[:, None]).ravel(), rcond=None)[0]
+    return found, middle

@@ -1,0 +1,117 @@
+"""Options of raw lenslet pictures: what is known of their lens grid."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from ciir.errors import InvalidOption
+from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known
+from ciir.service.pipeline.options.option import Option
+from ciir.service.pipeline.options.values import ValueType, make_name, make_number
+
+Pitch = float | Literal["auto"]
+GridShape = Literal["auto", "square", "hexagonal"]
+_NUMBER = r"[0-9]{1,6}(\.[0-9]{1,6})?"
+
+
+def _read_pitch(name: str, text: str) -> Pitch:
+    if text.strip() == "auto":
+        return "auto"
+    if re.fullmatch(_NUMBER, text.strip()) is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give pixels, such as 14.37, or auto")
+    return _check_pitch(name, float(text))
+
+
+def _check_pitch(name: str, pitch: float) -> float:
+    if not LEAST_PITCH <= pitch <= MOST_PITCH:
+        raise InvalidOption(f"{name}: {pitch:g} is out of range; give {LEAST_PITCH:g} to {MOST_PITCH:g} pixels")
+    return pitch
+
+
+def _read_point(name: str, text: str) -> tuple[float, float]:
+    if re.fullmatch(rf"\s*{_NUMBER}\s*,\s*{_NUMBER}\s*", text) is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give y,x in pixels, such as 5.3,8.8")
+    y, x = map(float, text.split(","))
+    return y, x
+
+
+def _convert_point(value: Any) -> tuple[float, float]:
+    y, x = (round(float(number), 6) for number in value)
+    if not (0 <= y < 1e6 and 0 <= x < 1e6):
+        raise ValueError
+    return y, x
+
+
+def _write_number(number: Pitch) -> str:
+    return number if isinstance(number, str) else f"{number:.6f}".rstrip("0").rstrip(".")
+
+
+_PITCH = ValueType(
+    {"type": "string", "pattern": f"^(auto|{_NUMBER})?$"},
+    _read_pitch,
+    lambda value: _check_pitch("lens_pitch", float(value)),
+    "pixels such as 14.37, or 'auto'",
+    _write_number,
+)
+_POINT = ValueType(
+    {"type": "string", "pattern": f"^({_NUMBER},{_NUMBER})?$"},
+    _read_point,
+    _convert_point,
+    "y and x in pixels, such as (5.3, 8.8)",
+    lambda point: ",".join(map(_write_number, point)),
+)
+LENSLET = {
+    "lens_pitch": Option(
+        "PIXELS",
+        "of a raw lenslet picture: pixels from lens to lens, such as 14.37; or auto, to find the lens grid in it",
+        _PITCH,
+        "auto",
+    ),
+    "lens_offset": Option(
+        "Y,X", "with --lens-pitch: centre of one lens, in pixels (default: found)", _POINT, "5.3,8.8"
+    ),
+    "lens_rotation": Option(
+        "DEGREES",
+        "with --lens-pitch: by how much rows of lenses go down to the right (default: found)",
+        make_number(-45, 45, "degrees such as 0.8"),
+        "0.8",
+    ),
+    "lens_grid": Option(
+        "NAME",
+        "with --lens-pitch: square, hexagonal or auto (default auto)",
+        make_name(get_args(GridShape)),
+        "hexagonal",
+    ),
+}
+"""By name, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class LensletOptions:
+    """Values of the options in `LENSLET`."""
+
+    lens_pitch: Pitch | None = None
+    """Pixels; None for an elemental image array, whose lenses have a whole number of pixels."""
+    lens_offset: tuple[float, float] | None = None
+    lens_rotation: float | None = None
+    lens_grid: GridShape = "auto"
+
+    @property
+    def known_grid(self) -> Known | None:
+        """What is known of the lens grid of a raw lenslet picture; None without `lens_pitch`.
+
+        Raises `InvalidOption` for another option of these without it.
+        """
+        if self.lens_pitch is None:
+            for name in ("lens_offset", "lens_rotation", "lens_grid"):
+                if getattr(self, name) != getattr(LensletOptions, name):
+                    raise InvalidOption(f"{name}: this needs lens_pitch; give that in pixels, or as auto")
+            return None
+        return Known(
+            None if self.lens_pitch == "auto" else self.lens_pitch,
+            self.lens_offset,
+            self.lens_rotation,
+            None if self.lens_grid == "auto" else self.lens_grid,
+        )

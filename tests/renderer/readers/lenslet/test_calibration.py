@@ -1,0 +1,116 @@
+"""Calibration of pictures that are cast ray by ray, from the picture alone."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ciir.errors import Unreadable
+from ciir.renderer.readers.lenslet.calibration import calibrate
+from ciir.renderer.readers.lenslet.grid import Known, LensGrid
+from ciir.renderer.readers.lenslet.resampling import fit_pixels, place_views, resample_views
+from tests.support.lenslet.camera import dim, make_camera, take_picture
+from tests.support.lenslet.trials import measure_errors
+from tests.support.paths import SHARED
+
+SIZE = (640, 700)
+"""Pixels: 44x48 lenses."""
+
+
+@cache
+def take(shape, scene="globe", background=(90, 120, 150)):
+    """A camera with a known grid, and its picture with vignetting and noise of 2 levels."""
+    camera = make_camera(scene, LensGrid(14.37, (5.3, 8.8), 0.8, shape), SIZE, background)
+    return camera, take_picture(camera)
+
+
+@pytest.mark.parametrize("shape", ["square", "hexagonal"])
+@pytest.mark.parametrize("scene", ["globe", "hamburger"])
+def test_a_raw_picture_is_calibrated_from_itself(scene, shape):
+    camera, picture = take(shape, scene)
+    found = calibrate(picture).grid
+    assert found.shape == shape
+    over_all, offset = measure_errors(found, camera.grid, SIZE)
+    assert over_all <= 0.05
+    assert offset <= 0.1
+    assert np.allclose(found.offset, camera.grid.offset, atol=0.1)  # at the corner
+    assert found.rotation == pytest.approx(0.8, abs=0.005)  # 0.06 pixels over the picture
+
+
+@pytest.mark.parametrize("shape", ["square", "hexagonal"])
+def test_its_views_are_as_good_as_those_of_known_numbers(shape):
+    camera, picture = take(shape)
+    count = fit_pixels(camera.grid)
+    pixels, middle = (count, count), count // 2
+    found = calibrate(picture).grid
+    of_found, of_known = (resample_views(picture, grid, pixels) for grid in (found, camera.grid))
+    rows, along = place_views(camera.grid, SIZE, pixels)
+    assert of_found.shape == of_known.shape
+    places = camera.grid.find_positions(rows[:, None], along)
+    for v, u in ((middle, middle), (0, middle), (middle, count - 1), (1, 1)):
+        offset = np.array([v - middle, u - middle], float)
+        rays = camera.cast(places.reshape(-1, 2), np.broadcast_to(offset, (places.size // 2, 2)))
+        direct = rays.reshape(*places.shape[:2], 3) * dim(camera.grid, offset)
+        errors = [np.square(views[v, u] - direct).mean() for views in (of_found, of_known)]
+        assert abs(10 * np.log10(errors[0] / errors[1])) <= 0.5
+
+
+@pytest.mark.parametrize("shape", ["square", "hexagonal"])
+def test_a_white_picture_is_calibrated(shape):
+    camera, _ = take(shape)
+    over_all, offset = measure_errors(calibrate(take_picture(camera, white=True)).grid, camera.grid, SIZE)
+    assert over_all <= 0.01
+    assert offset <= 0.01
+
+
+def test_an_object_before_black_is_calibrated():
+    """Its outline drifts through the elemental images with a period of its own."""
+    camera, picture = take("square", "hamburger", (0, 0, 0))
+    over_all, offset = measure_errors(calibrate(picture).grid, camera.grid, SIZE)
+    assert over_all <= 0.15  # 20 of 48 lenses of a row are lit: what they leave open
+    assert offset <= 0.1
+
+
+def test_what_is_known_is_kept():
+    _, picture = take("square")
+    found = calibrate(picture, Known(pitch=14.372, rotation=0.79, shape="square")).grid
+    assert (found.pitch, found.rotation) == (14.372, 0.79)
+    known = Known(14.3, (3.0, 4.0), 0.5, "hexagonal")
+    assert calibrate(picture, known).grid == LensGrid(14.3, (3.0, 4.0), 0.5, "hexagonal")
+    assert calibrate(picture, Known(offset=(5.3, 8.8))).grid.pitch == pytest.approx(14.37, abs=0.001)
+
+
+def test_a_wrong_pitch_is_refused():
+    with pytest.raises(Unreadable, match=r"shows no lens grid of 14\.5 pixels' pitch"):
+        calibrate(take("square")[1], Known(pitch=14.5))
+
+
+def test_a_picture_without_lenses_is_refused():
+    noise = np.random.default_rng(0).integers(0, 255, (400, 500, 3), np.uint8)
+    for picture in (noise, np.zeros_like(noise), np.full((30, 30, 1), 9, np.uint8), np.full((1, 1, 3), 9, np.uint8)):
+        with pytest.raises(Unreadable, match=r"a\.png: shows no lens grid.*give a white picture, or lens_pitch"):
+            calibrate(picture, name="a.png")
+
+
+def test_lenses_are_brightest_in_their_middle():
+    """A picture alone can't tell the negative from lenses half a pitch away."""
+    camera, _ = take("square")
+    found = calibrate(250 - take_picture(camera, white=True)).grid
+    i, j = camera.grid.find_nearest(np.array(found.offset))
+    moved = (found.offset - camera.grid.find_centers(i, j)) @ camera.grid.axes.T
+    assert np.allclose(np.abs(moved), 14.37 / 2, atol=0.1)
+
+
+def test_a_real_elemental_image_array_is_calibrated():
+    path = SHARED / "data/lightfields/eia-200x200x15.jpg"
+    if not path.exists():
+        pytest.skip("the shared test data is absent")
+    with Image.open(path) as image:
+        picture = np.array(image.crop((600, 600, 2100, 2100)))
+    found = calibrate(picture)
+    assert found.cue == "edges"
+    assert found.grid.shape == "square"
+    assert found.grid.pitch * 100 == pytest.approx(1500, abs=0.5)
+    # Specks in the second pixel of each elemental image pull the centre, 7, towards them.
+    assert np.allclose(np.mod(found.grid.offset, 15), 7, atol=1)

@@ -1,0 +1,119 @@
+"""Raw lenslet pictures as inputs: with frames, with what is known, and what is refused."""
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.inputs import find_main, read
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.lenslet import reader
+from ciir.renderer.readers.lenslet.grid import Known, LensGrid
+from ciir.renderer.writers.pictures import encode_png
+from tests.support.inputs import CUBE, make_picture
+from tests.support.lenslet.camera import make_camera, take_picture
+
+KNOWN = Known(9.3, (4.2, 5.1), 0.5, "square")
+CAMERA = make_camera("vase", LensGrid(KNOWN.pitch, KNOWN.offset, KNOWN.rotation, "square"), (150, 180), (200, 200, 200))
+RAW, WHITE = take_picture(CAMERA, noise=0), take_picture(CAMERA, white=True, noise=0)
+DARK = np.full_like(RAW, 4)
+
+
+def make_bundle(**pictures):
+    """A set of pictures, or the only one as a file."""
+    files = {f"{name}.png": encode_png(picture) for name, picture in pictures.items()}
+    return Bundle("a.zip" if len(files) > 1 else "raw.png", None if len(files) > 1 else next(iter(files)), files)
+
+
+def test_views_of_the_middle_are_brightest_without_a_white_picture():
+    light_field = read(make_bundle(raw=RAW), Layout(lens_grid=KNOWN))
+    assert light_field.views.shape[:2] == (9, 9)
+    assert light_field.views[4, 4].mean() > 1.5 * light_field.views[0, 0].mean()
+    assert light_field.notes[0] == (
+        "lens grid: square, pitch 9.300 pixels, first lens at 4.20,5.10 (y, x), rotation 0.500 degrees, as given"
+    )
+    assert "there was no white picture" in light_field.notes[1]
+
+
+def test_frames_even_out_the_lenses():
+    files = make_bundle(raw=RAW + DARK, white=WHITE + DARK, dark=DARK)
+    light_field = read(files, Layout(lens_grid=KNOWN, pixels=(7, 7)))
+    grey = light_field.views[:, :, 0, 0].astype(float)  # the background, in the corner of each view
+    assert grey.min() > 0.9 * grey.max()
+    assert len(light_field.notes) == 1
+
+
+def test_an_optical_pickup_is_the_virtual_one_turned():
+    files = make_bundle(raw=take_picture(CAMERA, optical=True, noise=0))
+    optical = read(files, Layout(lens_grid=KNOWN, pickup="optical")).views
+    virtual = read(make_bundle(raw=RAW), Layout(lens_grid=KNOWN)).views
+    # One ray for each pixel: the turned picture samples other rays, by up to half a pixel.
+    assert np.abs(optical.astype(int) - virtual).mean() < 2.5
+    assert np.abs(optical[::-1, ::-1].astype(int) - virtual).mean() > 4
+
+
+def test_the_grid_is_found_in_the_white_picture():
+    files = make_bundle(raw=np.zeros_like(RAW), white=WHITE)
+    found = read(files, Layout(lens_grid=Known()))
+    assert float(found.notes[0].split("pitch ")[1].split()[0]) == pytest.approx(KNOWN.pitch, abs=0.003)
+
+
+def test_a_hexagonal_grid_is_resampled_with_a_note():
+    known = Known(9.3, (4.2, 5.1), 0.5, "hexagonal")
+    notes = read(make_bundle(raw=RAW), Layout(lens_grid=known)).notes
+    assert notes[-1] == "the hexagonal grid was resampled to 18x20 pixels of a square one"
+
+
+def test_a_set_of_a_picture_and_frames_is_that_picture():
+    assert find_main(make_bundle(raw=RAW, white=WHITE))[1] == "raw.png"
+    with pytest.raises(InvalidOption, match=r"lens_pitch: a\.zip holds a picture with white or dark frames"):
+        read(make_bundle(raw=RAW, white=WHITE), Layout(pixels=(3, 3)))
+
+
+def test_files_beside_a_picture_are_no_frames():
+    files = {"raw.png": encode_png(RAW), "white.png": encode_png(WHITE)}
+    notes = read(Bundle("raw.png", "raw.png", files), Layout(lens_grid=KNOWN)).notes
+    assert "there was no white picture" in notes[1]
+
+
+@pytest.mark.parametrize(
+    ("files", "layout", "message"),
+    [
+        ({"raw": RAW}, {"lenses": (3, 3)}, "lenses: this is for elemental image arrays, and lens_pitch says"),
+        ({"raw": RAW}, {"crop": (1, 1, 1, 1)}, "crop: this is for elemental image arrays"),
+        (
+            {"raw": RAW},
+            {"pixels": (11, 11)},
+            "pixels: 11x11 are more than lenses of 9.30 pixels have; give at most 9x9",
+        ),
+        ({"raw": RAW, "white": WHITE[:50]}, {}, "white: white.png has 50x180 .*, the raw picture 150x180"),
+        ({"a": RAW, "b": RAW}, {}, "lens_pitch: this is for one raw lenslet picture, and a.zip is none"),
+    ],
+)
+def test_what_does_not_fit_is_refused(files, layout, message):
+    with pytest.raises(InvalidOption, match=message):
+        read(make_bundle(**files), Layout(lens_grid=KNOWN, **layout))
+
+
+def test_a_mesh_is_no_raw_picture():
+    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.off is none"):
+        read(Bundle("a.off", "a.off", {"a.off": CUBE}), Layout(lens_grid=KNOWN))
+
+
+def test_views_over_the_limit_are_refused_before_they_are_made():
+    files = make_bundle(raw=RAW)
+    with pytest.raises(TooLarge, match=r"its views take up to .* bytes; at most 1,000 are read"):
+        read(Bundle("raw.png", "raw.png", files.files, Limits(set_bytes=1000)), Layout(lens_grid=KNOWN))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_the_grid_is_drawn_over_the_picture(dtype):
+    picture = make_picture(60, 80, 1, dtype)
+    known = Known(20.0, (9.9, 9.9), 0.0, "square")
+    drawn = reader.draw(make_bundle(raw=picture), "raw.png", known)
+    assert drawn.shape == (60, 80, 3)
+    assert tuple(drawn[10, 10]) == tuple(drawn[30, 70]) == (0, 255, 255)
+    grey = picture[5, 5, 0] >> (8 if dtype == np.uint16 else 0)
+    assert tuple(drawn[5, 5]) == (grey,) * 3
+    assert drawn[19, 5, 0] > drawn[19, 5, 2]  # between the first two rows of lenses

@@ -1,0 +1,71 @@
+"""Raw lenslet pictures on the command line and in Python: files that go with them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ciir
+from ciir.renderer.readers.lenslet.grid import LensGrid
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode_png
+from ciir.service.cli.main import main
+from tests.support.inputs import CUBE
+from tests.support.lenslet.camera import make_camera, take_picture
+
+GRID = ["--lens-pitch", "9.3", "--lens-offset", "4.2,5.1", "--lens-rotation", "0.5", "--lens-grid", "square"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    camera = make_camera("vase", LensGrid(9.3, (4.2, 5.1), 0.5), (150, 180), (200, 200, 200))
+    (tmp_path / "raw.png").write_bytes(encode_png(take_picture(camera)))
+    (tmp_path / "white.png").write_bytes(encode_png(take_picture(camera, white=True)))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_grid_is_found_and_drawn(folder, capsys):
+    words = ["raw.png", "--lens-pitch", "auto", "--model", "none", "-o", "out", "--show-grid", "grid.png"]
+    assert main(["reconstruct", *words]) == 0
+    assert "note: lens grid: square, pitch 9.3" in capsys.readouterr().err
+    grid = decode((folder / "grid.png").read_bytes(), name="grid")
+    assert grid.shape == (150, 180, 3)
+    assert (grid == (0, 255, 255)).all(axis=2).sum() > 15 * 18  # a mark for each lens
+
+
+def test_frames_are_read_from_their_own_paths(folder, capsys):
+    words = ["convert", "raw.png", *GRID, "-o", "out.npy", "--report", "report.json"]
+    assert main([*words, "--white", "white.png"]) == 0
+    evened = np.load("out.npy")[1:-1, 1:-1, 0, 0].astype(int)  # less the corners, which have 7 % of the light
+    assert np.ptp(evened.mean(axis=2)) < 25  # of 200, with noise of 2 levels divided by 0.3
+    notes = json.loads((folder / "report.json").read_text())["notes"]
+    assert not [note for note in notes if "no white picture" in note]
+
+
+def test_python_takes_the_same(folder):
+    options = {"lens_pitch": 9.3, "lens_offset": (4.2, 5.1), "lens_rotation": 0.5, "lens_grid": "square"}
+    light_field = ciir.open("raw.png", **options, pixels=(5, 5), white="white.png", show_grid="grid.png")
+    assert light_field.views.shape[:2] == (5, 5)
+    assert (folder / "grid.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["scene:vase", "--lens-pitch", "auto"], "lens_pitch: this is for raw lenslet pictures, and scene:vase is"),
+        (["scene:vase", "--white", "white.png"], "white: frames go with one raw lenslet picture"),
+        (["cube.off", "--show-grid", "grid.png"], "show_grid: this is for a raw lenslet picture"),
+        (["raw.png", *GRID, "--show-grid", "grid.jpg"], "show_grid: 'grid.jpg' doesn't end with .png"),
+        (["raw.png", *GRID, "--show-grid", "raw.png"], "raw.png: the input is there"),
+        (["raw.png", *GRID, "--dark", "gone.png"], "gone.png: No such file"),
+        (["raw.png", "--white", "white.png"], "lens_pitch: raw.png holds a picture with white or dark frames"),
+        (["raw.png"], "or lens_pitch auto for a raw lenslet picture"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(folder, capsys, words, message):
+    (folder / "cube.off").write_bytes(CUBE)
+    assert main(["reconstruct", *words, "-o", "out"]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
