@@ -12,7 +12,7 @@ class Limits:
     files: int = 4096
     """Files in a folder or a zip."""
     bytes: int = 512 * 2**20
-    """Bytes of one file, or of all files of a zip, unpacked."""
+    """Bytes of one file, or of all files of a zip that was uploaded, unpacked."""
     ratio: int = 250
     """Unpacked over packed bytes of a zip, checked from 1 MiB unpacked."""
     pixels: int = 64_000_000

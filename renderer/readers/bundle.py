@@ -11,8 +11,10 @@ import os
 import stat
 import zipfile
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from threading import Lock
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
@@ -41,9 +43,10 @@ class Bundle:
         """
         if path.is_dir():
             return cls(path.resolve().name, None, Folder(path, limits), limits)
+        if _is_zip(path):
+            return cls(path.name, None, Archive(path, limits), limits)
         data = read_file(path, limits)
-        if identify(str(path), data) is ZIP:
-            return cls(path.name, None, unpack(path.name, data, limits), limits)
+        identify(str(path), data)
         return cls(path.name, path.name, Folder(path.parent, limits, {path.name: data}), limits)
 
     @classmethod
@@ -127,6 +130,45 @@ class Folder(Mapping[str, bytes]):
             return None
 
 
+class Archive(Mapping[str, bytes]):
+    """The files of a zip on the disk, each unpacked when it is used. Hidden files and those of macOS are left out.
+
+    Raises as `unpack`, but that the limit on bytes holds for each file, and what only a file's content shows is raised
+    when it is used.
+    """
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self._name = clean_text(path.name)
+        self._lock = Lock()
+        with _named_zip_errors(self._name):
+            self._zip = zipfile.ZipFile(path)
+            self._members = _check_members(self._name, self._zip.infolist(), limits)
+        for key, member in self._members.items():
+            if member.file_size > limits.bytes:
+                raise TooLarge(_describe_size(f"{self._name}: {key}", member.file_size, limits), "bytes")
+
+    def __getitem__(self, key: str) -> bytes:
+        member = self._members[key]
+        with self._lock, _named_zip_errors(self._name):
+            return _check_member(self._name, key, self._zip.read(member))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._members)
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+
+def _is_zip(path: Path) -> bool:
+    """Whether the file is a zip of files, by its first bytes and its name; not where it can't be read."""
+    try:
+        with path.open("rb") as file:
+            first = file.read(4)
+    except (OSError, ValueError):
+        return False
+    return first.startswith(ZIP.signatures) and identify(str(path), first) is ZIP
+
+
 def read_file(path: Path, limits: Limits) -> bytes:
     """The bytes of `path`. Raises `Unreadable` or `TooLarge` in place of the system's errors."""
     try:
@@ -157,18 +199,34 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
     links, zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before unpacking.
     """
     name = clean_text(name)
+    with _named_zip_errors(name), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = _check_members(name, archive.infolist(), limits)
+        unpacked = sum(member.file_size for member in members.values())
+        if unpacked > limits.bytes:
+            raise TooLarge(
+                f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller "
+                "files",
+                "bytes",
+            )
+        return {key: _check_member(name, key, archive.read(member)) for key, member in members.items()}
+
+
+@contextmanager
+def _named_zip_errors(name: str) -> Iterator[None]:
+    """Raises `Unreadable` in place of zipfile's many errors."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = _check_members(name, archive.infolist(), limits)
-            files = {key: archive.read(member) for key, member in members.items()}
+        yield
     except (InputError, MemoryError):
         raise
     except Exception as error:
         raise Unreadable(f"{name}: corrupt or truncated zip ({clean_text(str(error))}); pack it again") from error
-    for key, content in files.items():
-        if content.startswith(b"PK\x03\x04"):
-            raise UnsupportedType(f"{name}: holds another zip, {clean_text(key)}; pack the files themselves")
-    return files
+
+
+def _check_member(name: str, key: str, content: bytes) -> bytes:
+    """Raises `UnsupportedType` for a zip within a zip."""
+    if content.startswith(b"PK\x03\x04"):
+        raise UnsupportedType(f"{name}: holds another zip, {clean_text(key)}; pack the files themselves")
+    return content
 
 
 def _check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
@@ -177,11 +235,6 @@ def _check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) ->
         raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer", "files")
     unpacked = sum(member.file_size for member in members)
     packed = sum(member.compress_size for member in members)
-    if unpacked > limits.bytes:
-        raise TooLarge(
-            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files",
-            "bytes",
-        )
     if unpacked > max(2**20, packed * limits.ratio):
         raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked", "ratio")
     found: dict[str, zipfile.ZipInfo] = {}

@@ -134,6 +134,29 @@ def test_a_zip_over_a_limit() -> None:
         Bundle.from_upload("a.zip", data, Limits(files=1))
 
 
+def test_the_limit_on_a_zip_on_the_disk_is_for_each_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.zip"
+    path.write_bytes(make_zip({"a.obj": OBJ * 100, "b.obj": OBJ * 100}))
+    assert dict(Bundle.from_path(path, Limits(bytes=3200)).files) == {"a.obj": OBJ * 100, "b.obj": OBJ * 100}
+    with pytest.raises(TooLarge, match=r"a\.zip: a\.obj: 3,200 bytes; at most 3,199 are read"):
+        Bundle.from_path(path, Limits(bytes=3199))
+    with pytest.raises(TooLarge, match="2 files; at most 1 are read"):
+        Bundle.from_path(path, Limits(files=1))
+
+
+def test_of_a_zip_on_the_disk_only_what_is_used_is_unpacked(tmp_path: Path) -> None:
+    data = zip_members(("a.obj", OBJ), ("b.obj", b"v 1 2 3"), ("c.bin", make_zip({"a.obj": OBJ})))
+    (tmp_path / "a.zip").write_bytes(data.replace(b"v 1 2 3", b"v 1 2 4"))  # its checksum is wrong
+    files = Bundle.from_path(tmp_path / "a.zip").files
+    assert files["a.obj"] == OBJ
+    with pytest.raises(Unreadable, match="corrupt or truncated zip"):
+        files["b.obj"]
+    with pytest.raises(UnsupportedType, match=r"holds another zip, c\.bin"):
+        files["c.bin"]
+    with pytest.raises(KeyError):
+        files["d.obj"]
+
+
 def test_a_zip_that_lies_about_its_sizes() -> None:
     data = make_zip({"a.obj": OBJ * 100})
     claimed = (3200).to_bytes(4, "little")
@@ -174,9 +197,14 @@ def encrypted() -> bytes:
         (lambda: zip_members(("a.obj", OBJ), ("a.obj", b"v 9 9 9")), Unreadable, "twice"),
     ],
 )
-def test_zips_that_are_refused(make: Callable[[], bytes], error: type[InputError], message: str) -> None:
+def test_zips_that_are_refused(
+    make: Callable[[], bytes], error: type[InputError], message: str, tmp_path: Path
+) -> None:
     with pytest.raises(error, match=message):
         Bundle.from_upload("a.zip", make())
+    (tmp_path / "a.zip").write_bytes(make())
+    with pytest.raises(error, match=message):
+        dict(Bundle.from_path(tmp_path / "a.zip").files)
 
 
 def test_a_zip_with_any_one_byte_wrong_or_cut_anywhere_is_read_or_refused() -> None:
