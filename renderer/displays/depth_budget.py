@@ -83,11 +83,12 @@ def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: f
         f"depth: the display is sharp for disparities from {disparity - moved:.2g} to {disparity + moved:.2g} pixels "
         "between neighbouring views"
     )
+    flat = ("one row of views has no vertical parallax: all heights see the same",) if size_v == 1 else ()
     if size_u == 1:
-        return (note,)
+        return (note, *flat)
     least, largest = find_disparities(cameras[(size_v - 1) // 2])
     blurs = "; the rest blurs" if least < disparity - moved or largest > disparity + moved else ""
-    return (f"{note}; the light field has about {least} to {largest}{blurs}",)
+    return (f"{note}; the light field has about {least} to {largest}{blurs}", *flat)
 
 
 def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:

@@ -12,6 +12,7 @@ import numpy as np
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -114,11 +115,13 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
     """
     try:
         found = tomllib.loads(data.decode())
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or a number of thousands of digits
         raise Unreadable(f"{name}: not TOML; docs/displays.md has a file to begin with") from error
     panel, lenses, viewer = (_Table(found.pop(key, {}), key, name) for key in ("panel", "lenses", "viewer"))
     if found:
-        raise InvalidOption(f"{name}: [{min(found)[:40]}] is not known; give [panel], [lenses] and [viewer]")
+        raise InvalidOption(
+            f"{name}: [{clean_text(min(found))[:40]}] is not known; give [panel], [lenses] and [viewer]"
+        )
     width, height = panel.pair("pixels", 1, 1e5)
     if width != int(width) or height != int(height):
         raise InvalidOption(f"{name}: panel.pixels holds a fraction; give whole numbers, as in [3840, 2160]")
@@ -191,10 +194,10 @@ class _Table:
     def check_all_read(self) -> None:
         unknown = sorted(set(self._entries) - self._read - {"pitch", "ppi"})
         if unknown:
-            raise InvalidOption(
-                f"{self._name}: {self._title}.{unknown[0][:40]} is not known; give {', '.join(sorted(self._read))}"
-            )
+            key = clean_text(unknown[0])[:40]
+            known = ", ".join(sorted(self._read))
+            raise InvalidOption(f"{self._name}: {self._title}.{key} is not known; give {known}")
 
     def _refuse(self, key: str, value: object, remedy: str) -> InvalidOption:
-        what = "missing" if value is None else f"{str(value)[:40]!r}"
+        what = "missing" if value is None else f"{clean_text(str(value))[:40]!r}"
         return InvalidOption(f"{self._name}: {self._title}.{key} is {what}; give {remedy}")

@@ -23,6 +23,7 @@ from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.displays.interpolation import weigh_neighbours
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -115,7 +116,8 @@ def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float],
     if isinstance(value, int | float) and span[0] <= value <= span[1]:
         return float(value)
     raise Unreadable(
-        f"{name}: {key} is {str(value)[:40]}; give a number from {span[0]:g} to {span[1]:g}, as the display holds it"
+        f"{name}: {key} is {clean_text(str(value))[:40]}; "
+        f"give a number from {span[0]:g} to {span[1]:g}, as the display holds it"
     )
 
 

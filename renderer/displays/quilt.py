@@ -77,7 +77,8 @@ def parse_json(data: bytes, *, name: str) -> QuiltLayout:
     try:
         found: Any = json.loads(data)
         found = found.get("quilt_settings", found)
-        return QuiltLayout(int(found["viewX"]), int(found["viewY"]), float(found["aspect"]))
+        cols, rows = (int(min(found[key], 1e6)) for key in ("viewX", "viewY"))  # a message holds no endless number
+        return QuiltLayout(cols, rows, float(found["aspect"]))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         if isinstance(error, InvalidOption):
             raise

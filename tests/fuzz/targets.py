@@ -19,6 +19,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 from ciir.errors import Error
+from ciir.renderer.displays.integral import parse_display
+from ciir.renderer.displays.lenticular import parse_calibration
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
@@ -35,7 +37,7 @@ from ciir.service.web import multipart
 from ciir.service.web.routes import upload
 from tests.fuzz import seeds
 from tests.fuzz.mutate import edit_values
-from tests.fuzz.seeds import containers, gltf, gltf_extensions, pack, parts
+from tests.fuzz.seeds import containers, displays, gltf, gltf_extensions, pack, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -212,6 +214,28 @@ def _check_scene(scene: Scene) -> None:
             raise BrokenPromise("texture coordinates that are not finite")
 
 
+def _quilt(data: bytes) -> None:
+    """The JSON beside a quilt."""
+    files = {"a.png": _EIA, "a.png.json": data}
+    _check_content(inputs.read(Bundle("a.png", "a.png", files, LIMITS)))
+
+
+def _display(data: bytes) -> None:
+    """A panel's TOML file; its first and last row are traced."""
+    display = parse_display(data, name="d.toml", max_pixels=LIMITS.pixels)
+    for row in (0, display.height - 1):
+        if not np.isfinite(display.trace_row(row)).all():
+            raise BrokenPromise("lines that are not finite")
+
+
+def _calibration(data: bytes) -> None:
+    """A lenticular display's JSON file."""
+    calibration = parse_calibration(data, name="c.json", max_pixels=LIMITS.pixels)
+    places = calibration.view_places(calibration.height - 1)
+    if not (places.min() >= 0 and places.max() <= 1):
+        raise BrokenPromise("views outside the cone")
+
+
 TARGETS: dict[str, Target] = {
     "png": Target(picture("png"), seeds.png),
     "png-sealed": Target(sealed_png, seeds.png),
@@ -240,6 +264,9 @@ TARGETS: dict[str, Target] = {
     "mp4": Target(container(SUFFIXES[".mp4"]), containers.mp4),
     "mkv": Target(container(SUFFIXES[".mkv"]), containers.matroska),
     "gif": Target(container(SUFFIXES[".gif"]), containers.gif),
+    "quilt": Target(_quilt, displays.quilts),
+    "display": Target(_display, displays.panels),
+    "calibration": Target(_calibration, displays.calibrations),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf.glb(), *seeds.png(), *seeds.zips()]),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),

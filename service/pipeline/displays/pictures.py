@@ -26,6 +26,7 @@ from ciir.renderer.displays.screen import Screen
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers.quilts import find_layout
+from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
 from ciir.service.pipeline.displays.quilts import Quilt
@@ -73,7 +74,8 @@ def make_picture(
     clock = clock or Clock()
     given = Input(source)
     with clock.stage("decode"):
-        content = given.read(options)
+        opened = given.open(options, views="all")
+        content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
     if isinstance(content, Scene) and not is_placed:
         options = replace(options, place=0.0)
     _check_options(given.name, content, options, disparity)
@@ -103,7 +105,7 @@ def make_picture(
                 progress=progress,
             )
     report: Report = {
-        "input": given.describe(content),
+        "input": given.describe(opened),
         "display": _describe(replace(target, layout=layout) if isinstance(target, Quilt) and layout else target),
         "scene_transform": None if matrix is None else matrix.tolist(),
         "options": options.as_dict(),
@@ -112,6 +114,15 @@ def make_picture(
         "versions": find_versions(*(("embreex",) if matrix is not None else ())),
     }
     return picture, layout, report
+
+
+def _load_views(views: ViewFiles, target: Target) -> LightField:
+    """The views that the display shows: of a lenticular one the row that `take_row` takes."""
+    if not isinstance(target, IntegralDisplay):
+        rows = views.shape[0]
+        middle = (rows - 1) // 2 if views.depth_sense == "cameras" else rows // 2
+        views = replace(views, files=views.files[middle : middle + 1])
+    return views.load()
 
 
 def _check_options(name: str, content: Scene | LightField, options: Options, disparity: float) -> None:

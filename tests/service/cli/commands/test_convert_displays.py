@@ -74,6 +74,17 @@ def test_depth_sense_gives_the_order(folder):
     assert np.array_equal(read(folder / "in_qs3x2a1.png"), read(folder / "lenses_qs3x2a1.png"))
 
 
+@pytest.mark.parametrize("sense", ["cameras", "lenses"])
+def test_of_a_set_of_views_only_the_middle_row_is_decoded(folder, sense):
+    cameras = np.concatenate([VIEWS[:, :5], VIEWS[:1, :5]])  # four rows: the middle one is the upper of two
+    LightField(cameras if sense == "cameras" else cameras[::-1, ::-1], depth_sense=sense).save("views")
+    for v in (0, 3, 2 if sense == "cameras" else 1):
+        (folder / "views" / f"view_{v:02d}_01.png").write_bytes(b"\x89PNG\r\n\x1a\nno picture")
+    assert convert("views -o q_qs5x1a1.png --order given") == 0
+    found = split_quilt(read(folder / "q_qs5x1a1.png"), QuiltLayout(5, 1, 1.0), name="q")
+    assert np.array_equal(found, VIEWS[1, :5])
+
+
 def test_a_quilt_becomes_a_native_picture(folder, capsys):
     assert convert("in.npz -o q_qs8x6a1.png") == 0
     assert convert("q_qs8x6a1.png -o native.png --to lenticular --calibration c.json --disparity 0.5") == 0
