@@ -10,7 +10,7 @@ import io
 import os
 import stat
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -142,7 +142,7 @@ class Archive(Mapping[str, bytes]):
         self._lock = Lock()
         with _named_zip_errors(self._name):
             self._zip = zipfile.ZipFile(path)
-            self._members = _check_members(self._name, self._zip.infolist(), limits)
+            self._members = check_members(self._name, self._zip.infolist(), limits)
         for key, member in self._members.items():
             if member.file_size > limits.bytes:
                 raise TooLarge(_describe_size(f"{self._name}: {key}", member.file_size, limits), "bytes")
@@ -200,15 +200,19 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
     """
     name = clean_text(name)
     with _named_zip_errors(name), zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = _check_members(name, archive.infolist(), limits)
-        unpacked = sum(member.file_size for member in members.values())
-        if unpacked > limits.bytes:
-            raise TooLarge(
-                f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller "
-                "files",
-                "bytes",
-            )
+        members = check_members(name, archive.infolist(), limits)
+        check_sum(name, members.values(), limits)
         return {key: _check_member(name, key, archive.read(member)) for key, member in members.items()}
+
+
+def check_sum(name: str, members: Iterable[zipfile.ZipInfo], limits: Limits) -> None:
+    """Raises `TooLarge` where the files of a zip are too large to be unpacked together."""
+    unpacked = sum(member.file_size for member in members)
+    if unpacked > limits.bytes:
+        raise TooLarge(
+            f"{name}: unpacks to {unpacked:,} bytes; at most {limits.bytes:,} are read; pack fewer or smaller files",
+            "bytes",
+        )
 
 
 @contextmanager
@@ -229,7 +233,8 @@ def _check_member(name: str, key: str, content: bytes) -> bytes:
     return content
 
 
-def _check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
+def check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
+    """The files of a zip by their keys. Raises as `unpack`, before anything is unpacked."""
     members = [member for member in members if not member.is_dir()]
     if len(members) > limits.files:
         raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer", "files")

@@ -87,15 +87,20 @@ def picture(suffix: str) -> Callable[[bytes], None]:
     return check
 
 
-def sealed_png(data: bytes) -> None:
-    """A PNG whose checksums are made right first: what is behind them is reached."""
+def seal_png(data: bytes) -> bytes:
+    """A PNG with its checksums made right: what is behind them is reached."""
     made, offset = [SIGNATURE], len(SIGNATURE)
     while offset + 8 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, offset)
         body = data[offset + 8 : offset + 8 + length]
         made.append(struct.pack(">I4s", len(body), kind) + body + struct.pack(">I", zlib.crc32(kind + body)))
         offset += 12 + length
-    picture("png")(b"".join(made))
+    return b"".join(made)
+
+
+def sealed_png(data: bytes) -> None:
+    """A PNG with the right checksums."""
+    picture("png")(seal_png(data))
 
 
 def mesh(kind: Format, *beside: str, pose: MeshPose = AS_STORED) -> Callable[[bytes], None]:
@@ -136,6 +141,11 @@ def container(kind: Format) -> Callable[[bytes], None]:
     """A file that holds a whole light field."""
     name = f"upload.{kind.extension}"
     return lambda data: _check_content(inputs.read(Bundle.from_upload(name, data, LIMITS), Layout()))
+
+
+def eslf(data: bytes) -> None:
+    """A picture that is called as Lytro's."""
+    _check_content(inputs.read(Bundle.from_upload("upload_eslf.png", seal_png(data), LIMITS), Layout()))
 
 
 def view_set(data: bytes) -> None:
@@ -260,6 +270,8 @@ TARGETS: dict[str, Target] = {
     "npy": Target(container(SUFFIXES[".npy"]), containers.npy),
     "npz": Target(container(SUFFIXES[".npz"]), containers.npz),
     "mat": Target(container(SUFFIXES[".mat"]), containers.mat),
+    "tiff-stack": Target(container(SUFFIXES[".tif"]), containers.tiff_stacks),
+    "eslf": Target(eslf, containers.eslf),
     "h5": Target(container(SUFFIXES[".h5"]), containers.hdf5),
     "mp4": Target(container(SUFFIXES[".mp4"]), containers.mp4),
     "mkv": Target(container(SUFFIXES[".mkv"]), containers.matroska),

@@ -12,7 +12,10 @@ from __future__ import annotations
 import io
 import json
 import math
+import struct
 import warnings
+import zipfile
+import zlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,14 +33,18 @@ if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
 
+_MOST_HEADER = 20_000
+"""Bytes; NumPy reads headers of up to 10,000."""
+_LOCAL_HEADER = struct.Struct("<26xHH")
+"""Of a zip's member: the lengths of its name and of what else comes before its content."""
 VIEWS, POSITIONS, REPORT = "views.npy", "positions.npy", "report.npy"
 
 
 class Array:
     """An array in a file: its header, and its samples on demand, without a copy."""
 
-    def __init__(self, data: bytes, name: str) -> None:
-        file = io.BytesIO(data)
+    def __init__(self, data: bytes | memoryview, name: str) -> None:
+        file = io.BytesIO(data[:_MOST_HEADER])
         version = np.lib.format.read_magic(file)
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
         if read is None:
@@ -72,10 +79,16 @@ def _read_array(array: Array, name: str, limits: Limits) -> LightField:
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
     """The one array with five axes, or the views at their positions, with the depth sense that the report states."""
-    from ciir.renderer.readers.bundle import unpack
+    from ciir.renderer.readers.bundle import check_members, check_sum
 
-    files = unpack(name, data, limits)
-    arrays = {key: Array(content, f"{name}: {clean_text(key)}") for key, content in files.items() if _is_npy(key)}
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = check_members(name, archive.infolist(), limits)
+        check_sum(name, members.values(), limits)
+        arrays = {
+            key: Array(_read_member(archive, member, data), f"{name}: {clean_text(key)}")
+            for key, member in members.items()
+            if _is_npy(key)
+        }
     found = {key: array for key, array in arrays.items() if len(array.shape) == 5}
     if len(found) == 1:
         key, array = found.popitem()
@@ -87,6 +100,17 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
         f"{name}: {len(found)} arrays with five axes ({listed}); give one array (V, U, H, W, C), or the npz that "
         "ciir convert writes"
     )
+
+
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> bytes | memoryview:
+    """The content of a member of the zip `data`; without a copy where it is stored as it is."""
+    if member.compress_type != zipfile.ZIP_STORED:
+        return archive.read(member)
+    start = member.header_offset + sum(_LOCAL_HEADER.unpack_from(data, member.header_offset), _LOCAL_HEADER.size)
+    content = memoryview(data)[start : start + member.file_size]
+    if zlib.crc32(content) != member.CRC:
+        raise Unreadable(f"{clean_text(member.filename)}: its checksum is wrong; give the whole file")
+    return content
 
 
 def _is_npy(key: str) -> bool:

@@ -45,8 +45,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         weight, picture = picture[..., 3:], picture[..., :3]
         notes += ("the fourth channel of ESLF is a weight, not alpha: it is left out",)
     views = _map(picture, layout.pixels or PIXELS)
-    shown = views if weight is None else _map(weight, layout.pixels or PIXELS)
-    kept = _find_full_grid(shown.mean(axis=(2, 3, 4)))
+    kept = _find_full_grid(_sum_views(views if weight is None else _map(weight, layout.pixels or PIXELS)))
     count_v, count_u = views.shape[:2]
     views = views[kept]
     if views.shape[:2] != (count_v, count_u):
@@ -63,11 +62,17 @@ def _map(picture: Pixels, pixels: tuple[int, int]) -> Pixels:
     return LightField.from_eia(whole, rows=whole.shape[0] // pixels[0], cols=whole.shape[1] // pixels[1]).views
 
 
-def _find_full_grid(means: NDArray[np.float64]) -> tuple[slice, slice]:
+def _sum_views(views: Pixels) -> NDArray[np.uint64]:
+    """The sum of the samples of each view; rows of lenses first, which is the order of the picture's memory."""
+    sums: NDArray[np.uint64] = views.sum(axis=2, dtype=np.uint32).sum(axis=(2, 3), dtype=np.uint64)
+    return sums
+
+
+def _find_full_grid(sums: NDArray[np.uint64]) -> tuple[slice, slice]:
     """The views that are left when rows and columns on the margin are taken away, each time the one with the largest
     share of empty views, until no view is empty.
     """
-    is_empty = means <= EMPTY * means.max()
+    is_empty = sums <= EMPTY * sums.max()
     top, left, (bottom, right) = 0, 0, is_empty.shape
     while is_empty[top:bottom, left:right].any() and bottom - top > 1 and right - left > 1:
         grid = is_empty[top:bottom, left:right]

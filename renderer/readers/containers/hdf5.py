@@ -11,15 +11,13 @@ Only plain data sets of the file itself are read: no links to other files, and n
 from __future__ import annotations
 
 import io
-import math
-import zlib
 from typing import TYPE_CHECKING, Any
 
 import h5py
-import numpy as np
 
-from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
 from ciir.renderer.readers.containers.samples import check_array, convert_samples
 from ciir.renderer.readers.names import clean_text
 
@@ -38,9 +36,7 @@ MOSAIC_GRID = (5, 5)
 """Of BasicLFSR's samples where nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
-_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 _MOST_NAMES = 1000
-_CHECKSUM_BYTES = 4
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
@@ -49,17 +45,17 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
     """
     with h5py.File(io.BytesIO(data), "r") as file:
-        shapes = {key: _find_shape(file, key) for key in list(file)[:_MOST_NAMES]}
+        shapes = {key: find_shape(file, key) for key in list(file)[:_MOST_NAMES]}
         mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
         if mosaic is not None and "LF" not in shapes:
-            return _read_mosaic(_open(file, mosaic, name), name, layout, limits)
-        dataset = _open(file, find_variable(shapes, name), name)
+            return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
+        stored = DataSet.open(file, find_variable(shapes, name), data, name)
         if HCI_ATTRIBUTE in file.attrs:
-            return _read_hci(dataset, name, limits)
-        shape = dataset.shape
+            return _read_hci(stored, limits)
+        shape = stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u.
-        is_matlab = "MATLAB_class" in dataset.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
-        return _read_matlab(dataset, name, limits) if is_matlab else _read_plain(dataset, name, limits)
+        is_matlab = "MATLAB_class" in stored.handle.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
+        return _read_matlab(stored, limits) if is_matlab else _read_plain(stored, limits)
 
 
 def find_variable(shapes: Mapping[str, Sequence[int]], name: str) -> str:
@@ -78,80 +74,42 @@ def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]
     return (views[..., :3], (WEIGHT,)) if views.shape[4] == 4 else (views, ())
 
 
-def _find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
-    """The shape of a data set of the file itself; empty for anything else."""
-    if not isinstance(file.get(key, getlink=True), h5py.HardLink):
-        return ()
-    found = file[key]
-    return tuple(found.shape or ()) if isinstance(found, h5py.Dataset) else ()
-
-
-def _open(file: h5py.File, key: str, name: str) -> h5py.Dataset:
-    """The data set, whose samples are in the file and are packed in a known way."""
-    dataset = file[key]
-    plan = dataset.id.get_create_plist()
-    filters = [plan.get_filter(index)[0] for index in range(plan.get_nfilters())]
-    if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
-        raise UnsupportedType(f"{name}: {clean_text(key)} lies in another file; save it as one file")
-    if any(number not in _FILTERS for number in filters) or len(set(filters)) < len(filters):
-        raise UnsupportedType(f"{name}: {clean_text(key)} is packed by filter {filters}; save it with gzip or unpacked")
-    if dataset.chunks is not None and np.prod(dataset.chunks, dtype=float) > 2 * np.prod(dataset.shape, dtype=float):
-        raise TooLarge(f"{name}: {clean_text(key)} has chunks larger than itself; save it unpacked")
-    if h5py.h5z.FILTER_DEFLATE in filters:
-        _check_chunks(dataset, 1 << filters.index(h5py.h5z.FILTER_DEFLATE), name)
-    return dataset
-
-
-def _check_chunks(dataset: h5py.Dataset, skipped: int, name: str) -> None:
-    """Raises `Unreadable` for a chunk that unpacks to more than its samples: HDF5 allocates whatever comes out.
-
-    `skipped`: the bit of a chunk's mask that says that it is not deflated.
-    """
-    most = math.prod(dataset.chunks) * dataset.dtype.itemsize + _CHECKSUM_BYTES
-    chunks: list[Any] = []
-    dataset.id.chunk_iter(chunks.append)
-    for chunk in chunks:
-        mask, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
-        if not mask & skipped and len(zlib.decompressobj().decompress(packed, most + 1)) > most:
-            raise Unreadable(f"{name}: a chunk unpacks to over its {most:,} bytes; save it again")
-
-
-def _read_hci(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
-    shape = (*dataset.shape, 1)[:5]
-    check_array(name, shape, dataset.dtype, limits)
-    views, notes = convert_samples(dataset[()].reshape(shape), name)
+def _read_hci(stored: DataSet, limits: Limits) -> LightField:
+    shape = (*stored.shape, 1)[:5]
+    check_array(stored.name, shape, stored.dtype, limits)
+    views, notes = convert_samples(stored.read().reshape(shape), stored.name)
     return LightField(views[:, ::-1], notes, depth_sense="cameras")
 
 
-def _read_matlab(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
-    shape = (1, *dataset.shape)[-5:]
-    check_array(name, shape[::-1], dataset.dtype, limits)
-    stored, weighted = leave_out_weight(dataset[()].reshape(shape).T)
-    views, notes = convert_samples(stored, name)
+def _read_matlab(stored: DataSet, limits: Limits) -> LightField:
+    shape = (1, *stored.shape)[-5:]
+    check_array(stored.name, shape[::-1], stored.dtype, limits)
+    samples, weighted = leave_out_weight(stored.read().reshape(shape).T)
+    views, notes = convert_samples(samples, stored.name)
     return LightField(views, weighted + notes, depth_sense="cameras")
 
 
-def _read_plain(dataset: h5py.Dataset, name: str, limits: Limits) -> LightField:
+def _read_plain(stored: DataSet, limits: Limits) -> LightField:
     """`LF[v, u, y, x, c]`, as h5py writes an array."""
-    shape = (*dataset.shape, 1)[:5]
-    check_array(name, shape, dataset.dtype, limits)
-    views, notes = convert_samples(dataset[()].reshape(shape), name)
+    shape = (*stored.shape, 1)[:5]
+    check_array(stored.name, shape, stored.dtype, limits)
+    views, notes = convert_samples(stored.read().reshape(shape), stored.name)
     return LightField(views, notes, depth_sense="cameras")
 
 
-def _read_mosaic(dataset: h5py.Dataset, name: str, layout: Layout, limits: Limits) -> LightField:
+def _read_mosaic(stored: DataSet, layout: Layout, limits: Limits) -> LightField:
     rows, columns = layout.pixels or MOSAIC_GRID
-    width, height = dataset.shape
+    width, height = stored.shape
     if height % rows or width % columns:
         raise InvalidOption(
-            f"pixels: {rows}x{columns} views don't divide the mosaic of {height}x{width} pixels in {name}; "
+            f"pixels: {rows}x{columns} views don't divide the mosaic of {height}x{width} pixels in {stored.name}; "
             "give rows and columns of views"
         )
     shape = (rows, columns, height // rows, width // columns, 1)
-    check_array(name, shape, dataset.dtype, limits)
-    mosaic = dataset[()].T  # (V*H, U*W)
+    check_array(stored.name, shape, stored.dtype, limits)
+    mosaic = stored.read().T  # (V*H, U*W)
     views = mosaic.reshape(rows, shape[2], columns, shape[3], 1).transpose(0, 2, 1, 3, 4)
-    views, notes = convert_samples(views, name)
+    views, notes = convert_samples(views, stored.name)
     guessed = "" if layout.pixels else f", of {rows}x{columns} views, as BasicLFSR's are; pixels gives another grid"
-    notes += (f"{dataset.name.lstrip('/')}: a mosaic of luminance (16 to 235 of 255){guessed}",)
+    notes += (f"{stored.handle.name.lstrip('/')}: a mosaic of luminance (16 to 235 of 255){guessed}",)
     return LightField(views, notes, depth_sense="cameras")

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _COMPRESSED = 128, 15
+_PIECE_BYTES = 2**16
+"""Of packed bytes, unpacked at a time: memory of that size stays in the processor's cache."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
 
 
@@ -32,8 +34,9 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     """The variable `LF`, or else the only one with five axes; no other variable is read."""
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
-    data = _unpack(data, name, limits)
-    listed = whosmat(io.BytesIO(data))
+    file = _unpack(data, name, limits)
+    file.seek(0)
+    listed = whosmat(file)
     variables = {key: (tuple(map(int, shape)), kind) for key, shape, kind in listed}
     if len(variables) < len(listed):
         raise Unreadable(f"{name}: holds two variables of one name; save each once")
@@ -45,7 +48,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         )
     shape = (*shape, 1)[:5]  # MATLAB drops the last axis of grey views
     check_array(name, shape, _TYPES[kind], limits)
-    stored = loadmat(io.BytesIO(data), variable_names=[key])[key]
+    file.seek(0)
+    stored = loadmat(file, variable_names=[key])[key]
     if stored.dtype.kind not in "uif":
         raise Unreadable(f"{name}: {clean_text(key)} holds {stored.dtype}; give uint8, uint16, single or double")
     stored, weighted = hdf5.leave_out_weight(
@@ -55,20 +59,27 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     return LightField(views, weighted + notes, depth_sense="cameras")
 
 
-def _unpack(data: bytes, name: str, limits: Limits) -> bytes:
+def _unpack(data: bytes, name: str, limits: Limits) -> io.BytesIO:
     """The file with its variables as they are without zlib. Raises `TooLarge` before they take their memory."""
     order = "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
-    allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
-    elements: list[bytes | memoryview] = [memoryview(data)[:_HEADER_BYTES]]
+    elements = []
     start = _HEADER_BYTES
     while start + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, start)
-        element: bytes | memoryview = memoryview(data)[start : start + 8 + size]
+        elements.append((kind, memoryview(data)[start : start + 8 + size]))
         start += 8 + size
-        if kind == _COMPRESSED:
-            element = zlib.decompressobj().decompress(element[8:], left + 1)
-            left -= len(element)
-        if left < 0:
-            raise TooLarge(f"{name}: unpacks to over {allowed:,} bytes; save it unpacked", "bytes")
-        elements.append(element)
-    return b"".join(elements) if left < allowed else data
+    if all(kind != _COMPRESSED for kind, _ in elements):
+        return io.BytesIO(data)
+    allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
+    unpacked = io.BytesIO()
+    unpacked.write(data[:_HEADER_BYTES])
+    for kind, element in elements:
+        if kind != _COMPRESSED:
+            unpacked.write(element)
+            continue
+        stream = zlib.decompressobj()
+        for place in range(8, len(element), _PIECE_BYTES):
+            left -= unpacked.write(stream.decompress(element[place : place + _PIECE_BYTES], left + 1))
+            if left < 0:
+                raise TooLarge(f"{name}: unpacks to over {allowed:,} bytes; save it unpacked", "bytes")
+    return unpacked

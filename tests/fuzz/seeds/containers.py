@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, cast
 import av
 import h5py
 import numpy as np
+import tifffile
 from av.container import Flags
 from scipy.io import savemat
 
 from ciir.renderer.readers.containers.mat import VERSION_5
+from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import Contents
 from tests.fuzz.seeds import noise, zipped
 
 if TYPE_CHECKING:
@@ -63,6 +67,35 @@ def hdf5() -> list[bytes]:
         _fill(lambda file: file.create_dataset("a", data=VIEWS / 255, fletcher32=True)),
         _fill(lambda file: file.create_dataset("Hr_SAI_y", data=np.linspace(0, 1, 150).reshape(15, 10))),
     ]
+
+
+def tiff_stacks() -> list[bytes]:
+    """Our own, and pages with what else gives the grid: ImageJ's description, and their number."""
+    file = io.BytesIO()
+    with FileWriter(file, "stack") as writer:
+        writer.begin(Contents(tuple(np.ndindex(2, 2)), (2, 2), 4, 5, 3, np.dtype(np.uint8)))
+        for view in np.ndindex(2, 2):
+            writer.write(view, VIEWS[view])
+        writer.finish({"notes": []})
+    described = "ImageJ=1.53\nimages=4\nslices=2\nframes=2\n"
+    return [file.getvalue(), _stack(described, None), _stack(described, "lzw"), _stack("", "packbits")]
+
+
+def _stack(description: str, compression: str | None) -> bytes:
+    buffer = io.BytesIO()
+    with tifffile.TiffWriter(buffer) as writer:
+        for view in np.ndindex(2, 2):
+            writer.write(
+                VIEWS[view], photometric="rgb", description=description, metadata=None, compression=compression
+            )
+    return buffer.getvalue()
+
+
+def eslf() -> list[bytes]:
+    """With and without a weight; with empty views; with lenses that are cut off."""
+    empty = noise(28, 42, 3)
+    empty[::14] = empty[:, 13::14] = 0
+    return [encode_png(pixels) for pixels in (noise(28, 42, 3), noise(28, 42, 4), empty, noise(27, 40, 3))]
 
 
 def mp4() -> list[bytes]:

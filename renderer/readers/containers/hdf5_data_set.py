@@ -1,0 +1,111 @@
+"""Data sets of an untrusted HDF5 file: only those in the file itself, unpacked to no more than their size."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import h5py
+import numpy as np
+
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.readers.names import clean_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+_CHECKSUM_BYTES = 4
+
+
+def find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
+    """The shape of a data set of the file itself; empty for anything else."""
+    if not isinstance(file.get(key, getlink=True), h5py.HardLink):
+        return ()
+    found = file[key]
+    return tuple(found.shape or ()) if isinstance(found, h5py.Dataset) else ()
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A data set whose samples are in the file and are packed in a known way."""
+
+    handle: h5py.Dataset
+    data: bytes
+    """The file."""
+    name: str
+    """For messages."""
+
+    @classmethod
+    def open(cls, file: h5py.File, key: str, data: bytes, name: str) -> DataSet:
+        """The data set `key` of the file `name`. Raises `UnsupportedType` for any other, `TooLarge` for its chunks."""
+        handle = file[key]
+        found = cls(handle, data, name)
+        plan, filters = handle.id.get_create_plist(), found.list_filters()
+        if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
+            raise UnsupportedType(f"{name}: {clean_text(key)} lies in another file; save it as one file")
+        if any(number not in _FILTERS for number in filters) or len(set(filters)) < len(filters):
+            raise UnsupportedType(
+                f"{name}: {clean_text(key)} is packed by filter {filters}; save it with gzip or unpacked"
+            )
+        if handle.chunks is not None and np.prod(handle.chunks, dtype=float) > 2 * np.prod(handle.shape, dtype=float):
+            raise TooLarge(f"{name}: {clean_text(key)} has chunks larger than itself; save it unpacked")
+        return found
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the samples."""
+        return tuple(self.handle.shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of the samples."""
+        return cast("np.dtype[Any]", self.handle.dtype)
+
+    def list_filters(self) -> list[int]:
+        """HDF5's numbers of the filters that were applied, the first one first."""
+        plan = self.handle.id.get_create_plist()
+        return [plan.get_filter(index)[0] for index in range(plan.get_nfilters())]
+
+    def read(self) -> NDArray[Any]:
+        """All samples, whose size must have been checked; those in one piece without a copy, read-only.
+
+        Deflated chunks are unpacked here: HDF5 allocates whatever comes out of them. Checksums are not compared then.
+
+        Raises `Unreadable` for a chunk that doesn't unpack to its samples.
+        """
+        handle, filters, start = self.handle, self.list_filters(), self.handle.id.get_offset()
+        count = math.prod(self.shape)
+        if start is not None and start + count * self.dtype.itemsize <= len(self.data):
+            return np.frombuffer(self.data, self.dtype, count, start).reshape(self.shape)
+        if h5py.h5z.FILTER_DEFLATE not in filters:
+            return cast("NDArray[Any]", handle[()])
+        samples = np.full(self.shape, handle.fillvalue, self.dtype)
+        chunks: list[Any] = []
+        handle.id.chunk_iter(chunks.append)
+        for chunk in chunks:
+            mask, packed = handle.id.read_direct_chunk(chunk.chunk_offset)
+            applied = [number for index, number in enumerate(filters) if not mask >> index & 1]
+            whole = _unpack_chunk(packed, applied, math.prod(handle.chunks), self.dtype, self.name)
+            target = samples[tuple(map(slice, chunk.chunk_offset, np.add(chunk.chunk_offset, handle.chunks)))]
+            target[:] = whole.reshape(handle.chunks)[tuple(map(slice, target.shape))]
+        return samples
+
+
+def _unpack_chunk(packed: bytes, filters: Sequence[int], count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
+    """The `count` samples of a chunk to which `filters` were applied, the first one first."""
+    size = count * dtype.itemsize
+    for number in reversed(filters):
+        if number == h5py.h5z.FILTER_FLETCHER32:
+            packed = packed[:-_CHECKSUM_BYTES]
+        elif number == h5py.h5z.FILTER_DEFLATE:
+            packed = zlib.decompressobj().decompress(packed, size + _CHECKSUM_BYTES + 1)
+        elif len(packed) == size:  # shuffled: first bytes of all samples first
+            packed = np.frombuffer(packed, np.uint8).reshape(dtype.itemsize, count).T.tobytes()
+    if len(packed) != size:
+        raise Unreadable(f"{name}: a chunk unpacks to {len(packed):,} bytes, not its {size:,}; save it again")
+    return np.frombuffer(packed, dtype)
