@@ -1,7 +1,4 @@
-"""Surfaces placed in a scene, once or many times.
-
-embreex gives no access to instances of Embree, so that rays too are cast at copies in memory.
-"""
+"""Surfaces placed in a scene, once or many times."""
 
 from __future__ import annotations
 

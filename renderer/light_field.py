@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.views import View
 
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
@@ -185,6 +187,33 @@ class LightField:
             return line
         line = self.views[:, center_u if u is None else u, :, cols // 2 if x is None else x]
         return line.swapaxes(0, 1)
+
+    def refocus(self, disparity: float, *, aperture: float | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """The depth plane of `disparity`, `(H, W, C)`: what has it is sharp, as the middle of the grid sees it.
+
+        `disparity`: by how many pixels a point moves to the left from one view to the next on the right. `aperture`:
+        radius in views around the middle of those that are added up, by default all. `renderer.focus.planes` has the
+        method, and the planes as floats.
+
+        Raises `InvalidOption` for a disparity that is not finite, and an aperture that lets no view through.
+        """
+        from ciir.renderer.focus.planes import make_aperture, refocus
+
+        weights = None if aperture is None else make_aperture(self.views.shape[:2], aperture)
+        (plane,) = refocus(self.views, [disparity], weights=weights)
+        levels = plane.round().clip(0, np.iinfo(self.views.dtype).max)
+        return levels.astype(np.uint8) if self.views.dtype == np.uint8 else levels.astype(np.uint16)
+
+    def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
+        """The disparity of each pixel of `view`, by default the centre one, with its confidence.
+
+        `limits`: the least and the largest disparity in pixels a view, by default found from the pictures.
+
+        Raises `InvalidOption` as `renderer.focus.disparity.estimate_disparity`.
+        """
+        from ciir.renderer.focus.disparity import estimate_disparity
+
+        return estimate_disparity(self, view, limits=limits)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
         """The same light field with that depth sense: where it is the other one, views are reversed in v and in u."""

@@ -58,3 +58,13 @@ def test_an_optical_pickup_rotates_each_elemental_image_by_180_degrees() -> None
 def test_a_lens_grid_that_does_not_divide_the_picture(rows: int, cols: int) -> None:
     with pytest.raises(InvalidOption, match=f"^lenses: {rows}x{cols} does not divide the picture of 12x20 pixels .*;"):
         LightField.from_eia(picture(12, 20, 3, np.uint8), rows=rows, cols=cols)
+
+
+def test_refocusing_keeps_the_type_of_the_pixels() -> None:
+    views = np.random.default_rng(5).integers(0, 65536, (3, 3, 20, 24, 4), dtype=np.uint16)
+    light_field = LightField(views)
+    plane = light_field.refocus(0.0)
+    assert (plane.dtype, plane.shape) == (np.uint16, (20, 24, 4))
+    assert np.abs(plane - views.mean(axis=(0, 1))).max() <= 0.52  # rounding, and float32 sums of 16 bit
+    assert np.array_equal(light_field.refocus(1.5, aperture=0.5), views[1, 1])  # the middle view alone is not shifted
+    assert light_field.disparity().disparity.shape == (20, 24)

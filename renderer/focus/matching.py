@@ -1,0 +1,64 @@
+"""Semi-global matching (Hirschmueller, PAMI 30, 2008) over four directions, and the fit between planes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+SMALL_STEP, LARGE_STEP = 1.0, 20.0
+"""What it costs a pixel to lie one plane from its neighbour, and further: in 8-bit levels."""
+EDGE = 8.0
+"""8-bit levels between two pixels that halve the cost of a large step."""
+
+
+def match(
+    cost: NDArray[np.float32], guide: NDArray[np.float32], planes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """The disparity of each pixel and its confidence, 0 to 1; both `(H, W)`.
+
+    `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(H, W, C)`, the
+    picture, whose edges may be edges of depth.
+    """
+    total = np.zeros_like(cost)
+    _add_paths(total, cost, guide)
+    _add_paths(total.transpose(0, 2, 1), cost.transpose(0, 2, 1), guide.transpose(1, 0, 2))
+    best = total.argmin(axis=0)
+    middle = np.clip(best, 1, len(planes) - 2)
+    before, at, after = (np.take_along_axis(total, (middle + step)[np.newaxis], 0)[0] for step in (-1, 0, 1))
+    curve = before - 2 * at + after
+    fraction = np.clip((before - after) / np.maximum(2 * curve, 1e-6), -1, 1)
+    usual = np.median(total, axis=0)
+    confidence = 1 - np.take_along_axis(total, best[np.newaxis], 0)[0] / np.maximum(usual, 1e-6)
+    return planes[0] + (planes[1] - planes[0]) * (middle + fraction), confidence.astype(np.float32)
+
+
+def _add_paths(total: NDArray[np.float32], cost: NDArray[np.float32], guide: NDArray[np.float32]) -> None:
+    """Adds the costs of the paths from the top and from the bottom to `total`."""
+    edges = np.abs(np.diff(guide, axis=0)).max(axis=2)  # (H - 1, W)
+    jumps = np.maximum(LARGE_STEP / (1 + edges / EDGE), 1.5 * SMALL_STEP).astype(np.float32)
+    count = cost.shape[1]
+    _add_path(total, cost, jumps, range(count))
+    _add_path(total, cost, jumps[::-1], range(count - 1, -1, -1))
+
+
+def _add_path(
+    total: NDArray[np.float32], cost: NDArray[np.float32], jumps: NDArray[np.float32], rows: Iterable[int]
+) -> None:
+    """Adds the cost of the cheapest path to each pixel through `rows` in their order (equation 13)."""
+    path: NDArray[np.float32] | None = None
+    for number, row in enumerate(rows):
+        own = np.ascontiguousarray(cost[:, row])  # (n, W)
+        if path is not None:
+            least = path.min(axis=0)
+            change = np.minimum(path, least + jumps[number - 1])
+            np.minimum(change[1:], path[:-1] + SMALL_STEP, out=change[1:])
+            np.minimum(change[:-1], path[1:] + SMALL_STEP, out=change[:-1])
+            own += change - least
+        total[:, row] += own
+        path = own

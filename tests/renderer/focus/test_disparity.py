@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from ciir.errors import InvalidOption
+from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.light_field import LightField
+
+NEAR, FAR = 1.6, 0.4
+
+
+def make_light_field(grid=(5, 5), channels=3, dtype=np.uint8, size=(72, 96)):
+    """A textured square before a textured wall: by Fourier shifts of large pictures, so exact to the fraction."""
+    random = np.random.default_rng(4)
+    height, width = size
+    wall, square = (
+        ndimage.gaussian_filter(random.standard_normal((height + 32, width + 32, channels)), (1, 1, 0))
+        for _ in range(2)
+    )
+    wall, square = (128 + 120 * picture / np.abs(picture).max() for picture in (wall, square))
+    inside = np.zeros(wall.shape[:2])
+    inside[36:68, 48:88] = 1
+    views = np.empty((*grid, height, width, channels))
+    for v, u in np.ndindex(grid):
+        place = v - (grid[0] - 1) // 2, u - (grid[1] - 1) // 2
+        back = ndimage.shift(wall, (-FAR * place[0], -FAR * place[1], 0), order=3, mode="wrap")
+        front = ndimage.shift(square, (-NEAR * place[0], -NEAR * place[1], 0), order=3, mode="wrap")
+        mask = ndimage.shift(inside, (-NEAR * place[0], -NEAR * place[1]), order=1)[..., np.newaxis]
+        views[v, u] = (mask * front + (1 - mask) * back)[16:-16, 16:-16]
+    true = np.where(inside[16:-16, 16:-16] > 0, NEAR, FAR)
+    scale = np.iinfo(dtype).max / 255
+    return LightField((scale * views.clip(0, 255)).round().astype(dtype)), true
+
+
+@pytest.mark.parametrize(
+    ("grid", "channels", "dtype"), [((5, 5), 3, np.uint8), ((1, 5), 1, np.uint8), ((9, 9), 4, np.uint16)]
+)
+def test_two_depths(grid, channels, dtype):
+    light_field, true = make_light_field(grid, channels, dtype)
+    found = estimate_disparity(light_field)
+    error = np.abs(found.disparity - true)
+    assert found.disparity.shape == found.confidence.shape == true.shape
+    assert np.median(error) < 0.02  # a fiftieth of a pixel: the fit between planes that are a third apart
+    assert (error > 0.07).mean() < 0.08
+    is_sure = found.confidence > np.median(found.confidence)
+    assert error[is_sure].mean() < error[~is_sure].mean()
+
+
+def test_another_view_and_given_limits():
+    light_field, _ = make_light_field()
+    found = estimate_disparity(light_field, (0, 4), limits=(0, 2))
+    assert found.view == (0, 4)
+    assert (found.planes[0], found.planes[-1]) == (0, 2)
+    y, x = 36 - round(-2 * NEAR), 48 - round(2 * NEAR)  # the middle of the square, two views up and to the right
+    assert found.disparity[y, x] == pytest.approx(NEAR, abs=0.05)
+
+
+@pytest.mark.parametrize("axes", ["uv", "u"])
+def test_reversed_views_reverse_the_sign(axes):
+    light_field, _ = make_light_field((1, 5))
+    found = estimate_disparity(light_field, limits=(-2, 2)).disparity
+    flipped = estimate_disparity(light_field.flip(axes), limits=(-2, 2)).disparity
+    assert np.median(np.abs(flipped + found)) < 1e-3
+
+
+def test_one_view_is_refused():
+    with pytest.raises(InvalidOption, match="one view shows no depth"):
+        estimate_disparity(LightField(np.zeros((1, 1, 8, 8, 3), np.uint8)))
+
+
+def test_limits_that_are_no_range():
+    light_field, _ = make_light_field((1, 2))
+    with pytest.raises(InvalidOption, match="limits: 1 to 0 is no range"):
+        estimate_disparity(light_field, limits=(1, 0))

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.focus import planes
+from ciir.renderer.focus.planes import make_aperture, refocus
+
+
+def kernel(distance):
+    """Keys 1981, equation 15."""
+    distance = abs(distance)
+    if distance <= 1:
+        return 1.5 * distance**3 - 2.5 * distance**2 + 1
+    return -0.5 * distance**3 + 2.5 * distance**2 - 4 * distance + 2 if distance < 2 else 0.0
+
+
+def refocus_slowly(views, disparity, weights):
+    """Pixel by pixel: each view is interpolated where the point lies in it, and counts as far as it reaches there."""
+    count_v, count_u, height, width, channels = views.shape
+    plane = np.zeros((height, width, channels))
+    for y, x in np.ndindex(height, width):
+        reached = 0.0
+        for v, u in np.ndindex(count_v, count_u):
+            down = y - disparity * (v - (count_v - 1) / 2)
+            across = x - disparity * (u - (count_u - 1) / 2)
+            for row, col in np.ndindex(4, 4):
+                row, col = row + int(np.floor(down)) - 1, col + int(np.floor(across)) - 1  # noqa: PLW2901
+                if 0 <= row < height and 0 <= col < width:
+                    weight = weights[v, u] * kernel(down - row) * kernel(across - col)
+                    plane[y, x] += weight * views[v, u, row, col]
+                    reached += weight
+        plane[y, x] /= reached
+    return plane
+
+
+@pytest.mark.parametrize("disparity", [0.0, 1.3, -0.75])
+@pytest.mark.parametrize("shape", [(3, 4, 9, 12, 3), (1, 5, 8, 7, 1)])
+def test_is_the_mean_of_shifted_views(shape, disparity):
+    random = np.random.default_rng(1)
+    views = random.random(shape, np.float32)
+    weights = random.random(shape[:2]).astype(np.float32)
+    weights[0, 1] = 0
+    (plane,) = refocus(views, [disparity], weights=weights)
+    assert plane.shape == shape[2:]
+    np.testing.assert_allclose(plane, refocus_slowly(views, disparity, weights), atol=1e-5)  # float32
+
+
+@pytest.mark.parametrize("kept", [0, planes.KEPT])
+def test_planes_in_batches_are_the_same(monkeypatch, kept):
+    views = np.random.default_rng(2).random((2, 3, 20, 30, 3), np.float32)
+    disparities = np.linspace(-2, 2, 7)
+    expected = list(refocus(views, disparities))
+    monkeypatch.setattr(planes, "MEMORY", 1)
+    monkeypatch.setattr(planes, "KEPT", kept)
+    for plane, same in zip(refocus(views, disparities), expected, strict=True):
+        np.testing.assert_allclose(plane, same, atol=1e-6)
+
+
+def test_a_constant_light_field_stays_constant_to_its_borders():
+    views = np.full((5, 5, 24, 31, 1), 200.0, np.float32)
+    for plane in refocus(views, [-3.3, 0.0, 0.5, 4.0]):
+        np.testing.assert_allclose(plane, 200, rtol=2e-6)
+
+
+def test_a_point_is_sharpest_at_its_disparity():
+    views = np.zeros((5, 5, 41, 41, 1), np.float32)
+    for v, u in np.ndindex(5, 5):
+        views[v, u, 20 - 2 * (v - 2), 20 - 2 * (u - 2)] = 1  # 2 pixels to the left and up from view to view
+    disparities = np.linspace(-4, 4, 33)
+    at_point = [plane[20, 20, 0] for plane in refocus(views, disparities)]
+    assert disparities[np.argmax(at_point)] == pytest.approx(2)
+    assert max(at_point) == pytest.approx(1, abs=1e-5)
+
+
+def test_pixels_that_no_view_reaches_are_zero():
+    views = np.full((1, 2, 4, 10, 1), 9.0, np.float32)
+    weights = np.array([[0, 1]], np.float32)
+    (plane,) = refocus(views, [8.0], weights=weights)  # the second view, 4 pixels to the right
+    np.testing.assert_allclose(plane[0, :, 0], [0] * 4 + [9] * 6, atol=1e-4)
+
+
+@pytest.mark.parametrize("weights", [np.ones((2, 3)), np.zeros((2, 2)), -np.ones((2, 2)), np.full((2, 2), np.nan)])
+def test_weights_that_are_none(weights):
+    with pytest.raises(InvalidOption, match="weights: give 2x2 numbers from 0"):
+        next(refocus(np.ones((2, 2, 4, 4, 1)), [0.0], weights=weights))
+
+
+def test_disparities_that_are_not_finite():
+    with pytest.raises(InvalidOption, match="some are not finite"):
+        next(refocus(np.ones((2, 2, 4, 4, 1)), [np.inf]))
+
+
+def test_an_aperture_is_a_disc():
+    weights = make_aperture((5, 4), 1.2)
+    v, u = np.mgrid[-2:3, -1.5:2]
+    assert (weights[np.hypot(v, u) <= 0.7] == 1).all()
+    assert (weights[np.hypot(v, u) >= 1.7] == 0).all()
+    assert weights[1, 1] == pytest.approx(1.7 - np.hypot(1, 0.5))
+    with pytest.raises(InvalidOption, match="a radius of 0 views lets no view through"):
+        make_aperture((4, 4), 0)
