@@ -1,4 +1,7 @@
-"""Surfaces placed in a scene, once or many times."""
+"""Surfaces placed in a scene, once or many times.
+
+embreex gives no access to instances of Embree, so that rays too are cast at copies in memory.
+"""
 
 from __future__ import annotations
 

@@ -66,7 +66,11 @@ class Material:
             if self._texture is not None:
                 self._document.resolver.add_note("a texture without texture coordinates is left out")
             return None, None
-        uv = normalise(arrays[self.texcoord]).astype(np.float64).reshape(-1, 2)
+        uv = arrays[self.texcoord]
+        # Without the extension integers are normalised, whether the accessor says so or not.
+        if "KHR_mesh_quantization" not in self._document.json.get("extensionsUsed", ()):
+            uv = normalise(uv)
+        uv = uv.astype(np.float64)
         uv = _transform_uv(uv, self._transform)
         return self._read(), np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 

@@ -23,8 +23,8 @@ from ciir.service.settings import Settings
 from tests.service.jobs.failures import power_cuts
 from tests.support.inputs import make_picture
 from tests.support.jobs import JobService, StandInPool, read_result
+from tests.support.pools import COLD
 
-COLD = "tests.support.workers.cold_worker"
 OPTIONS = {"lenses": "4x5", "model": "none"}
 RUN = """
 import io, sys, threading

@@ -11,13 +11,10 @@ from ciir.service.jobs.workers import pool, worker
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
 from tests.support.inputs import CUBE
+from tests.support.pools import COLD, LONG
 from tests.support.servers import find_workers
 from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file
-
-COLD = "tests.support.workers.cold_worker"
-LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
-"""Takes about ten seconds."""
 
 
 @pytest.fixture

@@ -9,51 +9,26 @@ import signal
 import threading
 import time
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ciir.errors import Cancelled, TimedOut, WorkerDied
+from ciir.errors import Cancelled, WorkerDied
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Request, Result
+from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
 from ciir.service.jobs.workers import consumer
-from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers import worker as worker_module
-from ciir.service.jobs.workers.pool import Pool
-from ciir.service.jobs.workers.task import Hooks, Task
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
-from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
 from tests.support.jobs import submit_data, wait_for_end
 from tests.support.paths import ROOT
+from tests.support.pools import COLD, FAST, LONG, run
 from tests.support.servers import find_workers, run_python
 from tests.support.waiting import wait_until
-
-COLD = "tests.support.workers.cold_worker"
-FAST = {"lenses": "12x10", "pixels": "3x3", "model": "none", "backend": "raytrace"}
-LONG = {"lenses": "400x400", "pixels": "15x15", "views": "all", "model": "none", "backend": "raytrace"}
-"""Takes about ten seconds, so that a test can act meanwhile."""
-
-
-@pytest.fixture
-def open_pool(monkeypatch):
-    """Opens pools of one worker without warm-up, closed at the end."""
-    monkeypatch.setattr(worker_module, "MODULE", COLD)
-    pools = []
-
-    def make(**settings):
-        pools.append(Pool(Settings(**{"workers": 1} | settings)))
-        return pools[-1]
-
-    yield make
-    for pool in pools:
-        pool.close()
-    assert find_workers(os.getpid(), COLD) == []
 
 
 def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, service, monkeypatch, caplog):
@@ -76,22 +51,6 @@ def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, se
     assert {jobs.get(id_).state for id_ in ids[:2]} <= {"queued", "running"}
     assert "moved to the large lane" in caplog.text
     service.close()
-
-
-@pytest.fixture
-def make_task(tmp_path):
-    (tmp_path / "input").write_bytes(CUBE)
-
-    def make(options, form=None, name="upload.off"):
-        folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
-        folder.mkdir()
-        return Task("an id", Request(name, options, form), tmp_path / "input", folder / "result")
-
-    return make
-
-
-def run(pool, task, progress=lambda _: None, cancelled=None, begun=lambda _: None):
-    return pool.run(task, Hooks(begun, progress, cancelled or threading.Event()))
 
 
 def get_worker_pid():
@@ -159,35 +118,6 @@ def test_an_error_in_a_request_is_a_problem(open_pool, make_task, options, statu
     assert words in problem.detail
 
 
-def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task, monkeypatch):
-    monkeypatch.setattr(module, "WORKING_SHARE", 0.0)  # other processes may keep this machine busy
-    pool = open_pool(job_seconds=0.5)
-    with pytest.raises(TimedOut, match=r"not done after"):
-        run(pool, make_task(LONG))
-    problem = run(pool, replace(make_task(LONG), has_timed_out=True))
-    assert (problem.status, problem.title) == (422, "Takes too long")
-    assert "0.5 s" in problem.detail
-    pool._seconds = 60
-    assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
-
-
-def test_a_machine_that_stood_still_fails_no_task(open_pool, make_task):
-    pool = open_pool(job_seconds=1.0)
-    for has_timed_out in (False, True):
-        task = replace(make_task(LONG), has_timed_out=has_timed_out)
-        with pytest.raises(WorkerDied, match=r"after 0\.\d s of processor time in 1 s") as died:
-            run(pool, task, begun=lambda pid: os.kill(pid, signal.SIGSTOP))
-        assert died.type is WorkerDied
-    pool._seconds = 60
-    assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
-
-
-def test_processor_time_is_limited(open_pool, make_task):
-    problem = run(open_pool(worker_cpu_seconds=1), make_task(LONG))
-    assert (problem.status, problem.title) == (422, "Takes too long")
-    assert "1 s of processor time" in problem.detail
-
-
 def test_a_cancelled_task_is_stopped(open_pool, make_task):
     pool = open_pool()
     running = Running(pool, make_task(LONG))
@@ -241,56 +171,6 @@ def test_a_worker_is_replaced_after_some_tasks(open_pool, make_task):
     assert len(distinct) == 2
 
 
-def test_memory_is_limited(open_pool, make_task, tmp_path, monkeypatch):
-    (tmp_path / "input").write_bytes(encode_png(np.zeros((6000, 6000, 4), np.uint8)))  # some 100 KB
-    pool = open_pool()
-    pool._limits = replace(pool._limits, memory=2**29)  # less than the setting allows: full sooner
-    pids = []
-    task = make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png")
-    problem = run(pool, task, begun=pids.append)
-    assert isinstance(problem, Problem)
-    assert len(pids) == 1  # in a new process it stands at once
-    assert (problem.status, problem.title) == (413, "Over a limit")
-    assert "memory" in problem.detail
-    assert not pool.is_ready()  # the process is replaced
-    wait_until(pool.is_ready)
-    monkeypatch.setattr(module.memory, "may_lack", lambda wanted: wanted == 2**29)
-    assert run(pool, task).status == 503  # the system may have refused what the limit allows
-
-
-def test_memory_that_earlier_tasks_took_fails_no_task(open_pool, make_task, tmp_path, monkeypatch, caplog):
-    monkeypatch.setenv("PYTHON_KEEP", str(3 * 2**29))
-    (tmp_path / "input").write_bytes(encode_png(np.zeros((6000, 6000, 4), np.uint8)))
-    pool, pids = open_pool(workers=2), []
-    pool._limits = replace(pool._limits, memory=2**31)
-    large = make_task({"lenses": "3000x3000", "model": "none"}, name="upload.png")
-    small = replace(make_task({"lenses": "30x30", "model": "none"}, name="upload.png"), source=tmp_path / "small")
-    small.source.write_bytes(encode_png(np.zeros((60, 60, 3), np.uint8)))
-    wait_until(lambda: pool.is_ready() and pool.count_ready() == 2)
-    for task in (small, small, large):
-        assert isinstance(run(pool, task, begun=pids.append), Result)
-    first, second, used, new = pids
-    assert first != second
-    assert used in (first, second)
-    assert new not in (first, second)
-    assert "lacked memory after 1 other tasks; a new one runs it" in caplog.text
-
-
-def test_the_results_size_is_limited(open_pool, make_task):
-    options = FAST | {"lenses": "200x200", "pixels": "9x9", "views": "all"}
-    problem = run(open_pool(worker_file_bytes=2**20), make_task(options, "npz"))
-    assert (problem.status, problem.title) == (413, "Over a limit")
-    assert "the result is over 1,048,576 bytes" in problem.detail
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_an_error_of_the_parent(open_pool, make_task):
-    task = make_task(FAST)
-    task.target.symlink_to("/dev/full")
-    with pytest.raises(OSError, match="No space left"):
-        run(open_pool(), task)
-
-
 def test_an_internal_error_is_a_problem_and_logged(open_pool, make_task, monkeypatch, caplog):
     monkeypatch.setenv("PYTHON_FAIL", "1")
     pool = open_pool()
@@ -329,67 +209,11 @@ def test_a_worker_that_sends_what_is_no_answer_is_replaced(open_pool, make_task,
     assert isinstance(run(pool, make_task(FAST)), Result)
 
 
-def test_a_worker_fills_no_log_and_forges_no_line(open_pool, monkeypatch, caplog):
-    monkeypatch.setenv("PYTHON_WRITE", "5000")
-    wait_until(open_pool().is_ready)
-    wait_until(lambda: "its further lines are left out" in caplog.text)
-    lines = [record.getMessage() for record in caplog.records]
-    assert len(lines) == worker_module.LOG_LINES + 1
-    assert all(line.startswith("worker process ") and line.isprintable() and len(line) < 2000 for line in lines)
-
-
 def test_a_missing_input_is_an_error_of_the_parent(open_pool, make_task):
     task = make_task(FAST)
     task.source.unlink()
     with pytest.raises(FileNotFoundError):
         run(open_pool(), task)
-
-
-def test_a_worker_that_cannot_start_is_reported_and_tried_again(open_pool, monkeypatch, caplog):
-    monkeypatch.setattr(worker_module, "MODULE", "missing_module")
-    pool = open_pool()
-    assert not pool.is_ready()
-    wait_until(lambda: pool.start_error)
-    assert pool.start_error == "a worker process can't be started (WorkerExitedError); the log says why"
-    assert "a worker process can't be started: it has ended (ended with status 1): " in caplog.text
-    assert "No module named missing_module" in caplog.text
-    wait_until(lambda: caplog.text.count("the next attempt is in") > 1)
-    assert "Traceback" not in caplog.text  # it shows nothing of a process that ended
-    monkeypatch.setattr(worker_module, "MODULE", COLD)
-    wait_until(pool.is_ready)
-    assert pool.start_error == ""
-
-
-def test_the_traceback_of_a_worker_that_cannot_start_is_logged_once(open_pool, monkeypatch, caplog):
-    monkeypatch.setenv("PYTHON_WRITE", "no number")
-    open_pool(workers=2).start()
-    wait_until(lambda: caplog.text.count("the next attempt is in") > 3)
-    assert caplog.text.count("Traceback") == 1
-    assert caplog.text.count("with base 10: 'no number'; the next attempt") > 3  # the cause is logged each time
-
-
-def test_a_worker_that_does_not_get_ready_is_ended(open_pool, monkeypatch, caplog):
-    monkeypatch.setattr(module, "START_SECONDS", 1.0)
-    monkeypatch.setenv("PYTHON_SLEEP", "1000")
-    pool = open_pool()
-    assert not pool.is_ready()
-    wait_until(lambda: pool.start_error)
-    assert "it was not ready after 1 s: it sleeps" in caplog.text
-    assert "worker process" in caplog.text
-
-
-def test_missing_restrictions_are_logged(open_pool, monkeypatch, caplog):
-    monkeypatch.setenv("PYTHON_MISSING", "the network")
-    wait_until(open_pool().is_ready)
-    assert "not fully restricted: the network" in caplog.text
-
-
-def test_files_among_the_libraries_are_logged(open_pool, monkeypatch, caplog, tmp_path):
-    exposed = tmp_path / "libraries" / "keys"
-    monkeypatch.setenv("LD_LIBRARY_PATH", f":.:/:{tmp_path / 'libraries'}")
-    wait_until(open_pool(api_keys_file=exposed, folder=tmp_path / "folder").is_ready)
-    (line,) = [record.getMessage() for record in caplog.records if "not fully restricted" in record.getMessage()]
-    assert f"it can read CIIR_API_KEYS_FILE ({exposed}), which lies beneath {tmp_path / 'libraries'}; move" in line
 
 
 def test_close_cancels_tasks(open_pool, make_task):
@@ -409,19 +233,6 @@ def test_the_system_clock_may_be_set(open_pool, make_task, monkeypatch):
     assert isinstance(run(pool, make_task(FAST)), Result)
     monkeypatch.setattr(time, "time", lambda: now() - 1e6)
     assert isinstance(run(pool, make_task(FAST)), Result)
-
-
-def test_a_ready_worker_has_loaded_the_models():
-    pool = Pool(Settings(workers=1))
-    try:
-        assert not pool.is_ready()
-        wait_until(pool.is_ready)
-        (pid,) = (worker.pid for worker in pool._ready)
-        maps = Path(f"/proc/{pid}/maps").read_text()
-    finally:
-        pool.close()
-    assert "onnxruntime" in maps
-    assert "embree" in maps
 
 
 def test_the_parent_process_does_not_import_what_tasks_need():

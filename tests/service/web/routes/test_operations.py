@@ -7,6 +7,7 @@ from ciir.models import catalogue
 from ciir.service.jobs.workers import worker
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
+from tests.support.pools import COLD
 from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file, run_app
 
@@ -42,7 +43,7 @@ def test_not_ready_while_no_worker_can_start(eia, tmp_path, monkeypatch):
         for response in (client.get("/readyz"), post_file(client, data=eia, lenses="6x9", model="none")):
             detail = check_problem(response, 503)
             assert detail == "a worker process can't be started (WorkerExitedError); the log says why"
-        monkeypatch.setattr(worker, "MODULE", "tests.support.workers.cold_worker")
+        monkeypatch.setattr(worker, "MODULE", COLD)
         wait_until(lambda: client.get("/readyz").status_code == 200)
 
 

@@ -157,3 +157,16 @@ def test_colours_that_are_no_numbers_are_black() -> None:
     model = Model()
     model.material |= {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [float("nan"), 1e999, -1, 9]}}
     assert model.read().parts[0].colors[0] == pytest.approx([0, FRONT, 0, 1])
+
+
+@pytest.mark.parametrize("is_normalised", [True, False])
+def test_quantised_texture_coordinates_with_the_transform_that_undoes_it(is_normalised: bool) -> None:
+    model = Model(TEXCOORD_0=np.zeros_like(UV)).texture()
+    steps = (UV * 4095).astype(np.uint16)
+    model.primitive["attributes"]["TEXCOORD_0"] = model.add(steps, normalized=is_normalised)
+    scale = (65535 if is_normalised else 1) / 4095
+    texture = model.material["pbrMetallicRoughness"]["baseColorTexture"]
+    texture["extensions"] = {"KHR_texture_transform": {"scale": [scale, scale]}}
+    model.json["extensionsUsed"] = ["KHR_mesh_quantization", "KHR_texture_transform"]
+    (part,) = model.read().parts
+    assert part.uv == pytest.approx(np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1), abs=1e-6)

@@ -1,0 +1,42 @@
+"""Fixtures of pools and tasks."""
+
+import os
+
+import pytest
+
+from ciir.service.jobs.job import Request
+from ciir.service.jobs.workers import worker as worker_module
+from ciir.service.jobs.workers.pool import Pool
+from ciir.service.jobs.workers.task import Task
+from ciir.service.settings import Settings
+from tests.support.inputs import CUBE
+from tests.support.pools import COLD
+from tests.support.servers import find_workers
+
+
+@pytest.fixture
+def open_pool(monkeypatch):
+    """Opens pools of one worker without warm-up, closed at the end."""
+    monkeypatch.setattr(worker_module, "MODULE", COLD)
+    pools = []
+
+    def make(**settings):
+        pools.append(Pool(Settings(**{"workers": 1} | settings)))
+        return pools[-1]
+
+    yield make
+    for pool in pools:
+        pool.close()
+    assert find_workers(os.getpid(), COLD) == []
+
+
+@pytest.fixture
+def make_task(tmp_path):
+    (tmp_path / "input").write_bytes(CUBE)
+
+    def make(options, form=None, name="upload.off"):
+        folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
+        folder.mkdir()
+        return Task("an id", Request(name, options, form), tmp_path / "input", folder / "result")
+
+    return make
