@@ -74,20 +74,25 @@ class DataSet:
     def read(self) -> NDArray[Any]:
         """All samples, whose size must have been checked; those in one piece without a copy, read-only.
 
-        Deflated chunks are unpacked here: HDF5 allocates whatever comes out of them. Checksums are not compared then.
+        Chunks are unpacked here: HDF5 allocates whatever comes out of them, and some invalid ones end its process.
+        Checksums are not compared.
 
-        Raises `Unreadable` for a chunk that doesn't unpack to its samples.
+        Raises `Unreadable` for samples that are cut off, and for a chunk that doesn't unpack to its samples.
         """
         handle, filters, start = self.handle, self.list_filters(), self.handle.id.get_offset()
         count = math.prod(self.shape)
-        if start is not None and start + count * self.dtype.itemsize <= len(self.data):
+        if start is not None:
+            if start + count * self.dtype.itemsize > len(self.data):
+                raise Unreadable(f"{self.name}: the samples are cut off; give the whole file")
             return np.frombuffer(self.data, self.dtype, count, start).reshape(self.shape)
-        if h5py.h5z.FILTER_DEFLATE not in filters:
+        if handle.chunks is None:  # within its header, or with no samples stored
             return cast("NDArray[Any]", handle[()])
         samples = np.full(self.shape, handle.fillvalue, self.dtype)
         chunks: list[Any] = []
         handle.id.chunk_iter(chunks.append)
         for chunk in chunks:
+            if chunk.size > len(self.data):
+                raise Unreadable(f"{self.name}: a chunk is larger than the file; give the whole file")
             mask, packed = handle.id.read_direct_chunk(chunk.chunk_offset)
             applied = [number for index, number in enumerate(filters) if not mask >> index & 1]
             whole = _unpack_chunk(packed, applied, math.prod(handle.chunks), self.dtype, self.name)

@@ -73,6 +73,24 @@ def test_chunks_that_are_not_whole_or_not_there(dtype, options):
         assert found[v, u, y, x, c] == (value(v, u, y, x, c) if u < 2 else options.get("fillvalue", 0))
 
 
+@pytest.mark.parametrize("options", [{"fletcher32": True}, {"shuffle": True}, {"compression": "gzip"}])
+def test_a_chunk_of_another_size(options):
+    def fill(file):
+        dataset = file.create_dataset("LF", (V, U, H, W, 3), "u1", chunks=(1, 1, H, W, 3), **options)
+        dataset.id.write_direct_chunk(
+            (0, 0, 0, 0, 0), zlib.compress(b"short") if "compression" in options else b"short"
+        )
+
+    with pytest.raises(Unreadable, match=r"a chunk unpacks to \d bytes, not its 72"):
+        read(made(fill))
+
+
+def test_samples_that_are_cut_off():
+    data = made(lambda file: file.create_dataset("LF", data=np.zeros((V, U, H, W, 3), "u1")))
+    with pytest.raises((Unreadable, OSError), match=r"cut off|truncated"):
+        read(data[:-10])
+
+
 def test_matlab_without_its_class():
     def fill(file):
         fill_reversed("u1", 3)(file)
