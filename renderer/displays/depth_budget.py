@@ -88,7 +88,23 @@ def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: f
         return (note, *flat)
     least, largest = find_disparities(cameras[(size_v - 1) // 2])
     blurs = "; the rest blurs" if least < disparity - moved or largest > disparity + moved else ""
-    return (f"{note}; the light field has about {least} to {largest}{blurs}", *flat)
+    return (f"{note}; those of the views are about {least} to {largest}{blurs}", *flat)
+
+
+def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:
+    """A note where content moves by over `GHOST` pixels between neighbours of `count` views, made of one row.
+
+    `cameras`: `(V, U, h, w, c)`; `disparity`: of what lies in the display's plane.
+    """
+    row = cameras[(cameras.shape[0] - 1) // 2]
+    if len(row) == 1 or count == 1:
+        return ()
+    least, largest = find_disparities(row)
+    moved = max(abs(least - disparity), abs(largest - disparity)) * (len(row) - 1) / (count - 1)
+    if moved <= GHOST:
+        return ()
+    far = f"content moves by about {moved:.2g} pixels between neighbouring views of the display"
+    return (f"depth: {far}; over {GHOST:g} edges show double",)
 
 
 def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:

@@ -54,8 +54,11 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
     middle = (len(views) - 1) // 2
     most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
     _, found = _interpolate(views[middle], views[middle + 1], 0.5, most)
-    counts = np.bincount((found + most).ravel(), minlength=2 * most + 1)
-    usual = np.flatnonzero(counts > FEW * found.size) - most
+    width = found.shape[1]
+    margin = most if width > 2 * most else 0  # there a view may not show what the other one does
+    inside = found[:, margin : width - margin]
+    counts = np.bincount((inside + most).ravel(), minlength=2 * most + 1)
+    usual = np.flatnonzero(counts > FEW * inside.size) - most
     return int(usual.min()), int(usual.max())
 
 

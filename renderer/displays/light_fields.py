@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.renderer.displays.depth_budget import describe_row
 from ciir.renderer.displays.interpolation import interpolate_views, shift_rows
 from ciir.renderer.displays.quilt import join_views
 
@@ -92,6 +93,7 @@ def make_quilt(
     """
     cameras, reduced = fit_pixels(order_as_cameras(light_field), layout.count, max_pixels)
     row, notes = take_row(cameras, layout.count, disparity=disparity)
+    notes += describe_row(cameras, layout.count, disparity)
     if keeps_aspect:
         layout = replace(layout, aspect=own_aspect)
         return join_views(row, layout), layout, (*reduced, *notes)

@@ -11,6 +11,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import (
     describe_light_field,
+    describe_row,
     measure_integral,
     measure_lenticular,
     measure_quilt,
@@ -192,7 +193,9 @@ def _resample(
     if isinstance(target, IntegralDisplay):
         panel = resample_panel(cameras, target, conversion=conversion, disparity=disparity, progress=progress)
         return panel, describe_light_field(cameras, target, disparity)
-    row, notes = take_row(cameras, max(NATIVE_VIEWS, cameras.shape[1]), disparity=disparity)
+    count = max(NATIVE_VIEWS, cameras.shape[1])
+    row, notes = take_row(cameras, count, disparity=disparity)
+    notes += describe_row(cameras, count, disparity)
     row, padded = pad_to_aspect(row, aspect, target.aspect)
     return interlace(row, target, progress=progress), (*notes, *padded)
 

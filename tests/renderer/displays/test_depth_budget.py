@@ -3,10 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from ciir.renderer.displays.depth_budget import measure_integral, measure_quilt
+from ciir.renderer.displays.depth_budget import describe_light_field, describe_row, measure_integral, measure_quilt
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.scene import Part, Scene
+from tests.support.light_fields import make_views
 
 DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
 """Sharp to 1 mm / (0.1 / 4) = 40 mm."""
@@ -41,6 +42,25 @@ def test_what_leaves_the_frame_in_some_direction_is_counted():
     budget = measure_integral(make_sheets((-39, 42, 1), (39, -47, 1), (0, 47, 1), (0, -47, 1)), DISPLAY)
     assert budget.cut == pytest.approx(0.25)
     assert budget.notes()[1] == "depth: 25 % of the surface leaves the frame in some directions"
+
+
+def test_content_that_moves_too_far_between_views_is_noted():
+    cameras = make_views((3, 5), disparities=(3, 3))  # to the right: a disparity of -3
+    assert describe_row(cameras, 5, 0.0) == ()
+    assert "about 8 pixels between neighbouring views" in describe_row(cameras, 5, 5.0)[0]
+    assert describe_row(cameras, 9, 5.0) == ()
+    assert describe_row(cameras[:, :1], 5, 5.0) == ()
+
+
+def test_a_light_fields_disparities_are_held_against_the_panel():
+    cameras = make_views((3, 5), disparities=(3, 3), side=96)
+    # 40 mm of depth move by tan = 1/20 from one view to the next: 2 mm, of 100 mm for 96 pixels.
+    (note,) = describe_light_field(cameras, DISPLAY, 0.0)
+    assert "sharp for disparities from -1.9 to 1.9 pixels between neighbouring views" in note
+    assert note.endswith("those of the views are about -3 to -3; the rest blurs")
+    (note,) = describe_light_field(cameras, DISPLAY, -1.2)
+    assert note.endswith("about -3 to -3")
+    assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
 
 
 def test_a_quilt_is_sharp_where_neighbours_differ_by_five_pixels():

@@ -36,6 +36,11 @@ def test_fewer_views_than_there_are_are_taken_at_equal_steps():
     assert np.array_equal(interpolate_views(truth, 5), truth[::2])
 
 
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (5, 4)])
+def test_the_smallest_views_are_interpolated(size):
+    assert interpolate_views(np.zeros((2, *size, 3), np.uint8), 3).shape == (3, *size, 3)
+
+
 def test_one_view_stands_for_all():
     views = np.zeros((1, 4, 5, 3), np.uint8)
     assert interpolate_views(views, 7).shape == (7, 4, 5, 3)
