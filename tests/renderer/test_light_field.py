@@ -68,3 +68,32 @@ def test_refocusing_keeps_the_type_of_the_pixels() -> None:
     assert np.abs(plane - views.mean(axis=(0, 1))).max() <= 0.52  # rounding, and float32 sums of 16 bit
     assert np.array_equal(light_field.refocus(1.5, aperture=0.5), views[1, 1])  # the middle view alone is not shifted
     assert light_field.disparity().disparity.shape == (20, 24)
+
+
+@pytest.mark.parametrize("sense", ["lenses", "cameras"])
+def test_flipping_reverses_views_and_in_u_the_depth_sense(sense):
+    views = np.arange(2 * 3 * 4 * 5, dtype=np.uint8).reshape(2, 3, 4, 5, 1)
+    field = LightField(views, ("note",), depth_sense=sense)
+    other = {"lenses": "cameras", "cameras": "lenses"}[sense]
+    for axes, expected, depth_sense in (
+        ("none", views, sense),
+        ("u", views[:, ::-1], other),
+        ("v", views[::-1], sense),
+        ("uv", views[::-1, ::-1], other),
+    ):
+        flipped = field.flip(axes)
+        assert np.array_equal(flipped.views, expected)
+        assert (flipped.depth_sense, flipped.notes) == (depth_sense, ("note",))
+        assert np.shares_memory(flipped.views, views)
+    assert np.array_equal(field.transpose().views, views.swapaxes(0, 1))
+    assert field.transpose().depth_sense == sense
+
+
+def test_near_content_moves_as_the_depth_sense_says_after_a_flip():
+    # A point one pixel further right in each view to the right: near in a lens array, far in a camera array.
+    views = np.zeros((3, 3, 9, 9, 1), np.uint8)
+    for v, u in np.ndindex(3, 3):
+        views[v, u, 3 + v, 3 + u] = 255
+    near = LightField(views, depth_sense="lenses").flip("uv")
+    assert near.depth_sense == "cameras"
+    assert [int(near.view(1, u).argmax()) % 9 for u in range(3)] == [5, 4, 3]  # to the left: near for cameras too

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,3 +118,16 @@ def test_a_folder_and_a_zip_of_it_give_the_textured_mesh(folder: str) -> None:
 )
 def test_the_main_file(files: dict[str, bytes], main: str | None, expected: tuple[Format, str] | None) -> None:
     assert inputs.find_main(Bundle(main or "set", main, files)) == expected
+
+
+def test_a_folder_of_links_to_views(tmp_path: Path) -> None:
+    (tmp_path / "captures").mkdir()
+    (tmp_path / "chosen").mkdir()
+    for v, u in np.ndindex(2, 3):
+        (tmp_path / f"captures/{v}-{u}.png").write_bytes(encode_png(np.full((2, 3, 3), 10 * v + u, np.uint8)))
+        (tmp_path / f"chosen/out_0{v}_0{u}_-381.909271_{1103 + u}.376221.png").symlink_to(
+            tmp_path / f"captures/{v}-{u}.png"
+        )
+    field = inputs.read(Bundle.from_path(tmp_path / "chosen"))
+    assert isinstance(field, LightField)
+    assert field.views[..., 0, 0, 0].tolist() == [[0, 1, 2], [10, 11, 12]]

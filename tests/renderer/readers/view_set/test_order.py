@@ -11,7 +11,7 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.order import settle_order
 from ciir.renderer.view_order import ORDERS
 from ciir.renderer.writers.pictures import encode_png
-from tests.support.light_fields import is_same_light_field, make_views, put_in, write_views
+from tests.support.light_fields import make_views, put_in, write_views
 
 
 def read(files, main=None, **layout):
@@ -35,7 +35,7 @@ def test_views_in_a_wrong_order_are_put_right(order, words):
     assert words in note
     assert "order given keeps" in note
     assert field.is_ordered
-    assert is_same_light_field(field.views, views)
+    assert np.array_equal(field.views, views)
     kept = read(files, order="given")
     assert kept.is_ordered
     assert [note.split(":")[0] for note in kept.notes] == ["views"]
@@ -71,7 +71,7 @@ def test_the_note_on_an_elemental_image_array_names_the_options_that_put_it_righ
     options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
     layout = {"transpose": "transpose" in options, "flip": "v" if "flip v" in options else "none"}
     right = read(files, "a.png", pixels=(5, 5), **layout)
-    assert is_same_light_field(right.views, views)
+    assert np.array_equal(right.views, views)
     assert (right.notes, right.is_ordered) == ((), True)
     assert (read(files, "a.png", pixels=(5, 5), order="given").notes) == ()
 
@@ -88,7 +88,7 @@ def test_the_options_of_a_note_replace_those_given(is_transposed, flip, order):
     options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
     flips = [option.removeprefix("flip ") for option in options if option.startswith("flip")]
     right = settle_order(given, Layout(flip=(flips or ["none"])[0], transpose="transpose" in options), corrects=False)
-    assert is_same_light_field(right.views, views)
+    assert np.array_equal(right.views, views)
 
 
 @pytest.mark.parametrize(
