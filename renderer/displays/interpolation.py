@@ -19,6 +19,8 @@ WINDOW = 7
 """Side of the box over which a disparity is judged, pixels."""
 FEW = 0.004
 """Share of the pixels below which a disparity counts as an error."""
+MANY, NEAR = 0.02, 4
+"""The same of a disparity over `NEAR` pixels from the next one that is there."""
 REST = 0.1
 """What a pixel of disparity costs, in levels of 255: without texture the smallest one wins."""
 
@@ -49,7 +51,7 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
 def find_disparities(views: Pixels) -> tuple[int, int]:
     """The least and the largest disparity, in whole pixels, between the two views in the middle of `(n, h, w, c)`.
 
-    Those of less than the share `FEW` of the pixels are left out. Larger is nearer (the HCI benchmark's sense).
+    Those of few pixels are left out (`FEW`, `MANY`). Larger is nearer (the HCI benchmark's sense).
     """
     middle = (len(views) - 1) // 2
     most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
@@ -58,8 +60,14 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
     margin = most if width > 2 * most else 0  # there a view may not show what the other one does
     inside = found[:, margin : width - margin]
     counts = np.bincount((inside + most).ravel(), minlength=2 * most + 1)
-    usual = np.flatnonzero(counts > FEW * inside.size) - most
-    return int(usual.min()), int(usual.max())
+    ends = []
+    for side in (counts[::-1], counts):  # patterns that repeat make errors far from the disparities that are there
+        last = int(side.argmax())
+        for index in range(last + 1, len(side)):
+            if side[index] > (FEW if index - last <= NEAR else MANY) * inside.size:
+                last = index
+        ends.append(last - most)
+    return -ends[0], ends[1]
 
 
 def _interpolate(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.displays.interpolation import interpolate_views, weigh_neighbours
+from ciir.renderer.displays.interpolation import find_disparities, interpolate_views, weigh_neighbours
 from tests.support.light_fields import make_views
 
 
@@ -21,6 +21,12 @@ def test_views_between_views_follow_the_disparity(dtype):
         blended = (truth[index - 1].astype(float) + truth[index + 1]) / 2
         assert psnr(found[index][rows][inside] / levels, truth[index][rows][inside] / levels) > 45
         assert psnr(blended[rows][inside] / levels, truth[index][rows][inside] / levels) < 25
+
+
+@pytest.mark.parametrize("disparities", [(0, 0), (-1, 3), (8, -8)])
+def test_disparities_are_found_in_the_sense_of_nearness(disparities):
+    views = make_views((1, 3), disparities=disparities, side=128)[0]  # content moves by these to the right
+    assert find_disparities(views) == (-max(disparities), -min(disparities))
 
 
 def test_any_number_of_views_reaches_from_the_first_to_the_last():
