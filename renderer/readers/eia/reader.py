@@ -125,7 +125,9 @@ def _describe_period(periods: Periods, picture: Pixels) -> str:
     size = _find_size(periods, picture)
     if size is None:
         return ""
-    return f"; the picture repeats about every {size[0]}x{size[1]} pixels, the size of an elemental image or of a view"
+    words = f"; the picture repeats about every {size[0]}x{size[1]} pixels, the size of an elemental image"
+    counts = [length // one for length, one in zip(picture.shape[:2], size, strict=True)]
+    return f"{words}, or of a view of a mosaic (pixels {counts[0]}x{counts[1]})"
 
 
 def _find_size(periods: Periods, picture: Pixels) -> Pair | None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ROW_LABELS = frozenset({"row", "r", "v", "y", "t"})
 COLUMN_LABELS = frozenset({"column", "col", "c", "u", "x", "s"})
 """What letters before a number say that it counts."""
+MOST_LEFT_OUT = 3
+"""Pictures with names of another kind that are left out of a set; more of them are a set of their own."""
 _SEPARATOR = re.compile(r"[-_.,x /]")
 
 
@@ -68,18 +70,19 @@ def find_grids(
     - One number, or none, fills `shape`, or a square, row by row (`input_CamNNN`, HCI 4D Light Field Benchmark); column
       by column where `first` is `column`. Where that leaves open how many rows there are, there are several grids.
 
-    Pictures with other names are left out of a set that is full without them.
+    A few pictures with other names are left out of a set that is full without them.
 
     Raises `InvalidOption` where views are missing, where names are of several kinds, or where `shape` doesn't fit.
     """
     wish = _Wish(name, shape, first)
     if len(files) == 1 and shape in (None, (1, 1)):
         return [Grid(((files[0],),))]
-    names = max(group_by_kind(files), key=lambda kind: len(kind.files))
+    kinds = group_by_kind(files)
+    names = max(kinds, key=lambda kind: len(kind.files))
     if not names.varying:
         return _fill(files, wish)
     others = tuple(sorted(set(files) - set(names.files)))
-    if len(others) >= len(names.files):
+    if len(others) >= len(names.files) or any(len(kind.files) > MOST_LEFT_OUT for kind in kinds if kind is not names):
         raise InvalidOption(
             f"{name}: the names are of different kinds ({clean_text(names.files[0])}, {clean_text(others[0])}) and "
             "give no grid of views; keep one set of views, or name them all alike, as in view_VV_UU.png"

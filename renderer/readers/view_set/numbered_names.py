@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MOST_NUMBERS = 8
-"""Numbers that vary from name to name; those before them are not looked at."""
+MOST_CHARACTERS = 1024
+"""Of a name, with its folders; numbers in longer ones are not looked at."""
+MOST_NUMBERS = 12
+"""The last numbers of a name, which may differ from file to file; those before them may not."""
 _NUMBER = re.compile(
     r"(?:(?<![0-9a-z])-)?"  # a sign, but not the hyphen of view-3-5
     r"(?:(?<!\.)\d{1,18}\.\d{1,18}|\d{1,18})"  # a fraction, but not that of view.3.5
@@ -39,7 +41,7 @@ class NumberedNames:
     def varying(self) -> list[int]:
         """Which of the numbers without a fraction differ from file to file."""
         whole = [slot for slot in range(len(self.texts)) if slot not in self.positions]
-        return [slot for slot in whole if len(set(self.values(slot))) > 1][-MOST_NUMBERS:]
+        return [slot for slot in whole if len(set(self.values(slot))) > 1]
 
     def values(self, slot: int) -> list[int]:
         """A number without a fraction, of each file."""
@@ -51,10 +53,13 @@ def group_by_kind(files: Sequence[str]) -> list[NumberedNames]:
     kinds: dict[tuple[str, ...], NumberedNames] = {}
     for file in files:
         stem = str(PurePosixPath(file).with_suffix("")).lower().rstrip("_")
-        texts = tuple(_NUMBER.split(stem))
-        kind = kinds.setdefault(texts, NumberedNames(texts[:-1], [], []))
+        is_short = len(stem) <= MOST_CHARACTERS
+        texts = tuple(_NUMBER.split(stem)) if is_short else (stem,)
+        numbers = _NUMBER.findall(stem) if is_short else []
+        key = (*texts, *numbers[:-MOST_NUMBERS])
+        kind = kinds.setdefault(key, NumberedNames(texts[-MOST_NUMBERS - 1 : -1], [], []))
         kind.files.append(file)
-        kind.numbers.append(_NUMBER.findall(stem))
+        kind.numbers.append(numbers[-MOST_NUMBERS:])
     return list(kinds.values())
 
 

@@ -89,7 +89,7 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     assert text == (
         "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50, "
         "or cut 42 rows and 9 columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT); the picture repeats about every 9x9 "
-        "pixels, the size of an elemental image or of a view"
+        "pixels, the size of an elemental image, or of a view of a mosaic (pixels 50x50)"
     )
     text = message(vase, pixels=(8, 8))
     assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")

@@ -136,6 +136,8 @@ def test_other_pictures_are_left_out_of_a_full_grid():
     (grid,) = find([*cameras, "objectids_highres.png", "mask.png"])
     assert grid.shape == (3, 3)
     assert grid.left_out == ("mask.png", "objectids_highres.png")
+    depth = [f"depth_{number}.png" for number in range(4)]
+    assert "of different kinds (input_Cam000.png, depth_0.png)" in message([*cameras, *depth])
 
 
 def test_the_first_missing_view_is_named():
@@ -164,6 +166,8 @@ def test_names_that_give_no_grid():
 
 def test_hostile_names():
     assert "2 pictures without rows and columns" in message(["9" * 5000 + "_0.png", "0_1.png"])
+    long = ["1_" * 10_000 + f"{v}_{u}.png" for v in range(2) for u in range(3)]
+    assert "6 pictures without rows and columns" in message(long)
     numbers = "_".join(["{0}"] * 200)
     files = [numbers.format(number) + ".png" for number in range(9)]
     assert find(files)[0].shape == (3, 3)
