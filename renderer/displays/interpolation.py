@@ -36,7 +36,7 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
     if total == 1 or count == 1:
         return np.broadcast_to(views[(total - 1) // 2], (count, *views.shape[1:]))
     least, largest = find_disparities(views)
-    reach = 1 + max(-least, largest)
+    searched = range(least - 1, largest + 2)
     result = np.empty((count, *views.shape[1:]), views.dtype)
     for index, position in enumerate(np.linspace(0, total - 1, count)):
         left = min(int(position + 1e-9), total - 2)  # a view that is there is not missed by a rounding error
@@ -44,7 +44,7 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
         if min(fraction, 1 - fraction) < 1e-6:
             result[index] = views[left + round(fraction)]
         else:
-            result[index] = np.rint(_interpolate(views[left], views[left + 1], fraction, reach)[0])
+            result[index] = np.rint(_interpolate(views[left], views[left + 1], fraction, searched)[0])
     return result
 
 
@@ -55,7 +55,7 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
     """
     middle = (len(views) - 1) // 2
     most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
-    _, found = _interpolate(views[middle], views[middle + 1], 0.5, most)
+    _, found = _interpolate(views[middle], views[middle + 1], 0.5, range(-most, most + 1))
     width = found.shape[1]
     margin = most if width > 2 * most else 0  # there a view may not show what the other one does
     inside = found[:, margin : width - margin]
@@ -71,14 +71,14 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
 
 
 def _interpolate(
-    left: Pixels, right: Pixels, fraction: float, reach: int
+    left: Pixels, right: Pixels, fraction: float, disparities: range
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     """The view at `fraction` of the way from `left` to `right`, `(h, w, c)`, not rounded, and its disparities."""
     one, other = left.astype(np.float32), right.astype(np.float32)
     levels = np.iinfo(left.dtype).max / 255
     best = np.full(left.shape[:2], np.inf, np.float32)
     result, found = np.empty_like(one), np.zeros(left.shape[:2], np.intp)
-    for disparity in range(-reach, reach + 1):
+    for disparity in disparities:
         first, second = shift_rows(one, fraction * disparity), shift_rows(other, (fraction - 1) * disparity)
         cost = _average_box(np.abs(first - second).mean(axis=2)) + REST * levels * abs(disparity)
         is_better = cost < best
