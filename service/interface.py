@@ -76,6 +76,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     lenses: tuple[int, int] | None = None,
     pixels: tuple[int, int] | None = None,
     pickup: Pickup = "virtual",
+    frame: int = 0,
     arrangement: Arrangement = "auto",
     crop: tuple[int, int, int, int] = (0, 0, 0, 0),
     order: OrderCheck = "auto",
@@ -90,10 +91,12 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     show_grid: str | None = None,
     progress: Progress | None = None,
 ) -> LightField:
-    """Reads a light field: an elemental image array, a raw lenslet picture, or a folder or zip of views.
+    """Reads a light field: an elemental image array, a raw lenslet picture, a folder or zip of views, or a container
+    of `docs/formats.md` such as `.npz`, `.mat`, `.h5`, a TIFF stack or a video.
 
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
+    `frame`: of a video of elemental image arrays, which have `lenses`, the one to read.
     `crop`: pixels of margin around it, (top, left, bottom, right). `arrangement`: `eia`, `mosaic` (views side by side,
     `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
@@ -115,6 +118,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "lenses": lenses,
             "pixels": pixels,
             "pickup": pickup,
+            "frame": frame,
             "arrangement": arrangement,
             "crop": crop,
             "order": order,

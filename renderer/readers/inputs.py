@@ -140,7 +140,7 @@ def _refine(format_: Format, bundle: Bundle, key: str, layout: Layout) -> Format
         from ciir.renderer.readers.containers import tiff_stack
 
         return TIFF_STACK if tiff_stack.is_stack(bundle.files[key]) else format_
-    if format_.name == "PNG" and layout.lenses is None:
+    if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):
         from ciir.renderer.readers.containers import eslf
 
         return ESLF if eslf.is_eslf(bundle.name, bundle.files[key]) else format_

@@ -1,7 +1,7 @@
 """Reads TIFF stacks: each page is a view, row by row of the grid.
 
 The grid is `layout.pixels`; else it is in the description of the first page, as `{"shape": [V, U, ...]}` (tifffile's
-and ours) or `frames=V` and `slices=U` (ImageJ); else the pages fill a square.
+and ours) `frames=V` and `slices=U` (ImageJ), or `SizeT="V"` and `SizeZ="U"` (OME); else the pages fill a square.
 """
 
 from __future__ import annotations
@@ -98,6 +98,9 @@ def _parse_description(text: str) -> dict[str, Any]:
         sizes = shape if isinstance(shape, list) and len(shape) in (4, 5) else []
         if len(sizes) > 1 and all(isinstance(size, int) and size > 0 for size in sizes[:2]):
             return {"grid": (sizes[0], sizes[1]), "depth_sense": found.get("depth_sense")}
+    axes = {key: int(value) for key, value in re.findall(r'\bSize([TZ])="(\d{1,6})"', text[:_LONGEST_DESCRIPTION])}
+    if "<OME" in text[:1000] and len(axes) == 2:
+        return {"grid": (axes["T"], axes["Z"])}
     if text.startswith("ImageJ="):
         numbers = {key: int(value) for key, value in re.findall(r"^(frames|slices)=(\d{1,6})$", text, re.MULTILINE)}
         if len(numbers) == 2:

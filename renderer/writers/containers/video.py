@@ -84,7 +84,7 @@ class VideoWriter(PathWriter):
                 even = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), "edge")
                 if number == 0:
                     stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
-                    stream.options = dict(settings)
+                    stream.options = {**settings, "threads": "1"}  # else the bytes depend on the number of cores
                     stream.codec_context.colorspace, stream.codec_context.color_range = _BT601, _LIMITED
                 frame = av.VideoFrame.from_ndarray(even, format="rgb24")
                 frame.pts = number
@@ -106,7 +106,7 @@ class WebmWriter(VideoWriter):
     """Writes WebM: VP9."""
 
     name, container = "webm", "webm"
-    codecs = (("libvpx-vp9", {"crf": "24", "b": "0", "row-mt": "1"}),)
+    codecs = (("libvpx-vp9", {"crf": "24", "b": "0"}),)
 
 
 class AnimationWriter(PathWriter):

@@ -36,6 +36,7 @@ def read(data, limits=None, **layout):
         ((), {"pixels": (3, 4)}),
         (('{"shape": [3, 4, 5, 7, 3]}',), {}),
         (("ImageJ=1.53\nimages=12\nslices=4\nframes=3\nhyperstack=true\n",), {}),
+        (('<?xml version="1.0"?><OME><Image><Pixels SizeC="3" SizeT="3" SizeX="7" SizeZ="4"/></Image></OME>',), {}),
         (('{"shape": [4, 3, 5, 7, 3]}',), {"pixels": (3, 4)}),
     ],
 )
