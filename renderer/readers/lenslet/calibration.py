@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.errors import Unreadable
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid, Shape
-from ciir.renderer.readers.lenslet.refinement import center_grid, measure_depth, refine_grid
+from ciir.renderer.readers.lenslet.refinement import Lenses, center_grid, measure_depth, refine_grid
 from ciir.renderer.readers.lenslet.search import search_grid
 from ciir.renderer.readers.lenslet.signals import (
     Cue,
@@ -19,7 +19,7 @@ from ciir.renderer.readers.lenslet.signals import (
     show_lenses,
     show_periods,
 )
-from ciir.renderer.readers.lenslet.spectrum import Estimate, estimate_grids
+from ciir.renderer.readers.lenslet.spectrum import LEAST_LENSES, Estimate, estimate_grids
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 _LEAST_CONTRAST = {"borders": 3.0, "edges": 4.0}  # photographs and noise reach 2.3
 _DISTINCT = 0.8
-_DARKER = 0.1  # 10%: less is the scene's own
+_DARKER = 0.05  # of the logarithm of brightness, from middle to border: less is the scene's own
+_MOST_TURNED = 15.0  # degrees: half way from rows to columns
 _MOST_SCATTER = {"borders": 0.04, "edges": 0.03}  # pitches
 
 
@@ -39,8 +40,8 @@ class Calibration:
     """Its offset is that of the lens nearest to the picture's upper left corner."""
     cue: Cue | None
     """What showed it; None where everything was given."""
-    lenses: int = 0
-    """Lenses that counted."""
+    share: float = 0.0
+    """Of the picture's lenses: those that counted."""
     scatter: float = 0.0
     """Median distance of their own places from the grid's, in pixels."""
 
@@ -55,7 +56,7 @@ def calibrate(
 
     A first estimate from the Fourier transform, as in Dansereau, Pizarro and Williams, "Decoding, calibration and
     rectification for lenselet-based plenoptic cameras" (CVPR 2013), then phases in blocks, then least squares over
-    lenses. Rotations are found within 10 degrees.
+    lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the least is found.
 
     Raises `Unreadable` where the picture shows no grid, or more than one. `name` is for messages.
     """
@@ -67,14 +68,18 @@ def calibrate(
         if estimate is None:
             continue
         found = _refine(luma, cue, estimate, known)
-        depth = measure_depth(luma, found.grid)
-        if found.scatter <= _MOST_SCATTER[cue] * found.grid.pitch and (cue == "edges" or depth > _DARKER):
-            return replace(found, grid=_move_to_corner(found.grid))
+        if found is None:
+            continue
+        if found.grid.shape == "hexagonal" and abs(found.grid.rotation) > _MOST_TURNED:
+            raise Unreadable(
+                f"{name}: has a hexagonal grid with columns of lenses, not rows, {found.grid.pitch:.2f} pixels apart; "
+                "rotate the picture by 90 degrees"
+            )
+        return replace(found, grid=_move_to_corner(found.grid))
     given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
     raise Unreadable(
-        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and their rows lie "
-        "within 10 degrees of the picture's; give a white picture, or lens_pitch, lens_offset, lens_rotation and "
-        "lens_grid"
+        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
+        f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
     )
 
 
@@ -93,7 +98,8 @@ def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> E
     return best
 
 
-def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known) -> Calibration:
+def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known) -> Calibration | None:
+    """The exact grid; None where lenses don't agree with one."""
     signal, blurred = show_lenses(luma, cue), blur_lenses(luma, estimate.pitch)
     keep_pitch, keep_rotation = known.pitch is not None, known.rotation is not None
     grid = search_grid(
@@ -102,18 +108,24 @@ def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Know
         keep_pitch=keep_pitch,
         keep_rotation=keep_rotation,
     )
-    grid = center_grid(signal, blurred, grid) if known.offset is None else replace(grid, offset=known.offset)
+    lenses = Lenses.find(grid, blurred)
+    if len(lenses.i) < LEAST_LENSES:
+        return None
+    grid = center_grid(signal, lenses, grid) if known.offset is None else replace(grid, offset=known.offset)
     found = refine_grid(
         signal,
         blurred,
+        lenses,
         grid,
         keep_pitch=keep_pitch,
         keep_offset=known.offset is not None or cue == "edges",  # content's edges are more on one side of a border
         keep_rotation=keep_rotation,
     )
     if known.offset is None and cue == "edges":
-        found = replace(found, grid=center_grid(signal, blurred, found.grid))
-    return Calibration(found.grid, cue, found.lenses, found.scatter)
+        found = replace(found, grid=center_grid(signal, lenses, found.grid))
+    is_dark = cue == "edges" or measure_depth(luma, lenses, found.grid) > _DARKER
+    agrees = found.scatter <= _MOST_SCATTER[cue] * found.grid.pitch
+    return Calibration(found.grid, cue, found.share, found.scatter) if is_dark and agrees else None
 
 
 def _move_to_corner(grid: LensGrid) -> LensGrid:

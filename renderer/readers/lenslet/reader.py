@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lenslet.grid import Known
     from ciir.renderer.readers.pictures import Pixels
 
+_FEW = 0.1
+"""Share of lenses below which the outline of an object before black decides (docs/formats.md)."""
+
 
 @dataclass(frozen=True)
 class _Raw:
@@ -112,7 +115,9 @@ def _describe_grid(found: Calibration) -> str:
     )
     if found.cue is None:
         return f"{text}, as given"
-    text += f"; {found.lenses:,} lenses agree, within {found.scatter:.2f} pixels (median)"
+    text += f"; {found.share:.0%} of the lenses agree, within {found.scatter:.2f} pixels (median)"
     if found.cue == "edges":
         text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
+    elif found.share < _FEW:
+        text += "; so few settle the pitch to a pixel over the picture only: a white picture would do it exactly"
     return text

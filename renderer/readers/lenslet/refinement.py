@@ -23,12 +23,37 @@ _LIKENESS = 0.8  # of a lens that counts, as a share of that of the best tenth
 
 
 @dataclass(frozen=True)
+class Lenses:
+    """Lenses of a grid that are lit and lie in the picture with their borders, each `(n,)`; not all of very many."""
+
+    i: NDArray[np.int64]
+    j: NDArray[np.int64]
+    share: float
+    """Of all lenses that lie in the picture: those that are lit."""
+
+    @classmethod
+    def find(cls, grid: LensGrid, blurred: NDArray[np.float32]) -> Lenses:
+        """Those of `grid` in a picture whose scene has the brightness `blurred`, `(H, W)`."""
+        size = np.array(blurred.shape)
+        reach = int(1.3 * np.hypot(*size) / grid.pitch) + 2
+        first = grid.find_nearest((size - 1) / 2)
+        i, j = (
+            side.ravel() + at for side, at in zip(np.mgrid[-reach : reach + 1, -reach : reach + 1], first, strict=True)
+        )
+        centers = grid.find_centers(i, j)
+        inside = np.flatnonzero(((centers > grid.pitch) & (centers < size - 1 - grid.pitch)).all(axis=1))
+        inside = inside[:: 1 + len(inside) * len(_make_window(grid.pitch)) // MOST_POINTS]
+        lit = inside[_sample(blurred, centers[inside]) > 2 * FLOOR]
+        return cls(i[lit], j[lit], len(lit) / max(len(inside), 1))
+
+
+@dataclass(frozen=True)
 class Refinement:
     """A grid, and how well the lenses agree with it."""
 
     grid: LensGrid
-    lenses: int
-    """Lenses that counted."""
+    share: float
+    """Of the lenses in the picture: those that counted."""
     scatter: float
     """Median distance of these lenses' own places from the grid's, in pixels."""
 
@@ -36,6 +61,7 @@ class Refinement:
 def refine_grid(
     signal: NDArray[np.float32],
     blurred: NDArray[np.float32],
+    lenses: Lenses,
     grid: LensGrid,
     *,
     keep_pitch: bool = False,
@@ -50,7 +76,7 @@ def refine_grid(
     little towards its darker side: one factor of the brightness's gradient accounts for that.
     """
     window = _make_window(_REACH * grid.pitch)
-    i, j = _list_lenses(grid, blurred, MOST_POINTS // len(window))
+    i, j = lenses.i, lenses.j
     centers = grid.find_centers(i, j)
     evenness = _sample(_measure_evenness(blurred, grid.pitch), centers)
     slopes = np.stack(
@@ -89,17 +115,17 @@ def refine_grid(
             pitch=float(pitch * (1 + found[2])),
             rotation=float(grid.rotation + np.rad2deg(found[3])),
         )
-    return Refinement(grid, int(counts.sum()), scatter)
+    return Refinement(grid, float(counts.mean()) * lenses.share, scatter)
 
 
-def center_grid(signal: NDArray[np.float32], blurred: NDArray[np.float32], grid: LensGrid) -> LensGrid:
+def center_grid(signal: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> LensGrid:
     """`grid` with its offset moved by up to a quarter of a pitch, to where the mean lens is most nearly symmetric."""
     step = max(1, round(grid.pitch / 24))
     count = round(grid.pitch / 4) // step  # of steps to each side
     margin = count * step
     window = _make_window(_REACH * grid.pitch + margin)
     side = round(len(window) ** 0.5)
-    centers = grid.find_centers(*_list_lenses(grid, blurred, MOST_POINTS // len(window)))
+    centers = grid.find_centers(lenses.i, lenses.j)
     mean = _sample(signal, centers[:, None] + window @ grid.axes).mean(axis=0).reshape(side, side)
     likeness = np.zeros((2 * count + 1, 2 * count + 1))
     for shift in np.ndindex(likeness.shape):
@@ -116,14 +142,14 @@ def center_grid(signal: NDArray[np.float32], blurred: NDArray[np.float32], grid:
     return replace(grid, offset=(float(moved[0]), float(moved[1])))
 
 
-def measure_depth(luma: NDArray[np.float32], grid: LensGrid) -> float:
+def measure_depth(luma: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> float:
     """How much darker lenses are at their left and right borders than in their middle: the median over lit lenses of
     the difference of logarithms.
     """
     logs = np.log(ndimage.gaussian_filter(luma, max(1.0, grid.pitch / 12)) + np.float32(FLOOR))
-    i, j = _list_lenses(grid, luma, MOST_POINTS)
+    i, j = lenses.i, lenses.j
     center, left, right = (_sample(logs, grid.find_positions(i, j + grid.find_shift(i) + d)) for d in (0.0, -0.5, 0.5))
-    return float(np.median(center - (left + right) / 2)) if len(i) else 0.0
+    return float(np.median(center - (left + right) / 2))
 
 
 def _make_window(reach: float) -> NDArray[np.float64]:
@@ -131,25 +157,6 @@ def _make_window(reach: float) -> NDArray[np.float64]:
     side = np.arange(-np.floor(reach), np.floor(reach) + 1)
     window: NDArray[np.float64] = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
     return window
-
-
-def _list_lenses(
-    grid: LensGrid, blurred: NDArray[np.float32], most: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The lenses (i, j) that are lit and whose windows lie inside the picture; at most about `most` of them."""
-    size = np.array(blurred.shape)
-    reach = int(1.3 * np.hypot(*size) / grid.pitch) + 2
-    first_i, first_j = grid.find_nearest((size - 1) / 2)
-    i, j = (side.ravel() for side in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    i, j = i + first_i, j + first_j
-    centers = grid.find_centers(i, j)
-    margin = 1.0 * grid.pitch
-    is_inside = ((centers > margin) & (centers < size - 1 - margin)).all(axis=1)
-    i, j, centers = i[is_inside], j[is_inside], centers[is_inside]
-    is_lit = _sample(blurred, centers) > 2 * FLOOR
-    i, j = i[is_lit], j[is_lit]
-    step = -(-len(i) // max(most, 1))
-    return i[::step], j[::step]
 
 
 def _measure_evenness(blurred: NDArray[np.float32], pitch: float) -> NDArray[np.float32]:

@@ -17,14 +17,12 @@ if TYPE_CHECKING:
 
 MOST_SIDE = 2048
 """Pixels along a side of the part in the middle of a picture that is transformed."""
-MOST_ROTATION = 10.0
-"""Degrees. A hexagonal grid looks the same every 60."""
 LEAST_LENSES = 8
 """Along each side of the part that is transformed: with fewer the spots don't stand apart."""
 _PEAKS = 400  # the scene's texture makes peaks too
 _BACKGROUND = 31  # bins: a texture's spectrum is smooth over them, a spot is 3 bins wide
 _CEILING = 8.0  # of one spot, because a grid has all of them
-_SAME = 0.75
+_NOISE, _SAME = 2.0, 0.75  # contrast where there is no grid; share of a grid's own that others may have
 _H = 2 / 3**0.5
 SPOTS: dict[Shape, NDArray[np.float64]] = {
     "square": np.array([(0, 1), (1, 0), (1, 1), (1, -1), (2, 0), (0, 2)], np.float64),
@@ -35,6 +33,8 @@ SPOTS: dict[Shape, NDArray[np.float64]] = {
 """Frequencies across the rows and along them, in cycles per pitch, of each shape's strongest spots."""
 FIRST = {"square": 2, "hexagonal": 3}
 """How many of `SPOTS` are the first ring."""
+SYMMETRY = {"square": 90.0, "hexagonal": 60.0}
+"""Degrees of rotation after which a grid looks the same."""
 
 
 @dataclass(frozen=True, order=True)
@@ -70,7 +70,7 @@ def estimate_grids(
             size = of_pitch if pitch is None else pitch
             angle = turned if rotation is None else rotation
             is_given = abs(of_pitch / size - 1) < 0.05 and abs(turned - angle) < 3  # a spot of the grid that was given
-            if not is_given or abs(turned) > MOST_ROTATION or not LEAST_PITCH <= size <= longest:
+            if not is_given or not LEAST_PITCH <= size <= longest:
                 continue
             estimate = Estimate(_measure_contrast(near, size, angle, shape), size, angle, shape)
             found[shape] = max(found.get(shape, estimate), estimate)
@@ -98,12 +98,12 @@ def _find_peaks(contrast: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def _interpret(frequency: NDArray[np.float64], shapes: tuple[Shape, ...]) -> Iterator[tuple[float, float, Shape]]:
-    """The pitch, the rotation and the shape of each grid that has `frequency` in its first ring of spots."""
-    angle = np.rad2deg(np.arctan2(*frequency))
+    """The pitch, the rotation and the shape of the grids that have `frequency` in their first ring of spots."""
     for shape in shapes:
-        for spot in SPOTS[shape][: FIRST[shape]]:
-            turned = (angle - np.rad2deg(np.arctan2(*spot)) + 90) % 180 - 90
-            yield float(np.hypot(*spot) / np.hypot(*frequency)), float(turned), shape
+        spot, period = SPOTS[shape][0], SYMMETRY[shape]
+        angle = np.rad2deg(np.arctan2(*frequency) - np.arctan2(*spot))
+        turned = (angle + period / 2) % period - period / 2
+        yield float(np.hypot(*spot) / np.hypot(*frequency)), float(turned), shape
 
 
 def _rule_out_harmonics(near: NDArray[np.float32], estimate: Estimate, longest: float) -> Estimate:
@@ -114,7 +114,7 @@ def _rule_out_harmonics(near: NDArray[np.float32], estimate: Estimate, longest: 
     for times in (2, 3):
         pitch = times * estimate.pitch
         contrast = _measure_contrast(near, pitch, estimate.rotation, estimate.shape) if pitch <= longest else -np.inf
-        if contrast >= _SAME * estimate.contrast:
+        if contrast - _NOISE >= _SAME * (estimate.contrast - _NOISE):
             return _rule_out_harmonics(near, replace(estimate, contrast=contrast, pitch=pitch), longest)
     return estimate
 

@@ -86,9 +86,24 @@ def test_a_wrong_pitch_is_refused():
         calibrate(take("square")[1], Known(pitch=14.5))
 
 
+@pytest.mark.parametrize("rotation", [12, -14])
+def test_a_large_rotation_is_found(rotation):
+    """Not the finer hexagonal grid, 19.1 degrees from it, that has all its lenses too."""
+    camera = make_camera("globe", LensGrid(14.37, (5.3, 8.8), rotation, "hexagonal"), SIZE, (90, 120, 150))
+    found = calibrate(take_picture(camera)).grid
+    assert (found.pitch, found.rotation) == pytest.approx((14.37, rotation), abs=0.005)
+
+
+def test_hexagonal_lenses_in_columns_are_refused():
+    with pytest.raises(Unreadable, match=r"columns of lenses, not rows, 14\.37 pixels apart; rotate the picture by 90"):
+        calibrate(np.rot90(take("hexagonal")[1]))
+
+
 def test_a_picture_without_lenses_is_refused():
+    speck = np.zeros((300, 300, 1), np.uint8)
+    speck[140:150, 140:150] = 255
     noise = np.random.default_rng(0).integers(0, 255, (400, 500, 3), np.uint8)
-    for picture in (noise, np.zeros_like(noise), np.full((30, 30, 1), 9, np.uint8), np.full((1, 1, 3), 9, np.uint8)):
+    for picture in (noise, np.zeros_like(noise), np.full((1, 1, 3), 9, np.uint8), speck):
         with pytest.raises(Unreadable, match=r"a\.png: shows no lens grid.*give a white picture, or lens_pitch"):
             calibrate(picture, name="a.png")
 

@@ -9,6 +9,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import find_main, read
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet import reader
+from ciir.renderer.readers.lenslet.calibration import Calibration
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import CUBE, make_picture
@@ -51,6 +52,15 @@ def test_an_optical_pickup_is_the_virtual_one_turned():
     # One ray for each pixel: the turned picture samples other rays, by up to half a pixel.
     assert np.abs(optical.astype(int) - virtual).mean() < 2.5
     assert np.abs(optical[::-1, ::-1].astype(int) - virtual).mean() > 4
+
+
+def test_a_grid_that_few_lenses_show_is_noted():
+    grid = LensGrid(9.3, (4.2, 5.1), 0.5)
+    assert reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03)).endswith(
+        "rotation 0.500 degrees; 20% of the lenses agree, within 0.03 pixels (median)"
+    )
+    assert "a white picture would do it" in reader._describe_grid(Calibration(grid, "borders", 0.09, 0.03))
+    assert "may be wrong: see --show-grid" in reader._describe_grid(Calibration(grid, "edges", 0.2, 0.03))
 
 
 def test_the_grid_is_found_in_the_white_picture():
