@@ -61,10 +61,10 @@ class MatWriter(CameraWriter):
         """The header's text has no date: the same views make the same bytes."""
         from scipy.io import savemat
 
-        packed = io.BytesIO()
-        savemat(packed, {"LF": views})
+        savemat(self.file, {"LF": views})
+        self.file.seek(0)
         self.file.write(b"MATLAB 5.0 MAT-file, written by ciir".ljust(_HEADER))
-        self.file.write(packed.getbuffer()[_HEADER:])
+        self.file.seek(0, io.SEEK_END)
 
 
 class Mat73Writer(CameraWriter):

@@ -17,6 +17,11 @@ REQUESTS = {
     "mesh rendered at the larger size": ("reconstruction", "cube.off", MESH | {"strategy": "direct"}),
     "elemental image array": ("reconstruction", "eia.png", {"lenses": "6x9", "views": "all", "format": "npz"}),
     "views as mapped": ("reconstruction", "eia.png", {"lenses": "6x9", "model": "none"}),
+    "a light field in another format": (
+        "reconstruction",
+        "eia.png",
+        {"lenses": "6x9", "views": "all", "model": "none", "format": "webm", "frames": "3", "path": "sweep"},
+    ),
     "picture": ("upscale", "eia.png", {}),
     "picture by interpolation": ("upscale", "eia.png", {"model": "bicubic", "format": "webp", "scale": "3"}),
     "elemental": ("elemental", "cube.off", MESH),
