@@ -193,6 +193,8 @@ def view_sets() -> list[bytes]:
         b"out_00_00_-1.5_2.0_.png\nout_00_01_0_0.png\nout_01_00_0_0.png\nout_01_01_0_0.png",
         b"input_Cam000.png\ninput_Cam001.png\ninput_Cam002.png\ninput_Cam003.png",
         b"a.png\nb.png\nc.png\nd.png",
+        b"7_x0_y0.png\n7_x1_y0.png\n7_x0_y1.png\n7_x1_y1.png",
+        b"IMG_0008.png\nIMG_0009.png\nIMG_0010.png\nIMG_0011.png",
     )
     return [pack(listed, small, small, small, small) for listed in names]
 
@@ -217,6 +219,16 @@ def options() -> list[bytes]:
         {"lenses": "6x9", "pixels": "4x4", "model": "fast", "pitch": "1e-3"},
         {"lenses": "6x9", "pixels": "4x4", "model": "none", "up": "z", "rotate": "30,-20,5.5", "place": "0.5"},
         {"lenses": "6x9", "pixels": "4x4", "model": "none", "zoom": "9", "light": "-90,45", "parallax": "60"},
+        {
+            "lenses": "6x9",
+            "model": "none",
+            "arrangement": "mosaic",
+            "order": "columns",
+            "flip": "uv",
+            "transpose": "yes",
+        },
+        {"pixels": "4x4", "model": "none", "crop": "4,4,4,0"},
+        {"lens_pitch": "8.5", "model": "none"},
     ]
     return ["\n".join(one.get(name, "") for name in NAMES).encode() for one in asked]
 
