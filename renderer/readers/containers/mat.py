@@ -52,9 +52,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     stored = loadmat(file, variable_names=[key])[key]
     if stored.dtype.kind not in "uif":
         raise Unreadable(f"{name}: {clean_text(key)} holds {stored.dtype}; give uint8, uint16, single or double")
-    stored, weighted = hdf5.leave_out_weight(
-        stored.astype(_TYPES[kind], copy=False).reshape(shape, order="F")
-    )  # whole doubles come as integers
+    stored = stored.astype(_TYPES[kind], copy=False)  # whole doubles come as integers
+    stored, weighted = hdf5.leave_out_weight(stored.reshape(shape))
     views, notes = convert_samples(stored, name)
     return LightField(views, weighted + notes, depth_sense="cameras")
 

@@ -1,6 +1,7 @@
 """Videos are made here by PyAV itself, with lossless codecs, so that each frame is known to the bit."""
 
 import io
+import struct
 
 import av
 import numpy as np
@@ -77,6 +78,20 @@ def test_lossy_codecs_keep_the_order():
         data = make(steps, codec, container, "yuv420p")
         found = read(data, "mp4" if container == "mp4" else "matroska").views[0, :, 8, 12, 0]
         np.testing.assert_allclose(found, [0, 40, 80, 120, 160, 200], atol=4)
+
+
+def test_a_video_is_turned_as_its_track_header_says():
+    """Telephones held upright write a matrix that turns frames clockwise by 90 degrees (ISO 14496-12, 6.2.2)."""
+    steps = np.zeros((2, 16, 24, 3), np.uint8)
+    steps[:, :, 12:] = 200  # bright on the right, and below once it is turned
+    data = make(steps, "libx264", "mp4", "yuv420p")
+    one = 1 << 16
+    as_stored, clockwise = (one, 0, 0, 0, one, 0, 0, 0, 1 << 30), (0, one, 0, -one, 0, 0, 0, 0, 1 << 30)
+    track = data.index(b"tkhd")
+    place = data.index(struct.pack(">9i", *as_stored), track)
+    found = read(data[:place] + struct.pack(">9i", *clockwise) + data[place + 36 :], "mp4").views
+    assert found.shape == (1, 2, 24, 16, 3)
+    np.testing.assert_allclose(found[0, 0, [3, 20], :, 0], np.repeat([[0], [200]], 16, axis=1), atol=4)
 
 
 def test_more_than_8_bit_are_kept():
