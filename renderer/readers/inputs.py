@@ -17,6 +17,7 @@ from ciir.renderer.readers.names import clean_text, find_frames
 from ciir.renderer.readers.registry import (
     ESLF,
     TIFF_STACK,
+    VIDEOS,
     ContainerFormat,
     Format,
     MeshFormat,
@@ -74,6 +75,10 @@ def open_input(
     """
     found = find_main(bundle)
     name = clean_text(bundle.name)
+    if layout.frame and (found is None or found[0].name not in VIDEOS or layout.lenses is None):
+        raise InvalidOption(
+            f"frame: this is for a video of elemental image arrays, with lenses; leave it out of {name}"
+        )
     if layout.lens_grid is not None:
         if found is None or not isinstance(found[0], PictureFormat):
             raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
@@ -160,7 +165,7 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     name = clean_text(bundle.name)
     reader: ContainerReader = format_.load_reader()
     try:
-        return reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
+        light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     except InputError:
         raise
     except MemoryError as error:
@@ -168,3 +173,7 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     except Exception as error:
         cause = clean_text(str(error)) or type(error).__name__
         raise Unreadable(f"{name}: the {format_.name} file is truncated or corrupt ({cause}); give it whole") from error
+    grid = light_field.views.shape[:2]
+    if format_ is not ESLF and layout.pixels not in {None, grid}:  # of ESLF they are those under a lens
+        raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
+    return light_field

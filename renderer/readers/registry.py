@@ -160,6 +160,8 @@ FORMATS: tuple[Format, ...] = (
 )
 """Every format that is read. Where content fits several, the suffix decides, and without one the order here."""
 
+VIDEOS = ("MP4", "MKV", "GIF")
+"""The names of the containers with frames."""
 TIFF_STACK = ContainerFormat(name="TIFF stack", suffixes=(".tif", ".tiff"), reader="tiff_stack:read")
 ESLF = ContainerFormat(name="ESLF", suffixes=(".png",), reader="eslf:read")
 """Containers that are pictures, too; what they hold or are called says so, and `readers.inputs` looks there."""

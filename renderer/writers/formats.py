@@ -6,7 +6,7 @@ Picture formats come from `renderer.writers.pictures.registry`. A format for sev
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
@@ -65,6 +65,13 @@ class Format:
     """Whether the report, and with it the times of that run, is in the file."""
     is_whole: bool = False
     """Whether it is made of all views of a light field."""
+    uses: tuple[str, ...] = ()
+    """The names of `WriterOptions` that it leaves open."""
+
+    def make_writer(self, file: IO[bytes], options: WriterOptions) -> Writer:
+        """A writer into a binary file. Raises `InvalidOption` for an option that the format has no use for."""
+        check_options(options, self.uses, f"format {self.name}")
+        return self.open(file, options)
 
 
 def _open_picture(file: IO[bytes], options: WriterOptions, picture: pictures.PictureFormat) -> Writer:  # noqa: ARG001
@@ -83,13 +90,25 @@ def _open_container(file: IO[bytes], options: WriterOptions, writer: str) -> Wri
     return found(file, options)
 
 
-def _container(name: str, suffixes: tuple[str, ...], media_type: str, writer: str) -> Format:
+def _container(
+    name: str, suffixes: tuple[str, ...], media_type: str, writer: str, uses: tuple[str, ...] = ()
+) -> Format:
     """A format of whole light fields, whose `writer` is `module:class`, imported when it is first used."""
-    return Format(name, suffixes, media_type, partial(_open_container, writer=writer), is_whole=True)
+    return Format(name, suffixes, media_type, partial(_open_container, writer=writer), is_whole=True, uses=uses)
+
+
+def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
+    """Raises `InvalidOption` for an option that is not as by default and that `what`, with its `uses`, ignores."""
+    for field in fields(WriterOptions):
+        if field.name not in {"suffix", *uses} and getattr(options, field.name) != field.default:
+            others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)
+            raise InvalidOption(f"{field.name}: {what} has no use for it; leave it out, or give format {others}")
 
 
 STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
 """The suffixes of pictures without motion: of a whole light field, WebP is an animation."""
+VIDEO = ("path", "frames", "fps")
+"""What a format of videos uses of `WriterOptions`."""
 BINARY = "application/octet-stream"
 """The media type of formats without one of their own."""
 
@@ -106,16 +125,16 @@ FORMATS = {
         _container("eia", STILL, "image/png", "pictures:EiaWriter"),
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
         _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
-        _container("epi", STILL, "image/png", "pictures:EpiWriter"),
-        _container("quilt", STILL, "image/png", "quilts:QuiltWriter"),
+        _container("epi", STILL, "image/png", "pictures:EpiWriter", ("epi",)),
+        _container("quilt", STILL, "image/png", "quilts:QuiltWriter", ("device",)),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
         _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),
         _container("hci", (".h5", ".hdf5"), BINARY, "matlab:HciWriter"),
-        _container("mp4", (".mp4",), "video/mp4", "video:Mp4Writer"),
-        _container("webm", (".webm",), "video/webm", "video:WebmWriter"),
-        _container("gif", (".gif",), "image/gif", "video:GifWriter"),
-        _container("animated-webp", (".webp",), "image/webp", "video:WebpWriter"),
+        _container("mp4", (".mp4",), "video/mp4", "video:Mp4Writer", VIDEO),
+        _container("webm", (".webm",), "video/webm", "video:WebmWriter", VIDEO),
+        _container("gif", (".gif",), "image/gif", "video:GifWriter", VIDEO),
+        _container("animated-webp", (".webp",), "image/webp", "video:WebpWriter", VIDEO),
     )
 }
 """By name. Where several have a suffix, the first one is its format."""
@@ -169,7 +188,7 @@ class FileWriter(Writer):
     def begin(self, contents: Contents) -> None:
         """Selects the format."""
         self.format = FORMATS[self._wanted or ("png" if len(contents.views) == 1 else "zip")]
-        self._writer = self.format.open(self._file, self._options)
+        self._writer = self.format.make_writer(self._file, self._options)
         self._writer.begin(contents)
 
     def write(self, view: View, pixels: Pixels) -> str:

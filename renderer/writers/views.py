@@ -11,7 +11,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX, WHOLE_BY_SUFFIX, find_whole_format
+from ciir.renderer.writers.formats import BY_SUFFIX, WHOLE_BY_SUFFIX, check_options, find_whole_format
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 
@@ -71,7 +71,7 @@ def _open(path: Path, formats: Mapping[str, Format], options: WriterOptions) -> 
     with _named_errors(path):
         if suffix in formats:
             options = replace(options, suffix=suffix)
-            with replacing(path) as file, formats[suffix].open(file, options) as writer:
+            with replacing(path) as file, formats[suffix].make_writer(file, options) as writer:
                 yield writer
         elif suffix and not path.is_dir():
             known = ", ".join(formats)
@@ -79,6 +79,7 @@ def _open(path: Path, formats: Mapping[str, Format], options: WriterOptions) -> 
                 f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder"
             )
         else:
+            check_options(options, (), "a folder of views")
             with FolderWriter(path) as writer:
                 yield writer
 

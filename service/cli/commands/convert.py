@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, find_whole_format
+from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, check_options, find_whole_format
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_arguments import find_kind
 from ciir.service.cli.display_pictures import write_picture
@@ -60,5 +60,6 @@ def _to_file(source: Source, options: Options, path: Path, name: str) -> Report:
 
 
 def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
+    check_options(options.make_writer_options(), (), "a folder of views")
     with FolderWriter(path, given) as writer, common.progress_bar("view") as progress:
         return pipeline.reconstruct(source, options, writer, progress=progress)

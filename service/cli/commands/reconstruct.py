@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter
+from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter, check_options
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
 
@@ -44,5 +44,6 @@ def _to_file(source: Source, options: Options, path: Path) -> Report:
 
 
 def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
+    check_options(options.make_writer_options(), (), "a folder of views")
     with FolderWriter(path, given) as writer, common.progress_bar("view") as progress:
         return pipeline.reconstruct(source, options, writer, progress=progress)

@@ -6,9 +6,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers import arrays
 from ciir.renderer.readers.layout import Layout
 
@@ -149,6 +151,13 @@ def test_our_own_npz_keeps_the_depth_sense(tmp_path, sense):
     found = read((tmp_path / "a.npz").read_bytes(), "npz")
     np.testing.assert_array_equal(found.views, field.views)
     assert found.depth_sense == sense
+
+
+def test_another_grid_is_refused():
+    bundle = Bundle.from_upload("a.npy", saved(numbered("u1")))
+    assert inputs.read(bundle, Layout(pixels=GRID)).views.shape[:2] == GRID
+    with pytest.raises(InvalidOption, match=r"pixels: a\.npy has 2x3 views; leave it out"):
+        inputs.read(bundle, Layout(pixels=(3, 2)))
 
 
 def test_a_bomb_is_not_unpacked():

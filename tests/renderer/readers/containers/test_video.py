@@ -63,6 +63,14 @@ def test_a_frame_as_an_elemental_image_array():
         read(data, lenses=(4, 8), frame=6)
 
 
+def test_a_frame_is_of_elemental_image_arrays():
+    from ciir.renderer.readers import inputs
+    from ciir.renderer.readers.bundle import Bundle
+
+    with pytest.raises(InvalidOption, match="frame: this is for a video of elemental image arrays, with lenses"):
+        inputs.read(Bundle.from_upload("a.mkv", make()), Layout(frame=3))
+
+
 def test_gif():
     grey = np.zeros((3, 16, 24), np.uint8)
     grey[1], grey[2] = 85, 255

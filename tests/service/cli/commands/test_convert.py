@@ -61,6 +61,7 @@ def test_a_mesh_is_rendered(tmp_path):
         (["-o", "a.png", "--to", "epi", "--epi", "y=9"], "epi: there is no y=9; give 0 to 5"),
         (["-o", "a.png", "--views", "all"], "unrecognized arguments: --views all"),
         (["-o", "in.npz"], "the input is there"),
+        (["-o", "folder", "--fps", "5"], "fps: a folder of views has no use for it; leave it out, or give format mp4"),
     ],
 )
 def test_what_cannot_be_done(given, capsys, monkeypatch, words, message):
