@@ -19,7 +19,7 @@ MOST_POINTS = 4_000_000
 """Samples of all lenses together; of more lenses every so many are taken."""
 _REACH = 0.7  # pitches from a lens's centre to the side of its window, which holds the borders on both sides
 _ROUNDS = 6
-_LIKENESS = 0.8  # of a lens that counts, as a share of that of the best tenth
+_LIKENESS = 0.9  # of a lens that counts, as a share of that of the best tenth
 
 
 @dataclass(frozen=True)
