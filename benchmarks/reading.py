@@ -49,7 +49,8 @@ def write(light_field: LightField, name: str) -> bytes:
     count_v, count_u, height, width, channels = light_field.views.shape
     positions = tuple(np.ndindex(count_v, count_u))
     file = io.BytesIO()
-    with FileWriter(file, name, WriterOptions(frames=len(positions))) as writer:
+    options = WriterOptions(frames=len(positions)) if name in {"mp4", "webm"} else WriterOptions()
+    with FileWriter(file, name, options) as writer:
         contents = Contents(positions, (count_v, count_u), height, width, channels, light_field.views.dtype, "cameras")
         writer.begin(contents)
         for view in positions:
@@ -123,13 +124,13 @@ def measure(run: Callable[..., object], *arguments: object) -> float:
     return time.perf_counter() - start
 
 
-def main() -> None:
+def main(argv: list[str] | None = None) -> None:
     """Prints a row of a table for each container."""
     parser = argparse.ArgumentParser(prog="ciir.benchmarks.reading", description=main.__doc__)
     parser.add_argument("--grid", type=int, default=15, help="rows and columns of views (default 15)")
     parser.add_argument("--side", type=int, default=400, help="pixels along a side of a view (default 400)")
     parser.add_argument("--rounds", type=int, default=5, help="how often each is read (default 5)")
-    given = parser.parse_args()
+    given = parser.parse_args(argv)
     light_field = make_light_field(given.grid, given.side)
     print("| container | file, MB | library, ms | reader, ms | ratio |\n|---|---|---|---|---|")
     for name, (file, make, decode) in CASES.items():
