@@ -108,10 +108,13 @@ def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Know
         keep_pitch=keep_pitch,
         keep_rotation=keep_rotation,
     )
+    if known.offset is not None:
+        grid = replace(grid, offset=known.offset)
     lenses = Lenses.find(grid, blurred)
     if len(lenses.i) < LEAST_LENSES:
         return None
-    grid = center_grid(signal, lenses, grid) if known.offset is None else replace(grid, offset=known.offset)
+    if known.offset is None:
+        grid = center_grid(signal, lenses, grid)
     found = refine_grid(
         signal,
         blurred,

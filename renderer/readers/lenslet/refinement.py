@@ -99,6 +99,8 @@ def refine_grid(
             template = (template + template[::-1]) / 2
         places, likeness = _compare(windows, template)
         counts = likeness > _LIKENESS * np.percentile(likeness, 90)
+        if not counts.any():
+            return Refinement(grid, 0.0, np.inf)
         # Rows of the equations: displacement across and along the rows, by offset (2), scale, turn and gradient.
         lattice = (centers - np.asarray(grid.offset)) @ axes.T
         equations = np.zeros((len(i), 2, 5))
@@ -131,7 +133,8 @@ def center_grid(signal: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> 
     for shift in np.ndindex(likeness.shape):
         top, left = (step * number for number in shift)
         part = mean[top : top + side - 2 * margin, left : left + side - 2 * margin].ravel()
-        likeness[shift] = np.corrcoef(part, part[::-1])[0, 1]
+        part = part - part.mean()
+        likeness[shift] = part @ part[::-1] / (part @ part + 1e-12)
     best = np.array(np.unravel_index(likeness[1:-1, 1:-1].argmax(), (2 * count - 1, 2 * count - 1))) + 1
     between = np.zeros(2)
     for axis, along in enumerate(np.eye(2, dtype=int)):

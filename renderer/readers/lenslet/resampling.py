@@ -38,7 +38,7 @@ def resample_views(picture: Pixels, grid: LensGrid, pixels: tuple[int, int], *, 
     shift = grid.find_shift(rows)[:, None]
     lenses = along
     if grid.shape == "hexagonal":
-        lenses = np.arange(np.ceil(along[0] - 0.5), np.floor(along[-1]) + 1)
+        lenses = np.arange(np.floor(along[0] - 0.5), np.ceil(along[-1]) + 1)
     centers = grid.find_positions(rows[:, None], lenses + shift)  # (rows, lenses, 2)
     columns = np.stack(np.broadcast_arrays(np.arange(len(rows))[:, None], along - shift - lenses[0]))
     turn = -1 if is_turned(pickup) else 1

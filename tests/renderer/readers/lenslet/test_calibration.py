@@ -82,6 +82,11 @@ def test_what_is_known_is_kept():
     assert calibrate(picture, Known(offset=(5.3, 8.8))).grid.pitch == pytest.approx(14.37, abs=0.001)
 
 
+def test_an_offset_outside_the_picture_is_that_of_a_lens_too():
+    found = calibrate(take("square")[1], Known(offset=(5.3 - 14.37 * 20 * np.cos(np.deg2rad(0.8)), 12.81)))
+    assert found.grid.pitch == pytest.approx(14.37, abs=0.001)
+
+
 def test_a_wrong_pitch_is_refused():
     with pytest.raises(Unreadable, match=r"shows no lens grid of 14\.5 pixels' pitch"):
         calibrate(take("square")[1], Known(pitch=14.5))

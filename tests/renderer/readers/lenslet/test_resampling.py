@@ -57,3 +57,8 @@ def test_pixels_that_fit_lie_in_the_cell():
 def test_a_picture_smaller_than_a_lens_is_refused():
     with pytest.raises(InvalidOption, match=r"no lens of 20.00 pixels lies wholly in the picture of 15x18 pixels"):
         resample_views(make_picture(15, 18), LensGrid(20.0, (30.0, 30.0)), (17, 17))
+
+
+def test_a_hexagonal_grid_of_one_column_has_lenses_to_resample():
+    views = resample_views(make_picture(24, 91), LensGrid(9.92, (183.13, 103.3), 15.26, "hexagonal"), (7, 2))
+    assert views.shape[3] == 1
