@@ -29,7 +29,7 @@ RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && for library in SPERR SZ3c aom avif cpcodec openjph uhdr; do rm imagecodecs.libs/lib$library-*; done \
     && find botocore/data -mindepth 1 -maxdepth 1 -type d ! -name s3 ! -name sts ! -name 'sso*' -exec rm -r {} + \
     && rm PIL/_avif.*.so pillow.libs/libavif-* \
-    && strip --strip-debug DracoPy*.so PIL/*.so imagecodecs/*.so \
+    && strip --strip-debug DracoPy*.so PIL/*.so av/*.so av/*/*.so h5py/*.so imagecodecs/*.so \
     && pip uninstall --yes pip setuptools
 
 FROM python:3.11-slim-bookworm AS system
