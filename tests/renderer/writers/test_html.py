@@ -73,7 +73,7 @@ def test_a_browser_shows_the_view_that_the_address_names(tmp_path, address, expe
         "--enable-unsafe-swiftshader",
     ]
     subprocess.run(  # noqa: S603
-        [CHROMIUM, *flags, f"--user-data-dir={tmp_path}/profile", "--window-size=300,300", "--virtual-time-budget=30000",
+        [CHROMIUM, *flags, f"--user-data-dir={tmp_path}/home", "--window-size=300,300", "--virtual-time-budget=30000",
          f"--screenshot={tmp_path}/shot.png", f"file://{tmp_path}/a.html#{address}"],
         check=True, capture_output=True, timeout=60,
     )  # fmt: skip
