@@ -43,7 +43,9 @@ class DrainingServer(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 app,
-                http=make_protocol(self._state.settings.client_seconds, find_most(self._state.settings)),
+                http=make_protocol(
+                    self._state.settings.client_seconds, find_most(self._state.settings), self._state.metrics
+                ),
                 backlog=ACCEPTED_AT_ONCE,
                 ws="none",
                 timeout_keep_alive=KEEP_ALIVE_SECONDS,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import anyio
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from ciir.errors import TooLarge
 from ciir.service.web import problems
@@ -30,7 +31,8 @@ OTHER_BYTES = 4096
 class BodyLimit:
     """ASGI middleware that limits request bodies.
 
-    A declared length over the limit is answered with 413 before anything is read. For a chunked body `receive` raises
+    A declared length over the limit is answered with 413 before anything is read, but not where the path or the method
+    is wrong: that is 404 or 405. For a chunked body `receive` raises
     `TooLarge` at the first byte over the limit. After `seconds` `receive` raises `HTTPException` 408. A response to a
     body that has not been read to its end closes the connection.
     """
@@ -76,10 +78,14 @@ class BodyLimit:
                 message["headers"] = [*message["headers"], (b"connection", b"close")]
             await send(message)
 
-        if length > limit:
+        if length > limit and _has_route(scope):
             await problems.respond_error(_make_error(limit), scope["path"])(scope, receive, send_closing)
         else:
             await self._app(scope, receive_counted, send_closing)
+
+
+def _has_route(scope: Scope) -> bool:
+    return any(route.matches(scope)[0] is Match.FULL for route in scope["app"].routes)
 
 
 def _make_error(limit: int) -> TooLarge:

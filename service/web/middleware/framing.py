@@ -16,18 +16,21 @@ _ENCODING = re.compile(rb"^transfer-encoding:", re.IGNORECASE | re.MULTILINE)
 class StrictConnection(h11.Connection):
     """h11's connection, less what it takes although RFC 9112 has it refused: see `find_framing_error`."""
 
+    head = b""
+    """Of the last request, as far as it came."""
+
     def next_event(self) -> Any:
         """As h11's; raises `h11.RemoteProtocolError` for a head with a framing error too."""
-        data = self.trailing_data[0] if self.their_state is h11.IDLE else b""
+        if self.their_state is h11.IDLE:
+            self.head = _BLANK_LINE.split(self.trailing_data[0], maxsplit=1)[0]
         event = super().next_event()
-        if isinstance(event, h11.Request) and (error := find_framing_error(data)):
+        if isinstance(event, h11.Request) and (error := find_framing_error(self.head)):
             raise h11.RemoteProtocolError(error)
         return event
 
 
-def find_framing_error(data: bytes) -> str | None:
-    """What is wrong with the head at the beginning of `data` (RFC 9112, 5.2, 6.1 and 6.3), or None."""
-    head = _BLANK_LINE.split(data, maxsplit=1)[0]
+def find_framing_error(head: bytes) -> str | None:
+    """What is wrong with the head of a request (RFC 9112, 5.2, 6.1 and 6.3), or None."""
     lengths = _LENGTH.findall(head)
     if _FOLDED.search(head):
         return "a header goes on in a second line"

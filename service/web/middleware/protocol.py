@@ -7,20 +7,24 @@ what is not HTTP, and its `limit_concurrency` closes no idle connection. How lon
 
 from __future__ import annotations
 
-import json
+import logging
 import sys
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar
-from uuid import uuid4
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from ciir.service.web import problems
 from ciir.service.web.middleware.framing import StrictConnection
+from ciir.service.web.middleware.refusal import Refusal
 
 if TYPE_CHECKING:
     import asyncio
+
+    from ciir.service.metrics import Metrics
+
+_BARE_LINE = "Invalid HTTP request received."
+"""uvicorn's line without a cause; `Refusal.log` logs a better one."""
 
 
 class TimeoutProtocol(H11Protocol):
@@ -33,11 +37,13 @@ class TimeoutProtocol(H11Protocol):
     seconds: ClassVar[float]
     most: ClassVar[int]
     """Connections."""
+    metrics: ClassVar[Metrics]
     idle: ClassVar[dict[TimeoutProtocol, None]]
     """Connections between two requests, or before the first; the one that is idle for longest comes first.
 
-    All three are set in a subclass by `make_protocol`.
+    All four are set in a subclass by `make_protocol`.
     """
+    conn: StrictConnection
     _head_timer: asyncio.TimerHandle | None = None
     _write_timer: asyncio.TimerHandle | None = None
 
@@ -108,17 +114,12 @@ class TimeoutProtocol(H11Protocol):
         self._refuse(400, f"{cause}; send HTTP/1.1 as RFC 9112 defines it")
 
     def _refuse(self, status: int, detail: str) -> None:
-        """Answers with a problem and closes the connection."""
-        body = json.dumps(problems.describe_problem("", status, detail)).encode()
-        headers = [
-            (b"content-type", problems.MEDIA_TYPE.encode()),
-            (b"content-length", str(len(body)).encode()),
-            (b"connection", b"close"),
-            (b"x-content-type-options", b"nosniff"),
-            (b"x-request-id", uuid4().hex.encode()),
-        ]
-        if status == 503:
-            headers.append((b"retry-after", problems.RETRY_SECONDS.encode()))
+        """Answers with a problem, logs it and closes the connection."""
+        refusal = Refusal(self.conn.head, status, detail)
+        refusal.log("{}:{}".format(*self.client) if self.client else "-")
+        if self._is_between_requests():  # the application counts a request whose body is broken
+            refusal.count(self.metrics)
+        headers, body = refusal.write()
         response = h11.Response(status_code=status, headers=headers, reason=HTTPStatus(status).phrase.encode())
         for event in (response, h11.Data(data=body), h11.EndOfMessage()):
             self.transport.write(self.conn.send(event) or b"")
@@ -134,6 +135,12 @@ def _cancel(*timers: asyncio.TimerHandle | None) -> None:
             timer.cancel()
 
 
-def make_protocol(seconds: float, most: int) -> type[TimeoutProtocol]:
-    """A `TimeoutProtocol` with that timeout, and at most so many connections."""
-    return type("TimeoutProtocol", (TimeoutProtocol,), {"seconds": seconds, "most": most, "idle": {}})
+def _is_not_bare(record: logging.LogRecord) -> bool:
+    return record.msg != _BARE_LINE
+
+
+def make_protocol(seconds: float, most: int, metrics: Metrics) -> type[TimeoutProtocol]:
+    """A `TimeoutProtocol` with that timeout, and at most so many connections; `metrics` count what it refuses."""
+    logging.getLogger("uvicorn.error").addFilter(_is_not_bare)
+    attributes = {"seconds": seconds, "most": most, "metrics": metrics, "idle": {}}
+    return type("TimeoutProtocol", (TimeoutProtocol,), attributes)

@@ -32,6 +32,11 @@ _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _log = logging.getLogger("ciir.access")
 
 
+def choose_id(given: str) -> str:
+    """The id of a request: the one that its `X-Request-Id` gives, if that is valid, or a new one."""
+    return given if _ID.fullmatch(given) else uuid4().hex
+
+
 class RequestTracking:
     """The outermost ASGI middleware. An exception that nothing else handles is answered with 500 and raised again."""
 
@@ -44,8 +49,7 @@ class RequestTracking:
             await self._app(scope, receive, send)
             return
         start = time.perf_counter()
-        given = Headers(scope=scope).get("x-request-id", "")
-        id_ = given if _ID.fullmatch(given) else uuid4().hex
+        id_ = choose_id(Headers(scope=scope).get("x-request-id", ""))
         REQUEST_ID.set(id_)  # the context is that of this request's task, and ends with it
         status = sent = received = 0
 

@@ -27,6 +27,7 @@ def add_docs(app: FastAPI) -> None:
     policy = {"Content-Security-Policy": _make_policy(html)}
     routes = APIRouter()
 
+    @routes.head("/docs", include_in_schema=False)
     @routes.get("/docs", include_in_schema=False)
     async def docs() -> HTMLResponse:
         return HTMLResponse(html, headers=policy)

@@ -45,6 +45,7 @@ async def readyz(state: State) -> dict[str, str]:
     return {"status": "ready"}
 
 
+@router.head("/v1/models", include_in_schema=False)
 @router.get(
     "/v1/models",
     operation_id="listModels",
@@ -60,6 +61,7 @@ def list_models() -> Response:
     return JSONResponse(listing.list_models())
 
 
+@router.head("/metrics", include_in_schema=False)
 @router.get(
     "/metrics",
     operation_id="getMetrics",

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.readers.pictures import decode
+from ciir.service.pipeline.options import KINDS
 from tests.support.inputs import CUBE
 from tests.support.paths import ROOT
 
@@ -87,6 +88,13 @@ def test_the_tables_agree_with_openapi(server):
         for status in cell.split(", ")
     }
     assert listed == {status for statuses in routes.values() for status in statuses if status >= 400}
+
+
+@pytest.mark.parametrize("kind", ["upscale", "elemental"])
+def test_the_options_of_each_kind_are_listed(kind):
+    """Those of reconstructions are in /docs, which lists the options of `Kind` themselves."""
+    (listed,) = re.findall(rf"`POST /v1/{kind}s` is `ciir .*?the options (?:are )?(.*?)\.\s", TEXT, re.DOTALL)
+    assert sorted(re.findall(r"`(\w+)`", listed)) == sorted(KINDS[kind].options)
 
 
 def test_metrics_and_settings_exist(server):

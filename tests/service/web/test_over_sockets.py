@@ -146,6 +146,12 @@ def test_other_paths_have_a_small_limit_and_an_unread_body_closes_the_connection
         assert (response.status_code, response.headers["connection"]) == (status, "close")
 
 
+def test_a_mistyped_path_with_a_large_file_is_not_found(small_server):
+    for path, status in (("/v1/reconstruction", 404), ("/v1/v1/upscales", 404), ("/v1/models", 405)):
+        response = httpx2.post(small_server + path, files={"file": ("a.glb", bytes(200_000))})
+        assert (response.status_code, response.headers["connection"]) == (status, "close")
+
+
 def test_declared_and_chunked_bodies_below_the_limit(small_server):
     data = EIA_PNG
     declared = send(small_server, "a.png", data, lenses="6x9", model="none")

@@ -10,11 +10,14 @@ from contextlib import ExitStack, contextmanager
 import pytest
 import uvicorn
 
+from ciir.service.metrics import Metrics
 from ciir.service.web.middleware.protocol import make_protocol
+from ciir.service.web.middleware.tracking import SECURITY_HEADERS
 
 SECONDS = 0.3
 MOST = 8
 """Connections."""
+METRICS = Metrics()
 LARGE = 64 * 2**20
 """More than the kernel's socket buffers hold."""
 
@@ -47,7 +50,7 @@ def patient_port():
 def run_protocol(seconds):
     config = uvicorn.Config(
         app,
-        http=make_protocol(seconds, MOST),
+        http=make_protocol(seconds, MOST, METRICS),
         ws="none",
         lifespan="off",
         log_config=None,
@@ -129,8 +132,8 @@ def test_bytes_that_are_not_http(port):
     with connected(port) as connection:
         connection.sendall(b"\x16\x03\x01 nonsense\r\n\r\n")
         answer = b"".join(iter(lambda: connection.recv(2**16), b""))
-    head, _, body = answer.partition(b"\r\n\r\n")
-    assert head.startswith(b"HTTP/1.1 400")
+    head, _, body = answer.lower().partition(b"\r\n\r\n")
+    assert head.startswith(b"http/1.1 400")
     assert b"content-type: application/problem+json" in head
     assert b"x-request-id: " in head
     assert set(json.loads(body)) == {"type", "title", "status", "detail", "instance"}
@@ -162,8 +165,30 @@ def test_framing_that_a_proxy_may_read_otherwise_is_refused(port, headers, cause
         connection.sendall(LENGTH % headers)
         answer = b"".join(iter(lambda: connection.recv(2**16), b""))  # to the end of the connection
     assert answer.startswith(b"HTTP/1.1 400")
-    assert answer.count(b"content-type: ") == 1
+    assert answer.lower().count(b"content-type: ") == 1
     assert json.loads(answer.partition(b"\r\n\r\n")[2])["detail"].startswith(f"{cause}; send ")
+
+
+def count(method, status):
+    sample = {"method": method, "route": "other", "status": status}
+    return METRICS.registry.get_sample_value("ciir_http_requests_total", sample) or 0
+
+
+def test_a_refused_request_has_all_headers_and_is_logged_and_counted(port, caplog):
+    caplog.set_level("INFO")
+    before = count("POST", "400")
+    with connected(port) as connection:
+        client = "{}:{}".format(*connection.getsockname())
+        request = b"POST /v1/upscales?a HTTP/1.1\r\nHost: x\r\nX-Request-Id: mine\r\nContent-Length: 5, 5\r\n\r\nabcde"
+        connection.sendall(request)
+        answer = b"".join(iter(lambda: connection.recv(2**16), b""))
+    head, _, body = answer.decode().partition("\r\n\r\n")
+    for name, value in (SECURITY_HEADERS | {"X-Request-Id": "mine"}).items():
+        assert f"\r\n{name}: {value}".lower() in head.lower()
+    assert json.loads(body)["instance"] == "/v1/upscales"
+    (line,) = caplog.messages
+    assert line.startswith(f"refused POST /v1/upscales from {client}: 400, Content-Length is no single number; send")
+    assert count("POST", "400") == before + 1
 
 
 def test_the_second_of_two_requests_is_checked_too(port):
@@ -201,7 +226,8 @@ def test_while_none_is_idle_a_new_connection_is_refused(patient_port):
         with connected(patient_port) as connection:
             answer = b"".join(iter(lambda: connection.recv(2**16), b""))
         assert answer.startswith(b"HTTP/1.1 503")
-        assert b"retry-after: 1" in answer
+        assert b"retry-after: 1" in answer.lower()
+        assert count("other", "503") == 1
         assert b"the server has 8 connections open; try again" in answer
         for connection in connections:
             connection.sendall(b"x")

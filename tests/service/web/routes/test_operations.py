@@ -1,5 +1,6 @@
 import re
 
+import pytest
 from fastapi.testclient import TestClient
 
 from ciir.errors import BadCard
@@ -90,3 +91,10 @@ def test_metrics(eia, tmp_path):
     assert 'ciir_model_pixels_skipped_total{reason="uniform"}' in found
     assert float(found["process_resident_memory_bytes"]) > 1e6
     assert not [name for name in found if re.search("[0-9a-f]{32}", name)]  # no label grows with the jobs
+
+
+@pytest.mark.parametrize("path", ["/v1/models", "/metrics", "/docs", "/healthz", "/readyz", "/openapi.json"])
+def test_head_is_get_without_a_body(client, path):
+    response = client.head(path)
+    assert (response.status_code, response.content) == (200, b"")
+    assert response.headers["content-type"] == client.get(path).headers["content-type"]
