@@ -129,6 +129,15 @@ def test_all_run_without_rights():
             assert {"requests", "limits"} == set(container["resources"])
 
 
+def test_a_container_of_workers_has_the_memory_of_all():
+    (container,) = BY_NAME["Deployment", "ciir-worker"]["spec"]["template"]["spec"]["containers"]
+    workers = next(int(each["value"]) for each in container["env"] if each["name"] == "CIIR_WORKERS")
+    least = workers * Settings.model_fields["worker_memory_bytes"].default + (1 << 30)
+    amount = container["resources"]["limits"]["memory"]
+    assert amount.endswith("Gi")
+    assert int(amount.removesuffix("Gi")) << 30 >= least
+
+
 def test_probes_and_the_autoscaler_ask_for_what_the_server_answers(tmp_path):
     spec = BY_NAME["ScaledObject", "ciir-worker"]["spec"]
     assert ("Deployment", spec["scaleTargetRef"]["name"]) in BY_NAME

@@ -188,13 +188,25 @@ def test_the_key_is_sent():
     assert requests[0].headers["authorization"] == "Bearer k"
 
 
+class Breaks(httpx2.SyncByteStream):
+    """A stream of events that ends within the second one."""
+
+    def __iter__(self):
+        yield b': job\nretry: 1000\n\nevent: queued\ndata: {}\nid: 0\n\nevent: progress\ndata: {"stage":'
+        raise httpx2.ReadError("gone")
+
+
+def test_a_stream_that_breaks_once_too_often():
+    broken = httpx2.Response(200, headers={"content-type": "text/event-stream"}, stream=Breaks())
+    client, _ = make_client(broken, retries=0)
+    events = client_module.Job(client, JOB).events()
+    assert next(events) == Event(0, "queued", {})
+    with pytest.raises(ConnectionFailed, match="gone; check the URL"):
+        next(events)
+
+
 def test_a_broken_event_stream_is_resumed(monkeypatch):
     monkeypatch.setattr(client_module.time, "sleep", lambda seconds: None)
-
-    class Breaks(httpx2.SyncByteStream):
-        def __iter__(self):
-            yield b': job\nretry: 1000\n\nevent: queued\ndata: {}\nid: 0\n\nevent: progress\ndata: {"stage":'
-            raise httpx2.ReadError("gone")
 
     head = {"content-type": "text/event-stream"}
     rest = b': ping\n\nevent: running\ndata: {}\nid: 1\n\nevent: done\ndata: {"a": 1}\nid: 2\n\n'

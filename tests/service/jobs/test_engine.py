@@ -98,6 +98,17 @@ def test_gauges_of_the_queue(engine, monkeypatch):
     assert "ciir_queue_up 0.0" in engine.metrics.text().decode()
 
 
+def test_the_oldest_of_the_jobs(engine, monkeypatch):
+    ages = {("small", "queued"): [3.0, 9.0, 5.0], ("large", "queued"): [], ("large", "running"): [-1.0]}
+    monkeypatch.setattr(engine.jobs, "measure_ages", lambda: ages)
+    engine.update_gauges()
+    lines = engine.metrics.text().decode().splitlines()
+    name = "ciir_queue_oldest_seconds"
+    assert f'{name}{{lane="small",state="queued"}} 9.0' in lines
+    assert f'{name}{{lane="large",state="queued"}} 0.0' in lines
+    assert f'{name}{{lane="large",state="running"}} 0.0' in lines  # the system clock was set back
+
+
 def test_without_workers_it_only_stores_jobs(tmp_path, monkeypatch):
     monkeypatch.setattr(engine_module, "Consumer", None)
     engine = Engine(Settings(folder=tmp_path, workers=0), Metrics())

@@ -46,6 +46,19 @@ def test_a_submitted_job_is_stored_and_queued(jobs):
         assert file.read() == b"data"
 
 
+def test_ages_are_of_the_submission_and_of_the_run(jobs, monkeypatch):
+    set_clock(monkeypatch, 1000.0)
+    running = submit_data(jobs, b"first")
+    set_clock(monkeypatch, 1010.0)
+    submit_data(jobs, b"second")
+    set_clock(monkeypatch, 1015.0)
+    jobs.lifecycle.start(running.id, "c-1")
+    set_clock(monkeypatch, 1018.0)
+    ages = jobs.measure_ages()
+    assert (ages["small", "queued"], ages["small", "running"]) == ([8.0], [3.0])
+    assert ages["large", "queued"] == ages["large", "running"] == []
+
+
 def test_equal_requests_are_one_job(jobs):
     first = submit_data(jobs)
     assert submit_data(jobs) == first

@@ -15,6 +15,7 @@ from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
 from ciir.service.web import server as server_module
 from ciir.service.web.app import create_app
+from ciir.service.web.connections import AcceptErrors
 from ciir.service.web.server import DrainingServer
 from tests.support.waiting import wait_until
 from tests.support.web import ThreadPool
@@ -58,6 +59,11 @@ def run_server(folder, **settings):
             server.uvicorn.should_exit = True
             server.thread.join(30)
             assert not server.thread.is_alive()
+
+
+def test_its_loop_logs_errors_of_accepting_once_a_second(tmp_path):
+    with run_server(tmp_path) as server:
+        assert isinstance(server.uvicorn._loop.get_exception_handler(), AcceptErrors)
 
 
 def test_running_jobs_are_finished(eia, tmp_path):

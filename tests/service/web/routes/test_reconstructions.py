@@ -330,13 +330,15 @@ def test_server_errors_are_problems_without_details(own, eia, monkeypatch, caplo
     assert post_file(own, data=eia, lenses="6x9").status_code == 200  # the job runs again
 
 
-def test_a_full_queue(own, eia, monkeypatch):
+def test_a_full_queue(own, eia, monkeypatch, caplog):
     def submit(*_, **__):
         raise QueueFull(7)
 
     monkeypatch.setattr(own.engine.jobs, "submit", submit)
-    response = post_file(own, data=eia, lenses="6x9")
+    with caplog.at_level("INFO", "ciir.jobs"):
+        response = post_file(own, data=eia, lenses="6x9")
     check_problem(response, 429, "again in 7 s")
+    assert f"refused reconstruction of upload.png, {len(eia)} bytes: the queue is full" in caplog.text
     assert response.headers["retry-after"] == "7"
 
 

@@ -76,6 +76,38 @@ thread.start()
     assert get_lines("go.set()\nthread.join()", before + ENTER) == ["refused"]
 
 
+def test_processes_of_its_user_cannot_read_its_memory():
+    ask = "import ctypes\nprint(ctypes.CDLL(None).prctl(3, 0, 0, 0, 0))"  # PR_GET_DUMPABLE
+    assert get_lines(ask, "") == ["1"]
+    assert get_lines(ask) == ["0"]
+
+
+CALLS = {
+    # name: (x86_64, aarch64), arguments with which it succeeds
+    "ptrace": ((101, 117), "0"),  # PTRACE_TRACEME
+    "process_vm_readv": ((310, 270), "os.getpid(), 0, 0, 0, 0, 0"),
+    "process_vm_writev": ((311, 271), "os.getpid(), 0, 0, 0, 0, 0"),
+    "kcmp": ((312, 272), "os.getpid(), os.getpid(), 0, 0, 0"),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_filter_alone_refuses_to_reach_into_processes(name):
+    numbers, arguments = CALLS[name]
+    number = dict(zip(("x86_64", "aarch64"), numbers, strict=True)).get(platform.machine())
+    if number is None:
+        pytest.skip("no filter is known for this machine")
+    filtered = """
+import ctypes, errno, os
+from ciir.service.jobs.workers.sandbox import seccomp
+libc = ctypes.CDLL(None, use_errno=True)
+libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS
+assert seccomp.restrict() == []
+"""
+    lines = get_lines(f"print(libc.syscall({number}, {arguments}), errno.errorcode[ctypes.get_errno()])", filtered)
+    assert lines == ["-1 EACCES"]
+
+
 def test_memory_is_limited():
     assert get_lines("""
 try:
