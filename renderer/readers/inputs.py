@@ -32,6 +32,7 @@ from ciir.renderer.readers.view_set.order import reorient, settle_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 
 if TYPE_CHECKING:
+    from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.light_field import LightField
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
@@ -90,7 +91,7 @@ def open_input(
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_, placement, pose)
-    format_ = _refine(format_, bundle, key, layout)
+    format_ = _refine(format_, key, bundle, layout)
     if isinstance(format_, ContainerFormat):
         return settle_order(_read_container(bundle, key, format_, layout), layout)
     if bundle.main is None:
@@ -98,10 +99,21 @@ def open_input(
             f"lens_pitch: {name} holds a picture with white or dark frames, as raw lenslet pictures have; give their "
             "pitch in pixels, or auto"
         )
-    if layout.lenses is None and layout.pixels is None and (quilt := quilts.find_layout(bundle, key)) is not None:
+    if (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
     light_field = eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # a mosaic
+
+
+def holds_views(bundle: Bundle, layout: Layout) -> bool:
+    """Whether `open_input` reads `bundle`, which is no raw lenslet picture, as views, not as elemental images."""
+    found = find_main(bundle)
+    if found is None:
+        return True
+    format_ = _refine(*found, bundle, layout)
+    if isinstance(format_, ContainerFormat):
+        return format_.name not in VIDEOS or layout.lenses is None
+    return isinstance(format_, PictureFormat) and _find_quilt(bundle, found[1], layout) is not None
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
@@ -139,7 +151,11 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     return None
 
 
-def _refine(format_: Format, bundle: Bundle, key: str, layout: Layout) -> Format:
+def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
+    return quilts.find_layout(bundle, key) if layout.lenses is None and layout.pixels is None else None
+
+
+def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format:
     """The format of a container that is a picture, where `format_` is that of the picture."""
     if format_.name == "TIFF":
         from ciir.renderer.readers.containers import tiff_stack

@@ -12,7 +12,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.registry import PictureFormat, is_container, is_picture
+from ciir.renderer.readers.registry import PictureFormat, is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -122,10 +122,9 @@ class Input:
             return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
-        content = inputs.open_input(self._source, self._layout(options), options.placement, pose, views)
-        main = self._source.main
-        is_eia = main is not None and (is_picture(main) or (is_container(main) and options.lenses is not None))
-        if not is_eia and not is_raw and not isinstance(content, Scene):
+        layout = self._layout(options)
+        content = inputs.open_input(self._source, layout, options.placement, pose, views)
+        if not isinstance(content, Scene) and not is_raw and inputs.holds_views(self._source, layout):
             self._check_views(content, options)
         return content
 
@@ -144,7 +143,7 @@ class Input:
         )
 
     def _check_views(self, light_field: LightField | ViewFiles, options: Options) -> None:
-        """Raises `InvalidOption` for an option of elemental image arrays."""
+        """Raises `InvalidOption` for an option of meshes and elemental image arrays that does nothing with views."""
         size = light_field.shape[2:4]
         if options.lenses not in (None, size):
             given = f"{options.lenses[0]}x{options.lenses[1]}"
@@ -156,6 +155,9 @@ class Input:
                 raise InvalidOption(
                     f"{option}: this is for elemental image arrays and {self.name} holds views; leave it out"
                 )
+        for option in ("pitch", "delta", "parallax"):
+            if getattr(options, option) is not None:
+                raise InvalidOption(f"{option}: this is for a lens array and {self.name} holds views; leave it out")
 
     def read_mesh(self, options: Options) -> Scene:
         """The mesh; `InvalidOption` where the source holds pictures."""

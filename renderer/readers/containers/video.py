@@ -119,6 +119,9 @@ def _read_views(frames: Iterator[NDArray[Any]], grid: tuple[int, int], name: str
 
 
 def _read_eia(file: InputContainer, stream: VideoStream, name: str, layout: Layout) -> LightField:
+    for option, is_given in (("arrangement", layout.arrangement != "auto"), ("crop", any(layout.crop))):
+        if is_given:
+            raise InvalidOption(f"{option}: this is for one picture and {name} is a video; leave it out")
     for number, frame in enumerate(_decode(file, stream)):
         if number == layout.frame:
             rows, columns = layout.lenses or (0, 0)

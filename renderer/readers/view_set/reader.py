@@ -71,7 +71,16 @@ def read(
         grid, light_field = grids[0], found[0]
     else:
         grid, light_field = _select_by_pictures(grids, found, name, has_shape=layout.pixels is not None)
-    return _settle_order(light_field, grid, layout, is_own=own is not None)
+    return _note_shape(_settle_order(light_field, grid, layout, is_own=own is not None), layout)
+
+
+def _note_shape(views: ViewFiles, layout: Layout) -> ViewFiles:
+    """The views with a note where their own order gives other rows and columns than were asked for."""
+    if layout.pixels in (None, views.files.shape) or not is_automatic(layout):
+        return views
+    given, found = ("{}x{}".format(*shape) for shape in (layout.pixels, views.files.shape))
+    note = f"pixels: {given} was asked for, but the pictures are in order as {found}; order given keeps {given}"
+    return replace(views, notes=(*views.notes, note))
 
 
 def _make_views(grid: Grid, decoder: Decoder, views: str, own: DepthSense | None) -> ViewFiles:

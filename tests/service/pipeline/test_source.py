@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import ciir
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
@@ -39,3 +40,48 @@ def test_a_light_field_in_memory_is_put_in_the_order_that_was_asked_for():
     assert report["lens_array"]["depth_sense"] == "cameras"
     taken, _ = run(field, views="2,1", model="none", order="columns")
     assert np.array_equal(taken[2, 1], field.views[1, 2])
+
+
+@pytest.fixture(scope="module")
+def containers(tmp_path_factory):
+    """A container, a stack, a quilt and a video of 3x4 views."""
+    folder = tmp_path_factory.mktemp("containers")
+    field = LightField(make_views((3, 4), side=32, channels=3), depth_sense="cameras", is_ordered=True)
+    for name in ("a.mat", "a.tif", "a.gif"):
+        field.save(folder / name, "stack" if name == "a.tif" else None)
+    field.save(folder / "a_qs4x3a1.png", "eia")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["a.mat", "a.tif", "a.gif", "a_qs4x3a1.png"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pitch": 2.0}, "pitch: this is for a lens array and {} holds views; leave it out"),
+        ({"delta": 0.1}, "delta: this is for a lens array and {} holds views; leave it out"),
+        ({"parallax": 30.0}, "parallax: this is for a lens array and {} holds views; leave it out"),
+        ({"pickup": "optical"}, "pickup: this is for elemental image arrays and {} holds views; leave it out"),
+        ({"crop": (0, 0, 1, 0)}, "crop: this is for elemental image arrays and {} holds views; leave it out"),
+        ({"arrangement": "eia"}, "arrangement: this is for elemental image arrays and {} holds views; leave it out"),
+        ({"frame": 1}, "frame: this is for a video of elemental image arrays, with lenses; leave it out of {}"),
+    ],
+)
+def test_what_views_in_a_file_ignore_is_refused(containers, name, options, message):
+    with pytest.raises(InvalidOption) as caught:
+        ciir.reconstruct(containers / name, views="all", model="none", **options)
+    assert str(caught.value) == message.format(name)
+
+
+@pytest.mark.parametrize("name", ["a.mat", "a.tif"])
+def test_numbers_that_are_not_the_files_are_refused(containers, name):
+    with pytest.raises(InvalidOption, match=f"lenses: 3x3 doesn't fit {name}, whose views have 32x32 pixels; leave"):
+        ciir.open(containers / name, lenses=(3, 3))
+    assert ciir.open(containers / name, lenses=(32, 32)).shape[:4] == (3, 4, 32, 32)
+    with pytest.raises(InvalidOption, match=r"pixels: (a.mat has 3x4 views|7x5 asks for 35 views, but a.tif has 12)"):
+        ciir.open(containers / name, pixels=(7, 5))
+
+
+@pytest.mark.parametrize(("option", "value"), [("crop", (1, 0, 0, 0)), ("arrangement", "eia")])
+def test_a_video_of_elemental_image_arrays_has_no_margins(containers, option, value):
+    with pytest.raises(InvalidOption, match=f"{option}: this is for one picture and a.gif is a video; leave it out"):
+        ciir.open(containers / "a.gif", lenses=(8, 8), **{option: value})

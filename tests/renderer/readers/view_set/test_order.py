@@ -126,3 +126,14 @@ def test_names_without_rows_and_columns_fill_the_grid_that_the_pictures_show():
     assert np.array_equal(field.views, views)
     assert "the names fill columns, 2.png ends the first" in field.notes[0]
     assert np.array_equal(read(down, pixels=(3, 5), order="columns").views, views)
+
+
+def test_a_shape_that_the_pictures_do_not_have_is_noted():
+    views = make_views((3, 5))
+    files = write_views(views, lambda v, u: f"frame{5 * v + u:02}.png")
+    field = read(files, pixels=(5, 3))
+    assert np.array_equal(field.views, views)
+    note = "pixels: 5x3 was asked for, but the pictures are in order as 3x5; order given keeps 5x3"
+    assert note in field.notes
+    assert read(files, pixels=(5, 3), order="given").shape[:2] == (5, 3)
+    assert not [note for note in read(files, pixels=(3, 5)).notes if note.startswith("pixels: ")]

@@ -46,3 +46,11 @@ def test_a_part_of_the_views_is_refused(client, eia):
     )
     assert refused.status_code == 422
     assert "give views all" in refused.json()["detail"]
+
+
+def test_lenses_that_are_not_those_of_the_file_are_refused(client):
+    file = io.BytesIO()
+    scipy.io.savemat(file, {"LF": FIELD.views})
+    refused = post(client, "a.mat", file.getvalue(), lenses="3x3")
+    assert refused.status_code == 422
+    assert "lenses: 3x3 doesn't fit upload.mat, whose views have 6x9 pixels; leave it out" in refused.json()["detail"]
