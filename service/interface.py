@@ -101,8 +101,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
     keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
-    `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`
-    (`LightField.flip`).
+    `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`,
+    for files that count them from the other end; the depth sense stays, so that `uv` inverts depth.
     `lens_pitch`: pixels from lens to lens of a raw lenslet picture, or `auto`, to find its lens grid in it;
     `lens_offset`: (y, x) of one lens's centre in pixels, `lens_rotation`: degrees by which rows of lenses go down to
     the right, `lens_grid`: `square` or `hexagonal`; each is found where it is not given. `white`, `dark`: paths of its

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -39,8 +39,11 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
 
 
 def reorient(views: Views, layout: Layout) -> Views:
-    """The views transposed and then flipped as `layout` asks for."""
-    return (views.transpose() if layout.transpose else views).flip(layout.flip)
+    """The views transposed and then flipped as `layout` asks for: their files count an axis from the other end than
+    their format does. So the depth sense stays that of the format, and a flip of both axes inverts depth.
+    """
+    found = (views.transpose() if layout.transpose else views).flip(layout.flip)
+    return replace(found, depth_sense=views.depth_sense)
 
 
 def correct(views: Views, order: Order) -> Views:
@@ -50,14 +53,27 @@ def correct(views: Views, order: Order) -> Views:
 
 
 def describe_correction(found: OrderEstimate) -> str:
-    """What `correct` does, and why."""
+    """What `correct` does, and why; where one axis is reversed, what else it may be."""
     done = {
         "reversed along one axis": "rows of views are taken from the bottom up",
         "transposed": "the first index is taken as the column",
         "transposed and reversed along one axis": "the first index is taken as the column, the second as the row from "
         "the bottom up",
     }[found.order]
-    return f"{done}, which fits {_count_tiles(found)}"
+    return f"{done}, which fits {_count_tiles(found)}{describe_other_axis(found.order)}"
+
+
+def describe_other_axis(order: Order) -> str:
+    """What views may be instead where `correct` reverses the rows: the pictures show that one axis is reversed, and the
+    other reading inverts depth. Empty elsewhere.
+    """
+    if not order.endswith("axis"):
+        return ""
+    options = "transpose and flip u" if order.startswith("transposed") else "flip u"
+    return (
+        f"; columns counted from right to left fit as well, with depth inverted: if near and far are exchanged, "
+        f"give {options}"
+    )
 
 
 def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:
@@ -65,9 +81,12 @@ def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:
     if not found.is_likely or found.order == "as given":
         return replace(views, is_ordered=True)
     verb = "seem to be" if found.is_wrong else "may be"
+    options = _name_options(found.order, layout)
+    if found.order.endswith("axis"):
+        options += f", or {_name_options(found.order, layout, 'u')} with depth inverted,"
     note = (
         f"order: the views {verb} {found.order}, as {_count_tiles(found)} show; they are left as they are: "
-        f"{_name_options(found.order, layout)} would put them right, order given keeps them without this note"
+        f"{options} would put them right, order given keeps them without this note"
     )
     return replace(views, notes=(*views.notes, note), is_ordered=not found.is_wrong)
 
@@ -76,14 +95,16 @@ def _count_tiles(found: OrderEstimate) -> str:
     return f"{found.votes} of {found.of} textured tiles"
 
 
-def _name_options(order: Order, layout: Layout) -> str:
-    """The options that do what `layout` asks for and then put views that are in `order` right."""
-    axes = [axis in layout.flip for axis in ("v", "u")] if layout.flip != "none" else [False, False]
+def _name_options(order: Order, layout: Layout, axis: Literal["v", "u"] = "v") -> str:
+    """The options that do what `layout` asks for and then put views that are in `order` right, by reversing `axis`
+    where one is reversed.
+    """
+    axes = [each in layout.flip for each in ("v", "u")] if layout.flip != "none" else [False, False]
     is_transposed = layout.transpose
     if order.startswith("transposed"):
         axes.reverse()
         is_transposed = not is_transposed
-    axes[0] ^= order.endswith("axis")
-    flip = "".join(axis for axis, is_reversed in zip("uv", axes[::-1], strict=True) if is_reversed)
+    axes["vu".index(axis)] ^= order.endswith("axis")
+    flip = "".join(each for each, is_reversed in zip("uv", axes[::-1], strict=True) if is_reversed)
     options = [*(["transpose"] if is_transposed else []), *([f"flip {flip}"] if flip else [])]
     return " and ".join(options) or "no flip and no transpose"

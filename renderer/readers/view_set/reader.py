@@ -17,7 +17,7 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
-from ciir.renderer.readers.view_set.order import add_note, correct, is_automatic, reorient
+from ciir.renderer.readers.view_set.order import add_note, correct, describe_other_axis, is_automatic, reorient
 from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
 from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import center_view, parse_views
@@ -136,7 +136,7 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     note = (
         f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "
         f"{grid.transposed_naming if is_transposed else grid.naming}{upwards}, which fits {found.votes} of {found.of} "
-        "textured tiles; order given keeps the order of the names"
+        f"textured tiles{describe_other_axis(found.order)}; order given keeps the order of the names"
     )
     return replace(views, notes=(*views.notes, note), is_ordered=True)
 

@@ -37,7 +37,7 @@ def test_a_light_field_in_memory_is_put_in_the_order_that_was_asked_for():
     field = LightField(make_views((2, 3), channels=3))
     taken, report = run(field, views="1,2", model="none", flip="uv")
     assert np.array_equal(taken[1, 2], field.views[0, 0])
-    assert report["lens_array"]["depth_sense"] == "cameras"
+    assert report["lens_array"]["depth_sense"] == "lenses"
     taken, _ = run(field, views="2,1", model="none", order="columns")
     assert np.array_equal(taken[2, 1], field.views[1, 2])
 

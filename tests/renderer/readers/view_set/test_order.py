@@ -34,12 +34,28 @@ def test_views_in_a_wrong_order_are_put_right(order, words):
     assert note.startswith("order: 3x5 views, rows x columns: of ")
     assert words in note
     assert "order given keeps" in note
+    assert ("columns counted from right to left fit as well, with depth inverted" in note) == order.endswith("axis")
     assert field.is_ordered
     assert np.array_equal(field.views, views)
     kept = read(files, order="given")
     assert kept.is_ordered
     assert [note.split(":")[0] for note in kept.notes] == ["views"]
     assert np.array_equal(kept.views, put_in(order, views))
+
+
+@pytest.mark.parametrize("is_transposed", [False, True])
+def test_the_note_names_the_option_for_columns_from_right_to_left(is_transposed):
+    views = make_views((3, 5), channels=3)  # as cameras see it, columns from the left
+    given = views[:, ::-1].swapaxes(0, 1) if is_transposed else views[:, ::-1]
+    files = write_views(given, lambda v, u: f"view_{v:02}_{u:02}.png")
+    field = read(files)
+    assert field.depth_sense == "cameras"
+    assert np.array_equal(field.views, views[::-1, ::-1])  # depth is inverted, which the note says
+    options = field.notes[0].split("near and far are exchanged, give ")[1].split(";")[0]
+    assert options == ("transpose and flip u" if is_transposed else "flip u")
+    right = read(files, flip="u", transpose=is_transposed)
+    assert right.depth_sense == "cameras"
+    assert np.array_equal(right.views, views)
 
 
 def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are():
@@ -56,7 +72,7 @@ def test_an_order_that_is_likely_is_noted(monkeypatch):
     field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
     assert np.array_equal(field.views, views)
     assert field.notes[1].startswith("order: the views may be reversed along one axis, as ")
-    assert ": flip v would put them right, " in field.notes[1]
+    assert ": flip v, or flip u with depth inverted, would put them right, " in field.notes[1]
 
 
 @pytest.mark.parametrize("order", ORDERS[1:])
@@ -68,7 +84,7 @@ def test_the_note_on_an_elemental_image_array_names_the_options_that_put_it_righ
     assert not given.is_ordered
     (note,) = given.notes
     assert note.startswith(f"order: the views seem to be {order}, as ")
-    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
+    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(", or ")[0].split(" and ")
     layout = {"transpose": "transpose" in options, "flip": "v" if "flip v" in options else "none"}
     right = read(files, "a.png", pixels=(5, 5), **layout)
     assert np.array_equal(right.views, views)
@@ -85,7 +101,7 @@ def test_the_options_of_a_note_replace_those_given(is_transposed, flip, order):
     given = given.transpose() if is_transposed else given
     # transposing and then flipping `given` gives the views in `order`, and the note what to give instead
     (note,) = settle_order(given, Layout(flip=flip, transpose=is_transposed), corrects=False).notes
-    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(" and ")
+    options = note.split(" as they are: ")[1].split(" would put them right")[0].split(", or ")[0].split(" and ")
     flips = [option.removeprefix("flip ") for option in options if option.startswith("flip")]
     right = settle_order(given, Layout(flip=(flips or ["none"])[0], transpose="transpose" in options), corrects=False)
     assert np.array_equal(right.views, views)
@@ -108,10 +124,9 @@ def test_any_light_field_is_put_in_the_order_that_was_asked_for(layout, expected
     views = random.integers(0, 256, (2, 3, 4, 5, 3), np.uint8)
     files = write_views(views, lambda v, u: f"{v}_{u}.png")
     eia = {"a.png": encode_png(LightField(views).eia())}
-    sense = {"cameras": "lenses", "lenses": "cameras"} if "u" in layout.get("flip", "") else {}
-    for field, before in ((read(files, **layout), "cameras"), (read(eia, "a.png", pixels=(2, 3), **layout), "lenses")):
+    for field, sense in ((read(files, **layout), "cameras"), (read(eia, "a.png", pixels=(2, 3), **layout), "lenses")):
         assert np.array_equal(field.views, expected(views))
-        assert field.depth_sense == sense.get(before, before)
+        assert field.depth_sense == sense  # the file counted the other way: what it counts stays
 
 
 def test_names_without_rows_and_columns_fill_the_grid_that_the_pictures_show():
