@@ -55,10 +55,12 @@ class Unreadable(InputError):  # noqa: N818
 class TooLarge(InputError):  # noqa: N818
     """Over a limit on bytes, pixels, files or triangles."""
 
-    def __init__(self, message: str, limit: str = "") -> None:
+    def __init__(self, message: str, limit: str = "", needed: int = 0) -> None:
         super().__init__(message)
         self.limit = limit
         """Name of the limit in `renderer.limits.Limits`; empty for a fixed one."""
+        self.needed = needed
+        """A value of that limit that suffices; 0 where it isn't known."""
 
 
 class InvalidGeometry(InputError):  # noqa: N818

@@ -100,6 +100,7 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
             f"{name}: {triangles:,} triangles and {vertices:,} vertices; at most {max_triangles:,} and "
             f"{3 * max_triangles:,} are read; decimate the mesh",
             "triangles",
+            max(triangles, -(-vertices // 3)),
         )
 
 

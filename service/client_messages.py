@@ -9,7 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from ciir.errors import ConnectionFailed, Error, NotDone, NotFound, QueueFull, ServiceError, Unauthorized, Unreadable
+from ciir.errors import (
+    ConnectionFailed,
+    Error,
+    InvalidOption,
+    NotDone,
+    NotFound,
+    QueueFull,
+    ServiceError,
+    Unauthorized,
+    Unreadable,
+)
 from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.service.errors import find_class
 from ciir.service.pipeline.options import write_texts
@@ -97,9 +107,18 @@ def write_fields(options: Mapping[str, object]) -> dict[str, str]:
 
 
 def open_source(path: Path) -> tuple[str, IO[bytes]]:
-    """The name and the content to send; a folder's files as a zip, the same bytes for the same files."""
+    """The name and the content to send; a folder's files as a zip, the same bytes for the same files.
+
+    Raises `Unreadable`, and `InvalidOption` for a shipped scene.
+    """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.limits import read_limits
+    from ciir.service.pipeline.source import SCENE
+
+    if str(path).startswith(SCENE):
+        raise InvalidOption(
+            f"{path}: a shipped scene is no file to send; render it without a server (ciir.render), and send the result"
+        )
 
     try:
         if not path.is_dir():
@@ -145,7 +164,9 @@ def make_error(response: httpx2.Response) -> Error:
 
 def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed:
     """The error that reports a failure to connect, send or receive."""
-    why = str(error) or type(error).__name__
+    if url.scheme not in ("http", "https"):
+        return ConnectionFailed(f"{url}: no server's URL; give one that begins with http:// or https://")
+    why = str(error).rstrip(".") or type(error).__name__
     return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server runs")
 
 

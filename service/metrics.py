@@ -30,7 +30,9 @@ class Metrics:
         )
         self.received = counter("ciir_http_received_bytes", "Bytes of request bodies")
         self.sent = counter("ciir_http_sent_bytes", "Bytes of response bodies")
-        self.submitted = counter("ciir_jobs_submitted", "Jobs requested; kind: accepted, known or refused", ("kind",))
+        self.submitted = counter(
+            "ciir_jobs_submitted", "Jobs requested; kind: accepted (new), known or refused", ("kind",)
+        )
         self.waiting = gauge("ciir_queue_waiting", "Waiting jobs")
         self.jobs = gauge("ciir_queue_jobs", "Jobs on all machines; state: queued or running", ("lane", "state"))
         self.oldest = gauge(

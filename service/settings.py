@@ -208,9 +208,11 @@ def read_settings() -> Settings:
     except ValidationError as error:
         name = str(error.errors()[0]["loc"][0])
         given = secrets.get(name, os.environ.get(f"{PREFIX}{name.upper()}", ""))
+        default = Settings.model_fields[name].default
+        more = f" for the default {default}" if default not in ((), "", None) else ""
         raise InvalidOption(
             f"{PREFIX}{name.upper()}: {hide_secrets(given)[:80]!r} is not {describe_values(name)}; "
-            f"set one, or unset it for the default {Settings.model_fields[name].default!r}"
+            f"set one, or unset it{more}"
         ) from error
 
 

@@ -81,8 +81,8 @@ class Jobs:
         """The id of the job for this request."""
         return compute_id(request, hash_content(file), self._limits)
 
-    def submit(self, request: Request, file: BinaryIO) -> Job:
-        """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now.
+    def submit(self, request: Request, file: BinaryIO) -> tuple[Job, bool]:
+        """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now (True).
 
         A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, or lost
         its result is. Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a
@@ -92,7 +92,7 @@ class Jobs:
         id_ = compute_id(request, content, self._limits)
         found = self.records.get(id_)
         if found is not None and self._is_valid(found):
-            return self._mark_used(found)
+            return self._mark_used(found), False
         self.disk.check()
         lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
@@ -108,9 +108,9 @@ class Jobs:
             existing = self.records.get(id_)
             if existing is None:
                 raise QueueUnavailable("the same job was submitted and expired at the same moment; post it again")
-            return self._mark_used(existing)
+            return self._mark_used(existing), False
         self.queue.push(lane, id_)
-        return created
+        return created, True
 
     def get(self, id_: str) -> Job | None:
         """The current state of the job; None if there is no such job."""
@@ -136,6 +136,10 @@ class Jobs:
                 self._mark_used(job)
                 return file
         raise ResultExpired(f"{id_}: there is no result, or no longer; post the input again")
+
+    def stores_result(self, job: Job) -> bool:
+        """Whether there is a file of the result of `job`, which is done; whether it is damaged is not checked."""
+        return self.files.exists(RESULTS, job.output)
 
     def count_waiting(self) -> int:
         """How many jobs wait, in both lanes, including some that were cancelled."""

@@ -73,7 +73,7 @@ class Lifecycle:
 
     def requeue(self, run: Job, lane: Lane) -> None:
         """Puts the job of a run that was stopped back into the queue, in `lane`."""
-        self._retry(run, None, lane=lane)
+        self._retry(run, None, logging.DEBUG, lane=lane)  # nothing failed; the consumer logs why the run ended
 
     def retry_after_worker_death(self, run: Job, *, timed_out: bool = False) -> None:
         """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`. `timed_out`: whether that ended the worker."""
@@ -128,7 +128,7 @@ class Lifecycle:
 
         return self._records.update(run.id, step)
 
-    def _retry(self, run: Job, problem: Problem | None, **changes: Any) -> bool:
+    def _retry(self, run: Job, problem: Problem | None, level: int = logging.WARNING, **changes: Any) -> bool:
         """Queues the job again, or fails it with `problem`; False if the lease is lost."""
         event = Event("queued") if problem is None else Event("failed", asdict(problem))
         job = self._update(run, event, problem=problem, **changes)
@@ -137,6 +137,6 @@ class Lifecycle:
         if problem is not None:
             self.settle(job)
         else:
-            _log.warning("job %s: run %d was stopped; queued again", job.id, job.attempts)
+            _log.log(level, "job %s: run %d was stopped; queued again", job.id, job.attempts)
             self._queue.push(job.lane, job.id)
         return True

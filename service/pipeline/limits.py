@@ -52,11 +52,15 @@ def read_limits() -> Limits:
 
 
 def describe_setting(error: TooLarge) -> str:
-    """What to add to the message of `error`: what to type for ten times the limit; empty where no setting raises it."""
+    """What to add to the message of `error`: what to type for ten times the limit, or for what is needed.
+
+    Empty where no setting raises the limit.
+    """
     if not error.limit:
         return ""
     name, _, most = SETTINGS[error.limit]
-    return f", or type {name}={min(10 * getattr(read_limits(), error.limit), most)} before the command"
+    raised = max(10 * getattr(read_limits(), error.limit), error.needed)
+    return f", or type {name}={min(raised, most)} before the command"
 
 
 def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, UnsupportedType
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS
 from ciir.service.pipeline import run
@@ -14,16 +16,23 @@ from ciir.service.pipeline.pictures import output_names, upscale_files
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.limits import Limits
     from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import KindName, Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
 
-    Run = Callable[["Bundle", "Options", "Output"], tuple[str, "Report"]]
+    Run = Callable[[Bundle, "Options", "Output"], tuple[str, "Report"]]
     """Returns the name of the format that was written, and the report; raises as `service.pipeline.run` does."""
 
 _SUFFIXES = {entry.name: entry.suffixes[0] for entry in FORMATS}
+_TAKEN: dict[KindName, str] = {
+    "upscale": ", ".join(suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, PictureFormat)),
+    "elemental": ", ".join(
+        suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, MeshFormat) or entry is ZIP
+    ),
+}
+"""The suffixes of the files of kinds that don't take all."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +46,14 @@ class Output:
     """Most output pixels, and most samples of a mesh."""
     progress: Progress
     clock: Clock
+
+
+def open_upload(kind: KindName, name: str, data: bytes, limits: Limits) -> Bundle:
+    """As `Bundle.from_upload`; the message of `UnsupportedType` lists what that kind takes."""
+    try:
+        return Bundle.from_upload(name, data, limits)
+    except UnsupportedType as error:
+        raise UnsupportedType(str(error).replace(READ, _TAKEN.get(kind, READ))) from error
 
 
 def _reconstruct(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:

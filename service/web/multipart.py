@@ -32,7 +32,7 @@ _REMEDIES = {  # the beginning of a message -> its remedy
     "Invalid multipart data": "send a form as HTTP clients make it, such as curl -F file=@NAME",
     "Missing boundary": "let the HTTP client write the Content-Type with its boundary",
     "The Content-Disposition": "send a form as HTTP clients make it, such as curl -F file=@NAME",
-    "Too many files": "send one file, a zip for several",
+    "Too many files": "send one file; a zip of several is for reconstructions and elementals",
     "Too many fields": "send each option once",
     "Part exceeded": "send large content as the file, with a file name, and name fewer views",
 }

@@ -134,6 +134,12 @@ def test_numbers_are_limited(monkeypatch, name):
         assert "for the default" in line
 
 
+def test_a_default_that_is_empty_is_not_named(monkeypatch):
+    monkeypatch.setenv("CIIR_HOSTS", "*.example")
+    with pytest.raises(InvalidOption, match=r"; set one, or unset it$"):
+        settings.read_settings()
+
+
 @pytest.mark.parametrize(
     ("name", "value", "parts"),
     [

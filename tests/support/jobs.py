@@ -19,7 +19,7 @@ from tests.support.waiting import wait_until
 
 def submit_data(jobs, data=b"data", **options):
     """Submits a job whose input is `data`."""
-    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data))
+    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data))[0]
 
 
 def wait_for_end(jobs, id_, states=FINAL):

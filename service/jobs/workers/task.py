@@ -159,11 +159,10 @@ def write_result(
     progress: Callable[[dict[str, Any]], None],
 ) -> Result:
     """As `run_task`, but raises whatever the pipeline does."""
-    from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline import one_file
     from ciir.service.pipeline.options import Options
 
-    bundle = Bundle.from_upload(request.name, source.read(), limits.limits)
+    bundle = one_file.open_upload(request.kind, request.name, source.read(), limits.limits)
     clock = ProgressClock(progress)
     output = one_file.Output(target, request.format, limits.output_pixels, clock.count_views, clock)
     name, report = one_file.RUNS[request.kind](bundle, Options.parse(request.options), output)

@@ -8,6 +8,7 @@ what is not HTTP, and its `limit_concurrency` closes no idle connection. How lon
 from __future__ import annotations
 
 import logging
+import re
 import sys
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
     from ciir.service.metrics import Metrics
 
+_REPR = re.compile(r"(?:bytearray\()?\bb(([\"']).*\2)\)?")
+"""Bytes as h11's messages show them."""
 _BARE_LINE = "Invalid HTTP request received."
 """uvicorn's line without a cause; `Refusal.log` logs a better one."""
 
@@ -110,7 +113,7 @@ class TimeoutProtocol(H11Protocol):
         if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):
             self.transport.abort()
             return
-        cause = str(sys.exception() or msg.rstrip("."))[:120]
+        cause = _REPR.sub(r"\1", str(sys.exception() or msg.rstrip("."))).replace("\\r\\n", "")[:120]
         self._refuse(400, f"{cause}; send HTTP/1.1 as RFC 9112 defines it")
 
     def _refuse(self, status: int, detail: str) -> None:

@@ -48,9 +48,10 @@ def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[
             return
         is_own = site in ("same-origin", "none") if site else origin is None or _find_authority(origin) == host.lower()
         if not is_own:
+            given = repr(origin[:80]) if origin else f"without Origin, Sec-Fetch-Site: {(site or '')[:80]!r}"
             raise HTTPException(
                 403,
-                f"the request comes from a web page of another origin, {(origin or 'unknown')[:80]!r}; "
+                f"the request comes from a web page of another origin ({given}); "
                 "use a page of this server, or list the origin in CIIR_CORS_ORIGINS",
             )
 

@@ -99,12 +99,12 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
 async def _submit(state: State, given: Upload) -> Job:
     """Submits the form as a job. Raises `QueueFull` or `QueueUnavailable`."""
     try:
-        job = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file)
+        job, is_new = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file)
     except (QueueFull, QueueUnavailable) as error:
         state.metrics.submitted.labels("refused").inc()
         _log.info("refused %s of %s, %d bytes: %s", given.request.kind, given.request.name, given.size, error)
         raise
-    state.metrics.submitted.labels("known" if job.state in FINAL else "accepted").inc()
+    state.metrics.submitted.labels("accepted" if is_new else "known").inc()
     trace.get_current_span().set_attribute("ciir.job", job.id)
     _log.info("job %s: %s of %s, %d bytes, %s", job.id, job.request.kind, given.request.name, given.size, job.state)
     return job
@@ -121,9 +121,10 @@ async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
     return job
 
 
-async def read_job(job: FoundJob) -> Response:
+async def read_job(job: FoundJob, state: State) -> Response:
     """The status, with the report or the problem at its end."""
-    return results.respond_with_status(job)
+    has_result = job.result is None or await to_thread.run_sync(state.engine.jobs.stores_result, job)
+    return results.respond_with_status(job, has_result=has_result)
 
 
 async def cancel_job(job: FoundJob, state: State) -> Response:

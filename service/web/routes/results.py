@@ -10,8 +10,9 @@ from anyio import to_thread
 from fastapi import Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
+from ciir.errors import ResultExpired
 from ciir.renderer.writers.formats import FORMATS
-from ciir.service.errors import CANCELLED
+from ciir.service.errors import CANCELLED, find_response
 from ciir.service.jobs.job import FINAL
 from ciir.service.web import problems
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 CACHE = "private, no-cache"
 """Of results: a client may keep them and ask with the ETag whether they have changed."""
+LOST = "the result is no longer stored, or was damaged; post the input again"
 CHUNK = 2**18
 """Bytes of a piece of a result; one that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
@@ -47,8 +49,8 @@ def name_id_header(kind: KindName) -> str:
     return f"X-{kind.title()}-Id"
 
 
-def describe_job(job: Job) -> dict[str, Any]:
-    """A job's status as `schemas.Status` describes it."""
+def describe_job(job: Job, *, has_result: bool = True) -> dict[str, Any]:
+    """A job's status as `schemas.Status` describes it. `has_result`: whether the result of a done job is stored."""
     status: dict[str, Any] = {
         "id": job.id,
         "state": job.state,
@@ -61,7 +63,12 @@ def describe_job(job: Job) -> dict[str, Any]:
         "progress": _find_progress(job),
     }
     if job.result is not None:
-        status["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
+        if has_result:
+            status["result"] = {"url": f"{make_url(job)}/result", "format": job.result.format, "size": job.result.size}
+        else:
+            status["problem"] = problems.describe_problem(
+                make_url(job), 410, LOST, find_response(ResultExpired()).title
+            )
         status["report"] = job.result.report
     if job.problem is not None:
         status["problem"] = problems.describe_problem(make_url(job), **asdict(job.problem))
@@ -80,11 +87,13 @@ def _find_progress(job: Job) -> dict[str, Any] | None:
     return None
 
 
-def respond_with_status(job: Job, code: int = 200, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    """The response with the status; `Retry-After` if it will change."""
+def respond_with_status(
+    job: Job, code: int = 200, headers: Mapping[str, str] | None = None, *, has_result: bool = True
+) -> JSONResponse:
+    """The response with the status as `describe_job` makes it; `Retry-After` if it will change."""
     again = {} if job.state in FINAL else {"Retry-After": RETRY_SECONDS}
     fixed = {"Cache-Control": "no-store", name_id_header(job.request.kind): job.id}
-    return JSONResponse(describe_job(job), code, fixed | again | dict(headers or {}))
+    return JSONResponse(describe_job(job, has_result=has_result), code, fixed | again | dict(headers or {}))
 
 
 def respond_unfinished(job: Job, path: str, *, is_post: bool) -> JSONResponse:

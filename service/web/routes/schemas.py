@@ -229,7 +229,7 @@ class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
     events: Annotated[str, Field(description="Path of its server-sent events.")]
     progress: Progress | None
     result: NotRequired[Annotated[ResultFile, Field(description="If it is done.")]]
-    problem: NotRequired[Annotated[Problem, Field(description="Why it failed, if it has.")]]
+    problem: NotRequired[Annotated[Problem, Field(description="Why it failed, if it has; 410 if its result is lost.")]]
 
 
 @_described

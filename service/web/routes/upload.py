@@ -36,8 +36,8 @@ def check_content_type(content_type: str | None) -> None:
     """Raises `UnsupportedType` unless the body is declared as multipart/form-data."""
     kind = (content_type or "").partition(";")[0].strip().lower()
     if kind != "multipart/form-data":
-        given = repr(kind[:60]) if kind else "nothing"
-        raise UnsupportedType(f"the body's type is {given}; send multipart/form-data with the part {FILE!r}")
+        given = f"the body's type is {kind[:60]!r}" if kind else "the body has no type"
+        raise UnsupportedType(f"{given}; send multipart/form-data with the part {FILE!r}")
 
 
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:

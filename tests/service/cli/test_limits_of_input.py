@@ -49,6 +49,16 @@ def test_the_environment_sets_limits_on_what_is_read(
         assert main([*command, *(["--model", "none"] if command[0] == "reconstruct" else [])]) == 0
 
 
+def test_a_limit_that_suffices_is_named_at_once(tmp_path, monkeypatch, capsys):
+    count = 500
+    rows = "".join(f"{n} {n * n} 0\n" for n in range(count + 2))
+    faces = "".join(f"3 {n} {n + 1} {n + 2}\n" for n in range(count))
+    (tmp_path / "strip.off").write_text(f"OFF\n{count + 2} {count} 0\n{rows}{faces}")
+    monkeypatch.setenv("CIIR_MAX_TRIANGLES", "10")
+    line = fails(capsys, "reconstruct", tmp_path / "strip.off", "-o", tmp_path / "out")
+    assert line.endswith(f"type CIIR_MAX_TRIANGLES={count} before the command\n")
+
+
 def test_a_limit_of_the_environment_that_is_no_number(cube_file, tmp_path, monkeypatch, capsys):
     for text in ("many", "0", "-1", "1e6", "999999999999999"):
         monkeypatch.setenv("CIIR_MAX_TRIANGLES", text)

@@ -34,6 +34,15 @@ def test_a_run_that_lost_its_lease_changes_nothing(jobs):
     assert read_result(jobs, job.id) == b"result"
 
 
+def test_a_move_to_another_lane_is_no_warning(jobs, caplog):
+    run = jobs.lifecycle.start(submit_data(jobs).id, "a-1")
+    jobs.lifecycle.requeue(run, "large")
+    assert jobs.get(run.id).lane == "large"
+    assert [record for record in caplog.records if record.levelname == "WARNING"] == []
+    jobs.lifecycle.retry_after_consumer_death(jobs.lifecycle.start(run.id, "a-2"))
+    assert "run 2 was stopped; queued again" in caplog.text
+
+
 def test_a_cancelled_run_changes_nothing(jobs):
     run = jobs.lifecycle.start(submit_data(jobs).id, "a-1")
     cancelled = jobs.cancel(run.id)

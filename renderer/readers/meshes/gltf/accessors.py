@@ -37,6 +37,7 @@ def read_accessor(document: Document, index: object) -> NDArray[Any]:
             f"{document.name}: with accessor {index} those that are read have {clean_text(f'{document.elements:,}')} "
             f"elements; at most {document.max_elements:,} are read together; decimate the mesh",
             "triangles",
+            sum(int(each["count"]) for each in document.json["accessors"]) // 3,  # the indices alone are 3 a triangle
         )
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])

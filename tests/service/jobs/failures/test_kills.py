@@ -85,7 +85,7 @@ def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):
         for stage in STAGES:
             killer.stage = stage
             data = make_stl(note=stage.encode())
-            job = jobs.submit(Request("upload.stl", OPTIONS, "zip"), io.BytesIO(data))
+            job, _ = jobs.submit(Request("upload.stl", OPTIONS, "zip"), io.BytesIO(data))
             job = wait_for_end(jobs, job.id)
             assert (job.state, job.worker_deaths, job.attempts) == ("done", 1, 2), job.problem
             with jobs.open_result(job.id) as file:

@@ -110,7 +110,7 @@ def test_two_equal_requests_share_a_job(own, eia):
     threads[0].start()
     assert started.wait(30)
     threads[1].start()
-    wait_until(lambda: own.engine.metrics.submitted.labels("accepted")._value.get() == 2)
+    wait_until(lambda: own.engine.metrics.submitted.labels("known")._value.get() == 1)
     go.set()
     for thread in threads:
         thread.join(30)
@@ -277,7 +277,10 @@ def test_a_damaged_result_is_never_sent(own, eia, position):
         (own.engine.jobs.folder / "files" / "results" / job.output).write_bytes(data)
 
     damage()
+    assert own.get(place.removesuffix("/result")).json()["result"]["url"] == place
     check_problem(own.get(place), 410, "post the input again")
+    status = own.get(place.removesuffix("/result")).json()
+    assert (status["state"], "result" in status, status["problem"]["status"]) == ("done", False, 410)
     for _ in range(2):
         again = post_file(own, **fields)
         assert (again.status_code, again.content) == (200, first.content)
@@ -289,6 +292,14 @@ def test_only_the_suffix_of_a_file_name_is_used(client):
     detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
     assert "upload.txt" in detail
     assert "pass" not in detail
+
+
+@pytest.mark.parametrize(
+    ("kind", "taken", "others"), [("upscale", ".webp", (".glb", ".mp4")), ("elemental", ".glb", (".png", ".mp4"))]
+)
+def test_a_type_that_is_not_read_names_those_that_the_kind_takes(client, kind, taken, others):
+    detail = check_problem(client.post(f"/v1/{kind}s", files={"file": ("a.md", b"# hello")}), 415, taken)
+    assert not any(other in detail for other in others)
 
 
 def test_empty_fields_are_ignored(client, eia):
@@ -315,7 +326,7 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
-    problem(client.post(POST, content=eia), 415, "nothing")
+    problem(client.post(POST, content=eia), 415, "the body has no type;")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
 
 
