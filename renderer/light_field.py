@@ -248,7 +248,9 @@ class LightField:
         return cls(blocks.transpose(1, 3, 0, 2, 4))
 
     def eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`."""
+        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`. The order of views stays:
+        an array for lenses needs `with_depth_sense("lenses")`, which `save` takes care of.
+        """
         pixels_v, pixels_u, rows, cols, channels = self.views.shape
         blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)
         if is_turned(pickup):

@@ -101,8 +101,19 @@ def open_input(
         )
     if (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
-    light_field = eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
-    return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # a mosaic
+    light_field = _find_eslf(eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits), layout)
+    return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # no EIA
+
+
+def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
+    """The views that are not empty, with a note, where an elemental image array is ESLF under another name."""
+    from ciir.renderer.readers.containers import eslf
+
+    is_open = (layout.arrangement, layout.pickup, light_field.depth_sense) == ("auto", "virtual", "lenses")
+    if not (is_open and eslf.has_empty_corners(light_field.views)):
+        return light_field
+    found = eslf.select_views(light_field.views)
+    return replace(found, notes=(*found.notes, eslf.RECOGNISED))
 
 
 def holds_views(bundle: Bundle, layout: Layout) -> bool:

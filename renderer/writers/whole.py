@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 REVERSED = "{name} counts cameras: views are written in reversed order in v and in u, which is the same light field"
 """A note of formats that have the depth sense of cameras."""
+REVERSED_TO_LENSES = (
+    "{name} counts pixels under lenses: views are written in reversed order in v and in u, which is the same light "
+    "field"
+)
+"""A note of formats that have the depth sense of lenses."""
 
 
 class WholeWriter(Writer):

@@ -22,7 +22,12 @@ import numpy as np
 
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.samples import check_array, convert_samples
+from ciir.renderer.readers.containers.samples import (
+    TAKEN_AS_CAMERAS,
+    check_array,
+    convert_samples,
+    settle_depth_sense,
+)
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -67,18 +72,20 @@ class Array:
 
 
 def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
-    """The array as it is: `views[v, u, y, x, c]`, with the depth sense of lenses, as it holds none."""
+    """The array as it is: `views[v, u, y, x, c]`. It states no depth sense: that of cameras is taken, with a note."""
     return _read_array(Array(data, name), name, limits)
 
 
 def _read_array(array: Array, name: str, limits: Limits) -> LightField:
     check_array(name, array.shape, array.dtype, limits)
     views, notes = convert_samples(array.read(), name)
-    return LightField(views, notes)
+    return LightField(views, (*notes, TAKEN_AS_CAMERAS), depth_sense="cameras")
 
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
-    """The one array with five axes, or the views at their positions, with the depth sense that the report states."""
+    """The one array with five axes, or the views at their positions, with the depth sense that the report states, else
+    that of cameras, with a note.
+    """
     from ciir.renderer.readers.bundle import check_members, check_sum
 
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -138,8 +145,8 @@ def _read_views(arrays: Mapping[str, Array], name: str, limits: Limits) -> Light
     if not np.array_equal(order, np.arange(count)):
         stored = stored[order]
     made, notes = convert_samples(stored.reshape(rows, columns, *views.shape[1:]), name)
-    sense = _find_depth_sense(arrays)
-    return LightField(made, notes, depth_sense="cameras" if sense == "cameras" else "lenses")
+    sense, guessed = settle_depth_sense(_find_depth_sense(arrays))
+    return LightField(made, notes + guessed, depth_sense=sense)
 
 
 def _find_depth_sense(arrays: Mapping[str, Array]) -> object:

@@ -28,6 +28,12 @@ LENSES = (range(375, 377), range(540, 542))
 EMPTY = 0.02
 """A view whose mean is below this share of that of the brightest view is empty."""
 
+RECOGNISED = (
+    "read as Lytro's ESLF, as the corner views of its 14x14 are empty: u counts cameras from the left; arrangement eia "
+    "reads it as an elemental image array of a lens array"
+)
+"""A note on a picture that neither its name nor its size makes ESLF."""
+
 
 def is_eslf(name: str, data: bytes) -> bool:
     """Whether a PNG is named `..._eslf.png`, or has the size of the Illum's."""
@@ -38,14 +44,29 @@ def is_eslf(name: str, data: bytes) -> bool:
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The views that are not empty, of a lens of `layout.pixels`, by default 14x14."""
-    picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
+    return select_views(_map(pictures.decode(data, name=name, max_pixels=limits.pixels), layout.pixels or PIXELS))
+
+
+def has_empty_corners(views: Pixels) -> bool:
+    """Whether `views`, all of an elemental image array, are the 14x14 of ESLF, and those at the corners are empty: the
+    round pupil of a lens doesn't reach them.
+    """
+    if views.shape[:2] != PIXELS:
+        return False
+    light = views[..., 3:] if views.shape[4] == 4 else views
+    middle = light[PIXELS[0] // 2, PIXELS[1] // 2].mean()
+    corners = light[:: PIXELS[0] - 1, :: PIXELS[1] - 1].mean(axis=(2, 3, 4))
+    return bool(middle > 0 and corners.max() <= EMPTY * middle)
+
+
+def select_views(views: Pixels) -> LightField:
+    """The light field of those of `views` that are not empty; a fourth channel is their weight."""
     notes: tuple[str, ...] = ()
     weight = None
-    if picture.shape[2] == 4:
-        weight, picture = picture[..., 3:], picture[..., :3]
+    if views.shape[4] == 4:
+        weight, views = views[..., 3:], views[..., :3]
         notes += ("the fourth channel of ESLF is a weight, not alpha: it is left out",)
-    views = _map(picture, layout.pixels or PIXELS)
-    kept = _find_full_grid(_sum_views(views if weight is None else _map(weight, layout.pixels or PIXELS)))
+    kept = _find_full_grid(_sum_views(views if weight is None else weight))
     count_v, count_u = views.shape[:2]
     views = views[kept]
     if views.shape[:2] != (count_v, count_u):

@@ -15,10 +15,23 @@ if TYPE_CHECKING:
 
     from numpy.typing import DTypeLike, NDArray
 
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.limits import Limits
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """A note."""
+TAKEN_AS_CAMERAS = (
+    "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
+    "near and far are exchanged, as of pixels under a lens array, give flip uv"
+)
+"""A note."""
+
+
+def settle_depth_sense(stated: object) -> tuple[DepthSense, tuple[str, ...]]:
+    """The depth sense that a file states; that of cameras, with a note, where it states none."""
+    if stated == "lenses":
+        return "lenses", ()
+    return "cameras", () if stated == "cameras" else (TAKEN_AS_CAMERAS,)
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:

@@ -18,7 +18,7 @@ import tifffile
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import tiff
-from ciir.renderer.readers.containers.samples import check_array
+from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,9 +57,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
                 raise Unreadable(f"{name}: page {number} is not like the first; make all views alike")
             tiff.check_page(page, len(data), name, _allow)
             views[number] = tiff.read_page(page).reshape(height, width, channels)
-    is_cameras = described.get("depth_sense") == "cameras"
-    views = views.reshape(*grid, height, width, channels)
-    return LightField(views, notes, depth_sense="cameras" if is_cameras else "lenses")
+    sense, guessed = settle_depth_sense(described.get("depth_sense"))
+    return LightField(views.reshape(*grid, height, width, channels), notes + guessed, depth_sense=sense)
 
 
 def _allow(height: int, width: int) -> None:

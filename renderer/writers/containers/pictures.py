@@ -13,7 +13,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.options import EpiLine
 from ciir.renderer.writers.pictures import SUFFIXES, encode
-from ciir.renderer.writers.whole import REVERSED, WholeWriter
+from ciir.renderer.writers.whole import REVERSED, REVERSED_TO_LENSES, WholeWriter
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -41,13 +41,21 @@ class PictureWriter(WholeWriter):
 
 
 class EiaWriter(PictureWriter):
-    """Writes the elemental image array: pixel (y*V + v, x*U + u) is pixel (y, x) of view (v, u)."""
+    """Writes the elemental image array: pixel (y*V + v, x*U + u) is pixel (y, x) of view (v, u).
+
+    It has the depth sense of lenses: of one with that of cameras the views are reversed in v and u.
+    """
 
     name = "eia"
 
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array."""
-        return light_field.eia()
+        return light_field.with_depth_sense("lenses").eia()
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Notes a reversed order."""
+        super().encode(light_field)
+        return [] if light_field.depth_sense == "lenses" else [REVERSED_TO_LENSES.format(name=self.name)]
 
 
 class EslfWriter(PictureWriter):

@@ -12,6 +12,7 @@ from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers import arrays
+from ciir.renderer.readers.containers.samples import TAKEN_AS_CAMERAS
 from ciir.renderer.readers.layout import Layout
 
 GRID, SIZE = (2, 3), (4, 5)
@@ -41,10 +42,9 @@ def numbered(dtype, channels=3):
 def test_npy_is_v_u_y_x_c(dtype, order):
     found = read(saved(np.asarray(numbered(dtype), order=order)))
     assert found.views.dtype == np.dtype(dtype).newbyteorder("=")
-    assert found.depth_sense == "lenses"
     for v, u, y, x, c in np.ndindex(found.views.shape):
         assert found.view(v, u)[y, x, c] == 100 * v + 50 * u + 10 * y + 2 * x + c
-    assert found.notes == ()
+    assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
 @pytest.mark.parametrize("dtype", ["f2", "f4", "f8"])
@@ -118,6 +118,7 @@ def zipped(**members):
 def test_npz_of_one_array_under_any_name():
     found = read(zipped(scene=numbered("u2"), notes=np.zeros(3)), "npz")
     np.testing.assert_array_equal(found.views, numbered("u2"))
+    assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
 def test_npz_of_two_arrays_names_them():
@@ -131,7 +132,9 @@ def test_views_at_positions_in_any_order():
     field = numbered("u1")
     positions = [(1, 2), (0, 1), (0, 0), (1, 0), (1, 1), (0, 2)]
     data = zipped(views=np.stack([field[place] for place in positions]), positions=np.array(positions))
-    np.testing.assert_array_equal(read(data, "npz").views, field)
+    found = read(data, "npz")
+    np.testing.assert_array_equal(found.views, field)
+    assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +153,14 @@ def test_our_own_npz_keeps_the_depth_sense(tmp_path, sense):
     field.save(tmp_path / "a.npz")
     found = read((tmp_path / "a.npz").read_bytes(), "npz")
     np.testing.assert_array_equal(found.views, field.views)
-    assert found.depth_sense == sense
+    assert (found.notes, found.depth_sense) == ((), sense)
+
+
+def test_flip_puts_an_array_of_a_lens_array_right():
+    pictures = LightField(numbered("u1")).with_depth_sense("cameras").views
+    found = inputs.read(Bundle.from_upload("a.npy", saved(numbered("u1"))), Layout(flip="uv"))
+    np.testing.assert_array_equal(found.views, pictures)
+    assert found.depth_sense == "cameras"
 
 
 def test_another_grid_is_refused():

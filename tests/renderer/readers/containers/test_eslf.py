@@ -7,7 +7,7 @@ from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers.eslf import is_eslf
 from ciir.renderer.readers.layout import Layout
-from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.pictures import encode, encode_png
 from tests.support.inputs import make_png_header
 
 LENSES = (6, 8)
@@ -77,6 +77,23 @@ def test_it_is_recognised_by_its_name_or_the_size_of_the_illum():
     assert read(make((3, 11, 3, 11)), pixels=(14, 14), arrangement="eia").views.shape == (14, 14, *LENSES, 3)
     with pytest.raises(InvalidOption, match="read as an elemental image array"):
         read(make((0, 14, 0, 14)), "a.png")
+
+
+@pytest.mark.parametrize("name", ["capture.png", "capture.tif"])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_it_is_recognised_under_another_name_by_its_empty_corners(name, channels):
+    picture = make((3, 11, 3, 11), channels, weight=65535)
+    for layout in ({"pixels": (14, 14)}, {"lenses": LENSES}):
+        data = encode(picture, name[-4:])
+        found = inputs.read(Bundle.from_upload(name, data), Layout(order="given", **layout))
+        assert found.views.shape == (8, 8, *LENSES, 3)
+        assert found.depth_sense == "cameras"
+        assert "8x8 views from (3, 3) are read" in found.notes[-2]
+        assert "arrangement eia reads it as an elemental image array of a lens array" in found.notes[-1]
+    black = np.zeros_like(picture)
+    for other in (make((0, 14, 0, 14)), black):
+        found = read(other, "capture.png", pixels=(14, 14))
+        assert (found.views.shape[:2], found.depth_sense) == ((14, 14), "lenses")
 
 
 @pytest.mark.parametrize("sense", ["lenses", "cameras"])

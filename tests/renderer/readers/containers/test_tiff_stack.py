@@ -11,6 +11,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.containers.samples import TAKEN_AS_CAMERAS
 from ciir.renderer.readers.layout import Layout
 
 PAGES = np.random.default_rng(0).integers(0, 2**16, (12, 5, 7, 3), np.uint16)
@@ -45,7 +46,7 @@ def test_pages_are_views_row_by_row(descriptions, layout):
     assert found.views.shape == (3, 4, 5, 7, 3)
     for v, u in np.ndindex(3, 4):
         np.testing.assert_array_equal(found.view(v, u), PAGES[4 * v + u])
-    assert (found.notes, found.depth_sense) == ((), "lenses")
+    assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
 def test_a_square_is_a_guess():
@@ -99,6 +100,6 @@ def test_our_own_stack_is_exact(tmp_path, sense, channels):
     assert LightField(views, depth_sense=sense).save(tmp_path / "a.tif", "stack") == ()
     found = read((tmp_path / "a.tif").read_bytes())
     np.testing.assert_array_equal(found.views, views)
-    assert found.depth_sense == sense
+    assert (found.notes, found.depth_sense) == ((), sense)
     with tifffile.TiffFile(tmp_path / "a.tif") as file:  # as others read it
         assert file.series[0].shape[:4] == (2, 3, 5, 7)

@@ -25,8 +25,11 @@ def test_every_view_is_kept_as_it_is(given, tmp_path, capsys, name):
     assert "3x4 views of 6x5 pixels" in capsys.readouterr().out
 
 
-def test_a_picture_is_the_elemental_image_array(given, tmp_path):
+def test_a_picture_is_the_elemental_image_array_as_lenses_see_it(given, tmp_path, capsys):
     assert main(["convert", str(given), "-o", str(tmp_path / "eia.png")]) == 0
+    assert "note: eia counts pixels under lenses: views are written in reversed order" in capsys.readouterr().err
+    eia = decode((tmp_path / "eia.png").read_bytes(), name="eia")
+    np.testing.assert_array_equal(eia[::3, ::4], FIELD.views[-1, -1])
     assert main(["convert", str(tmp_path / "eia.png"), "--pixels", "3x4", "-o", str(tmp_path / "back.npy")]) == 0
     np.testing.assert_array_equal(np.load(tmp_path / "back.npy"), FIELD.views)
 
@@ -39,11 +42,6 @@ def test_an_epi_and_the_report(given, tmp_path):
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["lens_array"]["depth_sense"] == "cameras"
     assert report["options"]["epi"] == "y=5,v=2"
-
-
-def test_a_depth_sense_that_is_lost_is_noted(given, tmp_path, capsys):
-    assert main(["convert", str(given), "-o", str(tmp_path / "a.npy")]) == 0
-    assert "note: npy holds no depth sense" in capsys.readouterr().err
 
 
 def test_a_mesh_is_rendered(tmp_path):
