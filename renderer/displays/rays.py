@@ -9,6 +9,8 @@ import numpy as np
 from ciir.renderer.backends.embree import PASSED, RAYS_PER_BATCH, PreparedScene
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from ciir.renderer.scene import Scene
@@ -17,8 +19,16 @@ if TYPE_CHECKING:
 class RayCaster:
     """Casts rays into one scene."""
 
-    def __init__(self, scene: Scene, background: tuple[int, int, int] = (0, 0, 0)) -> None:
-        """`background`: RGB, 0 to 255, of rays that meet nothing."""
+    def __init__(
+        self,
+        scene: Scene,
+        background: tuple[int, int, int] = (0, 0, 0),
+        watch: Callable[[NDArray[np.uint8]], None] | None = None,
+    ) -> None:
+        """`background`: RGB, 0 to 255, of rays that meet nothing. `watch` gets the colours of each batch of rays,
+        `(n, 4)`, RGBA over the background, whose alpha is what the scene covers.
+        """
+        self._watch = watch
         self._prepared = PreparedScene(scene)
         self._background = np.array(background, np.float32)
         self.front = float(scene.bounds()[1, 2])
@@ -38,6 +48,8 @@ class RayCaster:
             batch = slice(start, start + RAYS_PER_BATCH)
             rgba, _ = self._prepared.cast(origins[batch], directions[batch])
             colors[batch] = rgba[:, :3] * 255 + (1 - rgba[:, 3:]) * self._background
+            if self._watch is not None:
+                self._watch(np.rint(np.concatenate([colors[batch], rgba[:, 3:] * 255], axis=1)).astype(np.uint8))
         return colors
 
     def cast_lines(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:

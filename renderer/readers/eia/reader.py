@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     Pair = tuple[int, int]
 
+RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
+
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The light field in the picture `data`, without its margins `layout.crop`.
@@ -33,10 +35,10 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     eia = _crop(pictures.decode(data, name=name, max_pixels=limits.pixels), layout.crop)
     periods = Periods(eia)
     if layout.lenses is None and layout.pixels is None:
+        period = _describe_period(periods, eia)
         raise InvalidOption(
             f"{name}: a picture is read as an elemental image array; give the number of lenses, as in lenses 50x50 "
-            f"(rows x columns), or of pixels of each, as in pixels 15x15{_describe_period(periods, eia)}; "
-            "or lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
+            f"(rows x columns), or of pixels of each, as in pixels 15x15{period}{'' if RAW in period else f'; {RAW}'}"
         )
     rows, cols = _count_lenses(eia, layout, periods)
     grid = eia.shape[0] // rows, eia.shape[1] // cols
@@ -53,10 +55,8 @@ def _describe_unclear(periods: Periods, eia: Pixels, grid: Pair) -> tuple[str, .
     """A note on a picture that shows elemental images of another size, or none."""
     if periods.find_arrangement(grid) is not None:
         return ()
-    period = _find_size(periods, eia)
-    seen = "which the picture doesn't show clearly"
-    if period is not None:
-        seen = f"but the picture repeats about every {period[0]}x{period[1]} pixels"
+    seen = _describe_period(periods, eia).removeprefix("; ")
+    seen = f"but {seen}" if seen else "which the picture doesn't show clearly"
     note = (
         f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
         "give arrangement mosaic for views side by side"
@@ -107,12 +107,11 @@ def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:
 
 
 def _describe_fitting(given: Pair, size: Pair) -> str:
-    """The nearest numbers that divide the picture, and the margins that `given` would leave."""
+    """The nearest numbers that divide the picture, and the option for margins where `given` could leave some."""
     fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
     words = f"the nearest that does is {fitting[0]}x{fitting[1]}"
     if all(0 < count <= length for count, length in zip(given, size, strict=True)):
-        rests = [length % count for count, length in zip(given, size, strict=True)]
-        words += f", or cut {rests[0]} rows and {rests[1]} columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT)"
+        words += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
     return words
 
 
@@ -121,22 +120,19 @@ def _find_nearest_divisor(count: int, length: int) -> int:
 
 
 def _describe_period(periods: Periods, picture: Pixels) -> str:
-    """What the picture's own period would be, for a message; empty where it shows none."""
-    size = _find_size(periods, picture)
-    if size is None:
-        return ""
-    words = f"; the picture repeats about every {size[0]}x{size[1]} pixels, the size of an elemental image"
-    counts = [length // one for length, one in zip(picture.shape[:2], size, strict=True)]
-    return f"{words}, or of a view of a mosaic (pixels {counts[0]}x{counts[1]})"
+    """What the picture's own period would be, for a message; empty where it shows none.
 
-
-def _find_size(periods: Periods, picture: Pixels) -> Pair | None:
-    """The period, or a divisor of the picture's size that is about as large: parallax changes the period a little."""
+    Parallax changes the period a little, so that one that doesn't divide the picture may be that of another size.
+    """
     found = periods.find()
     if found is None:
-        return None
-    nearest = [_find_nearest_divisor(each, length) for each, length in zip(found, picture.shape[:2], strict=True)]
-    rows, cols = (
-        divisor if abs(divisor - each) <= 1 + each // 16 else each for divisor, each in zip(nearest, found, strict=True)
-    )
-    return rows, cols
+        return ""
+    size = picture.shape[:2]
+    words = f"; the picture repeats about every {found[0]}x{found[1]} pixels"
+    nearest = [_find_nearest_divisor(each, length) for each, length in zip(found, size, strict=True)]
+    if nearest == [*found]:
+        counts = [length // each for each, length in zip(found, size, strict=True)]
+        return f"{words}, the size of an elemental image, or of a view of a mosaic (pixels {counts[0]}x{counts[1]})"
+    if all(abs(divisor - each) <= 1 + each // 16 for divisor, each in zip(nearest, found, strict=True)):
+        words += f", which doesn't divide it as elemental images of {nearest[0]}x{nearest[1]} would"
+    return f"{words}; {RAW}"

@@ -35,6 +35,7 @@ from ciir.service.pipeline.options import MESH
 from ciir.service.pipeline.options.options import Options
 from ciir.service.pipeline.report import Clock, find_versions
 from ciir.service.pipeline.source import Input
+from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.quilt import QuiltLayout
@@ -152,23 +153,24 @@ def _render(
     scene: Scene, options: Options, target: Target, conversion: Conversion, progress: Progress
 ) -> tuple[Pixels, tuple[str, ...]]:
     """The picture of a mesh that stands at the display, and notes on its depth."""
-    caster = RayCaster(scene, options.background)
+    check = ObjectCheck(options.background)
+    caster = RayCaster(scene, options.background, check.add)
     samples = LENSLET_SAMPLES if options.sampling == "lenslet" else SAMPLES
     if isinstance(target, IntegralDisplay):
         panel = render_panel(caster, target, conversion=conversion, samples=samples, progress=progress)
-        return panel, (*measure_integral(scene, target).notes(), *caster.notes())
+        return panel, (*measure_integral(scene, target).notes(), *caster.notes(), *check.list_notes())
     screen = _find_screen(target)
     if isinstance(target, Calibration):
         native = screen.render_native(caster, target, progress=progress)
         budget = measure_lenticular(scene, screen, target)
-        return native, (*budget.notes(), *caster.notes())
+        return native, (*budget.notes(), *caster.notes(), *check.list_notes())
     count = target.layout.count
     views = np.empty((count, *target.tile, 3), np.uint8)
     for index, view in enumerate(screen.render_views(caster, count, target.tile, samples=samples)):
         views[index] = view
         progress(index + 1, count)
     budget = measure_quilt(scene, screen, count, target.tile[1])
-    return join_views(views, target.layout), (*budget.notes(), *caster.notes())
+    return join_views(views, target.layout), (*budget.notes(), *caster.notes(), *check.list_notes())
 
 
 def _find_aspect(source: Source, light_field: LightField) -> float:

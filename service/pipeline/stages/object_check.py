@@ -25,7 +25,7 @@ class ObjectCheck:
         self._covered = self._outstanding = 0
 
     def add(self, picture: NDArray[np.uint8]) -> None:
-        """Counts a picture `(h, w, 4)`, RGBA, whose alpha is the share of a pixel that the object covers."""
+        """Counts a picture `(..., 4)`, RGBA, whose alpha is the share of a pixel that the object covers."""
         if self._outstanding > LEAST_SHARE * self._covered:
             return
         rgb, covered = picture[..., :3], picture[..., 3] > 0

@@ -8,6 +8,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.eia.reader import RAW
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.writers.pictures import encode_png
 from tests.renderer.readers.eia.test_period import make_mosaic
@@ -68,8 +69,9 @@ def test_the_order_of_a_mosaic_is_put_right():
 def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
     (note,) = read(vase, lenses=(75, 75), order="given").notes
     assert note == (
-        "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 9x9 pixels; check "
-        "lenses and pixels, or give arrangement mosaic for views side by side"
+        "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 8x9 pixels, which "
+        f"doesn't divide it as elemental images of 9x9 would; {RAW}; check lenses and pixels, or give arrangement "
+        "mosaic for views side by side"
     )
     noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
     (note,) = read(noise, pixels=(12, 12), order="given").notes
@@ -87,20 +89,39 @@ def test_margins_are_cut_off():
 def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     text = message(vase, lenses=(51, 49))
     assert text == (
-        "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50, "
-        "or cut 42 rows and 9 columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT); the picture repeats about every 9x9 "
-        "pixels, the size of an elemental image, or of a view of a mosaic (pixels 50x50)"
+        "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50; "
+        "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them; the picture "
+        f"repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9 would; {RAW}"
     )
     text = message(vase, pixels=(8, 8))
     assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")
-    assert (
-        "; the nearest that does is 9x9, or cut 2 rows and 2 columns of margin off (crop TOP,LEFT,BOTTOM,RIGHT); "
-        in text
-    )
+    assert "; the nearest that does is 9x9; give margins on all four sides" in text
     assert "the nearest that does is 450x450; " in message(vase, lenses=(999, 999))
     assert "3x4 lenses of 5x7 pixels do not make" in message(EIA, lenses=(3, 4), pixels=(5, 7))
 
 
 def test_without_numbers_the_period_of_the_picture_is_named(vase):
     text = message(vase)
-    assert "as in pixels 15x15; the picture repeats about every 9x9 pixels, the size of" in text
+    assert "as in pixels 15x15; the picture repeats about every 8x9 pixels, which doesn't divide it as" in text
+    assert text.count("lens_pitch auto") == 1
+
+
+def test_a_pitch_that_is_no_whole_number_is_not_called_the_size_of_elemental_images():
+    """15x15 pixels divide a picture of 720x720 pixels, whether the pitch is 15 or 14.4."""
+
+    def make_lenses(pitch):
+        profile = np.sin(np.pi * np.arange(720) / pitch) ** 8
+        return np.repeat(np.uint8(255 * np.outer(profile, profile))[..., None], 3, axis=2)
+
+    assert "every 15x15 pixels, the size of an elemental image, or of a view" in message(make_lenses(15))
+    text = message(make_lenses(14.4))
+    assert "repeats about every 14x14 pixels, which doesn't divide it as elemental images of 15x15 would; give" in text
+    assert "give lens_pitch auto for a raw lenslet picture" in text
+    assert "the size of an elemental image" not in text
+
+
+def test_margins_are_not_guessed_from_the_size():
+    padded = np.pad(EIA, ((11, 4), (7, 9), (0, 0)))
+    text = message(padded, pixels=(5, 7))
+    assert "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them" in text
+    assert "cut" not in text

@@ -58,6 +58,21 @@ def test_the_camera_of_a_lens_array_starts_on_the_left_too():
     assert next(draw_frames(LightField(views), "sweep", 4))[0, 0, 0] == 255
 
 
+@pytest.mark.parametrize(
+    ("depth_sense", "expected"),
+    [
+        ("cameras", [12, 1, 10, 21]),  # view (1, 2) on the right, then (0, 1) on top, (1, 0) and (2, 1)
+        ("lenses", [10, 21, 12, 1]),  # the same places: pixels under a lens count the other way, in v too
+    ],
+)
+def test_the_circle_goes_from_the_right_to_the_top_of_the_views(depth_sense, expected):
+    views = np.broadcast_to(
+        (10 * np.arange(3)[:, None] + np.arange(3)).astype(np.uint8)[..., None, None, None], (3, 3, 2, 2, 3)
+    )
+    frames = draw_frames(LightField(views, depth_sense=depth_sense), "circle", 4)
+    assert [int(frame[0, 0, 0]) for frame in frames] == expected
+
+
 @pytest.mark.parametrize(("channels", "expected"), [(1, [7, 7, 7]), (2, [7, 7, 7]), (4, [7, 107, 207])])
 def test_pixels_become_rgb_of_8_bit(channels, expected):
     samples = {1: [7], 2: [7, 99], 4: [7, 107, 207, 99]}[channels]

@@ -60,6 +60,18 @@ def test_a_mesh_becomes_a_quilt_that_is_read_back(folder, capsys):
     assert np.load(folder / "back.npy").shape == (1, 6, 42, 32, 3)
 
 
+@pytest.mark.parametrize("to", ["-o out_qs2x1a1.png", "-o out.png --display p.toml", "-o out.png --calibration c.json"])
+def test_black_before_black_is_noted(folder, capsys, to):
+    (folder / "set").mkdir()
+    (folder / "set/a.mtl").write_text("newmtl black\nKd 0 0 0\n")
+    (folder / "set/a.obj").write_text("mtllib a.mtl\nusemtl black\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    note = "the object can hardly be told from the background 000000: 0.0 % of its pixels differ by over 16 levels"
+    assert convert(f"set {to}") == 0
+    assert f"{note}; give another, as in background ffffff" in capsys.readouterr().err
+    assert convert(f"set {to} --background ffffff") == 0
+    assert note[:40] not in capsys.readouterr().err
+
+
 def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
     assert convert("in.npz -o out.png --to quilt --quilt 3x2") == 0
     quilt = read(folder / "out_qs3x2a1.png")

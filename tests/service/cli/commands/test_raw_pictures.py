@@ -60,7 +60,7 @@ def test_python_takes_the_same(folder):
         (["raw.png", *GRID, "--show-grid", "raw.png"], "raw.png: the input is there"),
         (["raw.png", *GRID, "--dark", "gone.png"], "gone.png: No such file"),
         (["raw.png", "--white", "white.png"], "lens_pitch: raw.png holds a picture with white or dark frames"),
-        (["raw.png"], "or lens_pitch auto for a raw lenslet picture"),
+        (["raw.png"], "give lens_pitch auto for a raw lenslet picture"),
     ],
 )
 def test_what_does_not_fit_is_one_line(folder, capsys, words, message):
