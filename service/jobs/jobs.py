@@ -238,8 +238,13 @@ class Jobs:
             raise
 
     def _expire(self, name: str) -> None:
-        """Removes the ended job with the input `name`, its result last, so that no job refers to a removed result."""
-        job = self.records.remove(parse_id(name), lambda job: job.input == name and job.state in FINAL)
-        if job is not None:
+        """Removes the ended job with the input `name`: its result first, as the record needs room on the disk."""
+
+        def is_expired(job: Job) -> bool:
+            return job.input == name and job.state in FINAL
+
+        job = self.records.get(parse_id(name))
+        if job is not None and is_expired(job):
             self.files.remove(RESULTS, job.output)
+        self.records.remove(parse_id(name), is_expired)
         self.queue.finished.remove(name)

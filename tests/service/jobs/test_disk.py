@@ -60,6 +60,16 @@ def test_a_full_disk_refuses_new_work_and_serves_kept_results(small_disk):
         assert post_file(client, data=EIA_PNG, lenses="6x9", model="bicubic").status_code == 200
 
 
+def test_a_full_disk_is_freed_by_removing_jobs(small_disk):
+    with run_app(small_disk / "service", max_body_bytes=1 << 20) as client:
+        kept = post_file(client, data=EIA_PNG, lenses="6x9", model="none", views="all", format="npz")
+        place = kept.headers["content-location"].removesuffix("/result")
+        fill(small_disk)
+        assert client.delete(place).status_code == 200
+        assert client.get(place).status_code == 404
+        assert not list((small_disk / "service/files/results").iterdir())
+
+
 def test_a_full_disk_is_logged_once(tmp_path, monkeypatch, caplog):
     (tmp_path / "db").touch()
     disk = Disk([tmp_path], tmp_path / "db", 100)
