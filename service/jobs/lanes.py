@@ -9,8 +9,11 @@ import zipfile
 from dataclasses import replace
 from typing import TYPE_CHECKING, BinaryIO
 
+from ciir.models import catalogue
+from ciir.renderer.readers import picture_sizes
 from ciir.renderer.readers.registry import ZIP
 from ciir.renderer.sampling import LENSLET_SAMPLES
+from ciir.renderer.writers.formats import FORMATS
 from ciir.service.pipeline.job import LENSES, PIXELS
 from ciir.service.pipeline.options import NO_MODEL, Options
 
@@ -26,41 +29,67 @@ LARGE_FIRST_EVERY = 4
 """A thread prefers the large queue for one job in so many, so that large jobs run while small ones keep coming."""
 _READ, _DRAW, _SAMPLE = 4e-7, 1.6e-7, 2.5e-7
 """Typical seconds of a byte that is read, of a triangle that OpenGL draws, and of a sample of a mesh."""
-_UPSCALE, _WRITE = 1e-6, 1e-7
-"""Typical seconds of an output pixel, with and without a model."""
-_TRIANGLE_BYTES, _PIXEL_BYTES = 12, 0.25
-"""Least bytes in usual files: three indices of 4 bytes; JPEG."""
+_DECODE, _RESAMPLE = 3e-8, 3e-7
+"""Typical seconds of a pixel of a picture, and of a raw lenslet picture's beside that."""
+_MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 2e-7
+"""Typical seconds of a network's multiply-add, of a pixel that is written, and of a pixel of a video's frame."""
+_TRIANGLE_BYTES = 12
+"""Least bytes in usual files: three indices of 4 bytes."""
 _WINDOW = 25
 """Views that a light-field network takes for one."""
 _DIRECTORY_BYTES = 1 << 20
 """Of the end of a zip, which holds its directory: enough for 10,000 files, and read in 0.1 s."""
+_HEAD_BYTES = 1 << 18
+"""Of the start of a picture, which holds its size."""
 
 
 def choose_lane(request: Request, file: BinaryIO) -> Lane:
     """`small` for a job of up to `SMALL_ESTIMATE`."""
-    return "small" if estimate_seconds(request, measure_unpacked(file)) <= SMALL_ESTIMATE else "large"
+    seconds = estimate_seconds(request, measure_unpacked(file), measure_pixels(file))
+    return "small" if seconds <= SMALL_ESTIMATE else "large"
 
 
-def estimate_seconds(request: Request, size: float) -> float:
-    """Seconds that `request` takes on a typical machine; a file of `size` unpacked bytes counts as a mesh if it may be
-    one.
+def estimate_seconds(request: Request, size: float, pixels: float | None) -> float:
+    """Seconds that `request` takes on a typical machine, for a picture of `pixels`, or another file of `size` unpacked
+    bytes, which counts as a mesh if it may be one.
 
-    What only the file's content shows, such as instances or the size of a picture, is not looked at.
+    What only the rest of the file's content shows, such as instances, is not looked at.
     """
     options = Options.parse(request.options)
+    read = size * _READ if pixels is None else pixels * _DECODE
     if request.kind == "upscale":
-        return size * (_READ + options.scale**2 / _PIXEL_BYTES * _UPSCALE)
+        return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.DEFAULT)
     if request.kind == "elemental":
         options = replace(options, views="all", model=NO_MODEL)
-    lenses, grid = math.prod(options.lenses or LENSES), math.prod(options.pixels or PIXELS)
+    lenses, grid = _find_array(options, pixels)
     wanted = {"center": 1, "cross": 5, "all": grid}.get(options.views, options.views.count(";") + 1)
+    larger = 1 if options.model == NO_MODEL else options.scale**2
+    written = lenses * wanted * larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
+    if request.format is not None and "frames" in FORMATS[request.format].uses:
+        written += lenses * larger * options.frames * _FRAME
+    if pixels is not None:
+        return read + (0 if options.lens_pitch is None else pixels * _RESAMPLE) + written
     rendered = wanted if options.model == NO_MODEL else min(_WINDOW * wanted, grid)
     samples = lenses * rendered * (LENSLET_SAMPLES if options.sampling == "lenslet" else 1) ** 2
     if options.strategy != "upscale":
         samples = max(samples, lenses * wanted * (LENSLET_SAMPLES * options.scale) ** 2)
     drawn = size / _TRIANGLE_BYTES * rendered if options.backend == "raster" else 0
-    written = lenses * wanted * (_WRITE if options.model == NO_MODEL else options.scale**2 * _UPSCALE)
-    return size * _READ + drawn * _DRAW + samples * _SAMPLE + written
+    return read + drawn * _DRAW + samples * _SAMPLE + written
+
+
+def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:
+    """The number of lenses, which is a view's pixels, and of views. One of them divides a picture's pixels."""
+    lenses, grid = math.prod(options.lenses or LENSES), math.prod(options.pixels or PIXELS)
+    if pixels is None:
+        return lenses, grid
+    return (lenses, pixels / lenses) if options.lenses else (pixels / grid, grid)
+
+
+def _price_pixel(model: str, default: str) -> float:
+    """Seconds of an output pixel by `model`; `auto` is `default`."""
+    cards = {entry.name: entry.card for entry in catalogue.list_entries()}
+    card = None if model == NO_MODEL else cards.get(model, cards[default])
+    return _WRITE + (0 if card is None else card.macs_per_output_pixel * _MULTIPLY_ADD)
 
 
 def measure_unpacked(file: BinaryIO) -> float:
@@ -77,6 +106,19 @@ def measure_unpacked(file: BinaryIO) -> float:
             return max(size, sum(member.file_size for member in archive.infolist()))
     except Exception:  # noqa: BLE001 - zipfile raises many kinds; the worker process reports what is wrong
         return math.inf
+
+
+def measure_pixels(file: BinaryIO) -> float | None:
+    """Pixels of a picture, as its header states them, or infinity where its first `_HEAD_BYTES` don't; None for another
+    file. Nothing is decoded.
+    """
+    file.seek(0)
+    head = file.read(_HEAD_BYTES)
+    found = picture_sizes.find_format(head)
+    if found is None:
+        return None
+    size = picture_sizes.read_size(found, head)
+    return math.inf if size is None else math.prod(size)
 
 
 def order_lanes(thread: int, threads: int, count: int) -> tuple[Lane, ...]:

@@ -5,7 +5,8 @@ import pytest
 
 from ciir.service.jobs import lanes
 from ciir.service.jobs.job import Request
-from ciir.service.jobs.lanes import choose_lane, measure_unpacked, order_lanes
+from ciir.service.jobs.lanes import choose_lane, measure_pixels, measure_unpacked, order_lanes
+from tests.support.inputs import CUBE, make_png_header
 
 RAYS_OF_2_MEGAPIXELS = {
     "lenses": "1000x2000",
@@ -54,17 +55,58 @@ def test_the_lane_depends_on_the_work(options, size, expected):
     assert choose(options, bytes(size)) == expected
 
 
+@pytest.mark.parametrize(("options", "expected"), [({}, "small"), ({"sampling": "lenslet"}, "large")])
+def test_the_lane_of_elemental_images(options, expected):
+    assert choose_lane(Request("upload.x", options, None, "elemental"), io.BytesIO(bytes(1000))) == expected
+
+
 @pytest.mark.parametrize(
-    ("kind", "options", "size", "expected"),
+    ("options", "side", "expected"),
     [
-        ("elemental", {}, 1000, "small"),
-        ("elemental", {"sampling": "lenslet"}, 1000, "large"),
-        ("upscale", {}, 100_000, "small"),
-        ("upscale", {"scale": "4"}, 100_000, "large"),
+        ({"model": "quality", "skip": "none"}, 3900, "large"),
+        ({"model": "quality"}, 500, "small"),
+        ({"model": "quality"}, 600, "large"),
+        ({}, 600, "small"),
+        ({}, 1000, "large"),
+        ({"model": "bicubic"}, 1000, "small"),
+        ({"model": "bicubic", "scale": "8"}, 1000, "large"),
     ],
 )
-def test_the_lane_of_other_kinds_of_jobs(kind, options, size, expected):
-    assert choose_lane(Request("upload.x", options, None, kind), io.BytesIO(bytes(size))) == expected
+def test_pictures_count_by_their_pixels_and_the_model(options, side, expected):
+    request = Request("upload.png", options, None, "upscale")
+    assert choose_lane(request, io.BytesIO(make_png_header(side, side))) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "side", "expected"),
+    [
+        ({"pixels": "15x15"}, 1500, "small"),
+        ({"lenses": "100x100"}, 1500, "small"),
+        ({"pixels": "15x15", "views": "all"}, 1500, "large"),
+        ({"lenses": "100x100", "views": "all"}, 1500, "large"),
+        ({"pixels": "2x2"}, 3900, "large"),
+        ({"pixels": "15x15"}, 8000, "large"),
+        ({"pixels": "15x15", "views": "all", "model": "none"}, 1500, "small"),
+        ({"lens_pitch": "15"}, 3900, "large"),
+    ],
+)
+def test_elemental_image_arrays_count_by_their_views(options, side, expected):
+    assert choose(options, make_png_header(side, side)) == expected
+
+
+def test_videos_count_by_their_frames():
+    data = make_png_header(3000, 3000)
+    options = {"pixels": "15x15", "model": "none"}
+    for frames, expected in (("10", "small"), ("1000", "large")):
+        request = Request("upload.png", options | {"frames": frames}, "mp4")
+        assert choose_lane(request, io.BytesIO(data)) == expected
+
+
+def test_a_picture_whose_start_does_not_say_its_size_is_a_large_job():
+    assert measure_pixels(io.BytesIO(make_png_header(30, 20))) == 600
+    assert measure_pixels(io.BytesIO(b"\xff\xd8\xff damaged")) == float("inf")
+    assert measure_pixels(io.BytesIO(CUBE)) is None
+    assert choose({"lenses": "5x5"}, b"\xff\xd8\xff damaged") == "large"
 
 
 def test_a_small_zip_that_unpacks_to_a_large_mesh_is_a_large_job():

@@ -1,0 +1,97 @@
+"""Reads the sizes of pictures from the start of their files and loads no decoder."""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from ciir.renderer.readers.registry import PictureFormat, find_by_signature
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Size = tuple[int, int]
+"""Height and width, as stored."""
+_FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_START_OF_SCAN = 0xDA
+_WIDTH, _LENGTH = 256, 257
+_INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
+"""Of a TIFF tag, by its type."""
+
+
+def find_format(start: bytes) -> PictureFormat | None:
+    """The format of the picture whose file starts with these bytes; None where it is no picture."""
+    return next((entry for entry in find_by_signature(start) if isinstance(entry, PictureFormat)), None)
+
+
+def read_size(entry: PictureFormat, start: bytes) -> Size | None:
+    """The size of a picture of this format whose file starts with `start`; None where that does not state it."""
+    with suppress(Exception):  # what is damaged raises many kinds
+        return _READERS[entry.name](start)
+    return None
+
+
+def read_webp(data: bytes) -> Size | None:
+    """Of the header of the first chunk (RFC 9649, sections 2.5 to 2.7 and 3.4); None for another RIFF file."""
+    kind = data[8:16]
+    if kind == b"WEBPVP8X":
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"WEBPVP8L":
+        (bits,) = struct.unpack_from("<I", data, 21)
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    elif kind == b"WEBPVP8 ":
+        width, height = (side & 0x3FFF for side in struct.unpack_from("<HH", data, 26))
+    else:
+        return None
+    return height, width
+
+
+def _read_png(data: bytes) -> Size:
+    width, height = struct.unpack_from(">II", data, 16)
+    return height, width
+
+
+def _read_jpeg(data: bytes) -> Size:
+    """Of the largest frame header before the first scan (ITU-T T.81, B.2.2): decoders take one of several."""
+    sizes: list[Size] = []
+    at = 2
+    while (marker := struct.unpack_from(">BB", data, at)) != (0xFF, _START_OF_SCAN):
+        if marker == (0xFF, 0xFF):  # fill
+            at += 1
+            continue
+        if marker[1] in _FRAME_HEADERS:
+            sizes.append(struct.unpack_from(">HH", data, at + 5))
+        at += 2 + struct.unpack_from(">H", data, at + 2)[0]
+    return max(sizes, key=lambda size: size[0] * size[1])
+
+
+def _read_tiff(data: bytes) -> Size:
+    """Of the first directory (TIFF 6.0, section 2; BigTIFF), by the largest number where a tag stands twice."""
+    order = "<" if data[:2] == b"II" else ">"
+    is_big = data[2:4] in (b"+\0", b"\0+")
+    offset, count, step = ("Q", "Q", 20) if is_big else ("I", "H", 12)
+    (directory,) = struct.unpack_from(order + offset, data, struct.calcsize(offset))
+    (entries,) = struct.unpack_from(order + count, data, directory)
+    sides = {_WIDTH: 0, _LENGTH: 0}
+    for entry in range(entries):
+        at = directory + struct.calcsize(count) + step * entry
+        tag, kind = struct.unpack_from(order + "HH", data, at)
+        if tag in sides:
+            (value,) = struct.unpack_from(order + _INTEGERS[kind], data, at + step - struct.calcsize(offset))
+            sides[tag] = max(sides[tag], value)
+    return sides[_LENGTH], sides[_WIDTH]
+
+
+def _read_ktx2(data: bytes) -> Size:
+    width, height = struct.unpack_from("<II", data, 20)
+    return height, width
+
+
+_READERS: dict[str, Callable[[bytes], Size | None]] = {
+    "PNG": _read_png,
+    "JPEG": _read_jpeg,
+    "TIFF": _read_tiff,
+    "WebP": read_webp,
+    "KTX2": _read_ktx2,
+}
