@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -156,7 +157,7 @@ class LightField:
         from ciir.renderer.writers.options import WriterOptions
         from ciir.renderer.writers.views import save_light_field
 
-        return save_light_field(self, Path(path), format, WriterOptions(**options))
+        return save_light_field(self, Path(path), format, WriterOptions.convert(options))
 
     def _repr_png_(self) -> bytes:
         """The centre view, for Jupyter."""
@@ -195,8 +196,11 @@ class LightField:
         radius in views around the middle of those that are added up, by default all. `renderer.focus.planes` has the
         method, and the planes as floats.
 
-        Raises `InvalidOption` for a disparity that is not finite, and an aperture that lets no view through.
+        Raises `InvalidOption` for a disparity that is no finite number, and an aperture that lets no view through.
         """
+        for name, value in (("disparity", disparity), ("aperture", aperture)):
+            if value is not None and not isinstance(value, Real):
+                raise InvalidOption(f"{name}: {str(value)[:40]!r} is no number; give pixels or views, as in 0.5")
         from ciir.renderer.focus.planes import make_aperture, refocus
 
         weights = None if aperture is None else make_aperture(self.views.shape[:2], aperture)

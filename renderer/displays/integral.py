@@ -148,6 +148,11 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
             f"{name}: a lens of {display.lens_pitch:g} mm over pixels of {display.pixel_pitch:g} mm; a lens covers at "
             "least 2 pixels; check the units (millimetres)"
         )
+    if display.distance < display.gap:
+        raise InvalidOption(
+            f"{name}: viewer.distance is {display.distance:g} mm, less than the gap of {display.gap:g} mm; give it "
+            "from the lenses to the viewer, in millimetres"
+        )
     return display
 
 

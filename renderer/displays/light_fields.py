@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 Color = tuple[int, int, int]
+LEAST_MISFIT = 0.01
+"""Share by which aspects differ where a note says so."""
 
 
 def order_as_cameras(light_field: LightField, background: Color = (0, 0, 0)) -> Pixels:
@@ -95,6 +97,9 @@ def make_quilt(
     row, notes = take_row(cameras, layout.count, disparity=disparity)
     notes += describe_row(cameras, layout.count, disparity)
     if keeps_aspect:
+        if abs(own_aspect / layout.aspect - 1) > LEAST_MISFIT:
+            kept = f"views keep their aspect {own_aspect:.4g}, not the device's {layout.aspect:.4g}"
+            notes += (f"{kept}; name the device for black borders that fill it",)
         layout = replace(layout, aspect=own_aspect)
         return join_views(row, layout), layout, (*reduced, *notes)
     row, padded = pad_to_aspect(row, own_aspect, layout.aspect)

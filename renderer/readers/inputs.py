@@ -163,7 +163,17 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
 
 
 def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
-    return quilts.find_layout(bundle, key) if layout.lenses is None and layout.pixels is None else None
+    """The layout of a quilt; None where the picture is another one. Raises `InvalidOption` for other numbers."""
+    given = "lenses" if layout.lenses else "pixels" if layout.pixels else None
+    if given is not None and layout.arrangement != "auto":
+        return None
+    found = quilts.find_layout(bundle, key)
+    if found is not None and given is not None:
+        raise InvalidOption(
+            f"{given}: {clean_text(bundle.name)} is a quilt of {found.cols}x{found.rows} views (columns x rows), as "
+            "its name or the JSON beside it says; leave it out, or give arrangement eia or mosaic for another picture"
+        )
+    return found
 
 
 def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
 
 from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 PathName = Literal["circle", "sweep", "spiral"]
 """Paths of a camera among the views."""
@@ -28,6 +31,15 @@ class WriterOptions:
     """Frames per second of a video."""
     epi: str = ""
     """The line of an EPI picture, as `EpiLine.parse` reads it; empty: the middle row of the centre view."""
+
+    @classmethod
+    def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
+        """Options by name. Raises `InvalidOption` for a name that is not known; the suffix is the path's."""
+        known = [field.name for field in fields(cls) if field.name != "suffix"]
+        unknown = sorted(given.keys() - set(known))
+        if unknown:
+            raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
+        return cls(**given)
 
 
 @dataclass(frozen=True)

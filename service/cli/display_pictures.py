@@ -15,6 +15,7 @@ from ciir.renderer.readers.bundle import read_file
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.pictures import SUFFIXES, encode
 from ciir.service.cli import common, output_path
+from ciir.service.cli.display_arguments import KINDS
 from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.displays.quilts import resolve_quilt
 from ciir.service.pipeline.limits import read_limits
@@ -32,7 +33,11 @@ def write_picture(args: argparse.Namespace, kind: str) -> None:
     """Writes the picture, beside a quilt its layout, and prints a line about it."""
     path = Path(args.out)
     if path.suffix.lower() not in SUFFIXES:
-        raise InvalidOption(f"{args.out}: not a picture's name; end it with one of {', '.join(SUFFIXES)}")
+        given = [f"--{name}" for name in KINDS[kind] if getattr(args, name) is not None]
+        other = f", or leave {', '.join(given)} out" if args.to is None else ""
+        raise InvalidOption(
+            f"{args.out}: a {kind} is written as a picture; end the name with one of {', '.join(SUFFIXES)}{other}"
+        )
     if kind != "quilt" and path.suffix.lower() in (".jpg", ".jpeg"):
         raise InvalidOption(f"{args.out}: JPEG mixes the subpixels that lenses tell apart; end the name with .png")
     output_path.check_not_input([args.out, args.report], args.input)

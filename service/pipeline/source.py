@@ -52,6 +52,9 @@ def add_frames(source: Source, *, white: str | None, dark: str | None) -> Source
     paths = {name: Path(path) for name, path in (("white", white), ("dark", dark)) if path is not None}
     if not paths:
         return source
+    for name, path in paths.items():
+        if not is_picture(path.name):
+            raise InvalidOption(f"{name}: {path} is no picture; give one as large as the raw picture, such as a PNG")
     if not isinstance(source, Bundle) or source.main is None:
         raise InvalidOption(f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input")
     frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}

@@ -97,3 +97,15 @@ def test_near_content_moves_as_the_depth_sense_says_after_a_flip():
     near = LightField(views, depth_sense="lenses").flip("uv")
     assert near.depth_sense == "cameras"
     assert [int(near.view(1, u).argmax()) % 9 for u in range(3)] == [5, 4, 3]  # to the left: near for cameras too
+
+
+def test_options_that_are_not_known_are_refused(tmp_path):
+    field = LightField(np.zeros((1, 2, 3, 4, 3), np.uint8))
+    message = "'display': no such option; known are device, path, frames, fps, epi"
+    for options in ({"display": "p.toml"}, {"device": "go", "display": "p.toml"}):
+        with pytest.raises(InvalidOption, match=message):
+            field.save(tmp_path / "a.png", "quilt", **options)
+    with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels or views"):
+        field.refocus("a")
+    with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give pixels or views"):
+        field.refocus(np.float32(0.5), aperture="a")

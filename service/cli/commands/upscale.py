@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.readers.registry import READ, is_picture
+from ciir.renderer.readers.registry import READ, is_container, is_picture
 from ciir.renderer.readers.registry import SUFFIXES as READ_SUFFIXES
 from ciir.renderer.writers.atomic_write import Staged, replacing
 from ciir.renderer.writers.pictures import SUFFIXES
@@ -60,6 +60,11 @@ def run(args: argparse.Namespace) -> None:
 def _bundle(text: str) -> Bundle:
     if text.startswith(SCENE):
         raise InvalidOption(f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`")
+    if is_container(text):
+        raise InvalidOption(
+            f"{text}: holds a light field, not a picture; `ciir convert` makes pictures of its views, and "
+            "`ciir reconstruct` upscales them"
+        )
     try:
         return open_bundle(text)
     except UnsupportedType as error:  # its remedy lists meshes too

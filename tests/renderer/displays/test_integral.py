@@ -58,6 +58,7 @@ def test_all_entries_are_read():
         ("[30, 20]", "30", r"panel.pixels is '30'; give two numbers"),
         ("[30, 20]", "[0, 20]", r"panel.pixels is '0'; give numbers from 1 to 100000"),
         ("gap = 3.0", "gap = 3.0\ngrid = 'round'", r"lenses.grid is 'round'; give \"square\" or \"hexagonal\""),
+        ("gap = 3.0", "gap = 3.0\n[viewer]\ndistance = 2", r"viewer.distance is 2 mm, less than the gap of 3 mm; give"),
         ("pitch = 1.0", "pitch = 0.15", r"a lens of 0.15 mm over pixels of 0.1 mm; a lens covers at least 2 pixels"),
     ],
 )

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,7 +81,10 @@ def test_a_quilt_keeps_the_views_and_their_aspect():
     layout = QuiltLayout(3, 2, 0.75)
     quilt, found, notes = make_quilt(given, layout, own_aspect=1.0, keeps_aspect=True, max_pixels=10**6)
     assert found == QuiltLayout(3, 2, 1.0)
-    assert notes == ()
+    assert len(notes) == 1
+    assert notes[0].startswith("views keep their aspect 1, not the device's 0.75; name the device")
+    square = replace(layout, aspect=1.0)
+    assert make_quilt(given, square, own_aspect=1.0, keeps_aspect=True, max_pixels=10**6)[2] == ()
     assert np.array_equal(split_quilt(quilt, found, name="q"), views[0])
     quilt, found, notes = make_quilt(given, layout, own_aspect=1.0, keeps_aspect=False, max_pixels=10**6)
     assert found == layout

@@ -40,7 +40,7 @@ def test_an_upload_has_its_layout_in_its_name():
 
 
 def test_the_options_of_an_elemental_image_array_read_one(tmp_path):
-    found = read(write(tmp_path, "a_qs3x2a0.5.png"), Layout(lenses=(8, 6)))
+    found = read(write(tmp_path, "a_qs3x2a0.5.png"), Layout(lenses=(8, 6), arrangement="eia"))
     assert found.views.shape == (2, 2, 8, 6, 3)
     assert found.depth_sense == "lenses"
 

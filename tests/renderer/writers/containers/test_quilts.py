@@ -15,7 +15,10 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     notes = FIELD.save(tmp_path / f"a{suffix}", "quilt")
     quilt = decode((tmp_path / f"a{suffix}").read_bytes(), name="a")
     assert np.array_equal(split_quilt(quilt, QuiltLayout(8, 6, 1.0), name="a"), FIELD.views[1])
-    assert notes == ("quilt: name it NAME_qs8x6a1.png; displays read columns, rows and aspect there",)
+    assert notes == (
+        "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
+        "quilt: name it NAME_qs8x6a1.png; displays read columns, rows and aspect there",
+    )
 
 
 def test_for_a_device_views_get_its_aspect(tmp_path):

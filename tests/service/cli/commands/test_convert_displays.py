@@ -76,7 +76,20 @@ def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
     assert convert("in.npz -o out.png --to quilt --quilt 3x2") == 0
     quilt = read(folder / "out_qs3x2a1.png")
     assert np.array_equal(split_quilt(quilt, QuiltLayout(3, 2, 1.0), name="q"), VIEWS[1])
-    assert "named out_qs3x2a1.png: displays read columns, rows and aspect from the name" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert "named out_qs3x2a1.png: displays read columns, rows and aspect from the name" in printed
+    assert "views keep their aspect 1, not the device's 0.75; name the device for black borders" in printed
+    assert convert("in.npz -o out.png --to quilt --device portrait") == 0
+    assert "keep their aspect" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ["--pixels 3x2", "--lenses 24x24"])
+def test_numbers_of_lenses_are_refused_for_a_quilt(folder, capsys, words):
+    assert convert("in.npz -o q_qs3x2a1.png") == 0
+    assert convert(f"q_qs3x2a1.png -o back.npy {words}") == 2
+    option = words[2:8]
+    assert f"{option}: q_qs3x2a1.png is a quilt of 3x2 views (columns x rows)" in capsys.readouterr().err
+    assert convert(f"q_qs3x2a1.png -o back.npy {words} --arrangement mosaic") == 0
 
 
 def test_depth_sense_gives_the_order(folder):
@@ -132,7 +145,11 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
         ("in.npz -o a.png --to quilt --quilt 8", "--quilt: '8' is not understood; give columns x rows"),
         ("in.npz -o a.png --to quilt --quilt 99x1", "quilt: 99x1 is out of range"),
         ("in.npz -o a_qs8x6a1.png --device go", "name says qs8x6a1 and the options say qs11x6a0.5625"),
-        ("in.npz -o a.zip --to quilt", "a.zip: not a picture's name"),
+        ("in.npz -o a.zip --to quilt", "a.zip: a quilt is written as a picture; end the name with one of .png,"),
+        ("in.npz -o a.npy --device go", "a.npy: a quilt is written as a picture; end the name with one of .png,"),
+        ("in.npz -o a.npy --device go", ".webp, or leave --device out"),
+        ("in.npz -o a.npy --display p.toml", ".webp, or leave --display out"),
+        ("in.npz -o a.npy --calibration c.json", "a.npy: a lenticular is written as a picture"),
         ("in.npz -o a.jpg --display p.toml", "a.jpg: JPEG mixes the subpixels that lenses tell apart"),
         ("in.npz -o a.png --display none.toml", "none.toml: No such file"),
         ("in.npz -o a.png --display c.json", "c.json: not TOML; docs/displays.md has a file to begin with"),
