@@ -18,6 +18,7 @@ from ciir.errors import Cancelled, WorkerDied
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.jobs import lanes
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
 from ciir.service.jobs.workers import consumer
 from ciir.service.jobs.workers import worker as worker_module
@@ -32,8 +33,9 @@ from tests.support.waiting import wait_until
 
 
 def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, service, monkeypatch, caplog):
-    """Two small files whose views have 16 million pixels, which only their content shows, and one that is small."""
+    """Two small files whose views have 16 million pixels, as if only time showed that, and one that is small."""
     monkeypatch.setattr(consumer, "SMALL_SECONDS", 1.0)
+    monkeypatch.setattr(lanes, "measure_pixels", lambda file: None)
     jobs = service.open_jobs()
     options = {"pixels": "2x2", "model": "paper", "skip": "none"}
     with caplog.at_level(logging.INFO, logger="ciir.jobs"):
