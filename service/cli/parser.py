@@ -13,7 +13,7 @@ from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
 from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
-from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, WRITING
+from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, UPSCALING, WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,6 +30,14 @@ KEPT = (
 )
 CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING) if name != "neighbour_time")
 """Options of `ciir convert`."""
+_GROUPS = {
+    "the lens array, and how a light field lies in its file": READING,
+    "raw lenslet pictures": LENSLET,
+    "what is made": UPSCALING,
+    "meshes": MESH,
+    "videos and epipolar plane images": WRITING,
+}
+"""Headings in the help -> options."""
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
 
@@ -81,12 +89,17 @@ def make_parser() -> argparse.ArgumentParser:
 
 def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
     """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
+    headings = {name: heading for heading, group in _GROUPS.items() for name in group}
+    groups: dict[str, Any] = {}
     for name in names:
         option = OPTIONS[name]
         words: dict[str, Any] = {"metavar": option.placeholder}
         if option.flag:
             words = {"action": "store_const", "const": option.flag}
-        parser.add_argument(
+        heading = headings[name]
+        if heading not in groups:
+            groups[heading] = parser.add_argument_group(heading)
+        groups[heading].add_argument(
             f"--{name.replace('_', '-')}",
             help=KINDS[kind].help.get(name, option.help).removeprefix(f"{option.flag}: "),
             default=argparse.SUPPRESS,

@@ -5,7 +5,7 @@ from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, Options, write_texts
 from ciir.service.pipeline.options.reading import READING
-from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, Strategy
+from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, UPSCALING, Strategy
 from ciir.service.pipeline.options.values import read_pair
 from ciir.service.pipeline.options.writing import WRITING
 
@@ -20,6 +20,7 @@ __all__ = [
     "NO_MODEL",
     "OPTIONS",
     "READING",
+    "UPSCALING",
     "WRITING",
     "Backend",
     "Kind",

@@ -393,7 +393,19 @@ def test_output_over_the_input_is_refused(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "command",
-    ["reconstruct", "elemental", "upscale", "models", "bench", "stress", "evaluate", "train", "export", "serve"],
+    [
+        "reconstruct",
+        "convert",
+        "elemental",
+        "upscale",
+        "models",
+        "bench",
+        "stress",
+        "evaluate",
+        "train",
+        "export",
+        "serve",
+    ],
 )
 def test_every_command_has_help(command, capsys):
     with pytest.raises(SystemExit) as stop:
