@@ -35,6 +35,8 @@ def is_stack(data: bytes) -> bool:
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             return len(file.pages) > 1
+    except MemoryError:
+        raise
     except Exception:  # noqa: BLE001 - any error of the library
         return False
 

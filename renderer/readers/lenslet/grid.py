@@ -79,7 +79,7 @@ class LensGrid:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a raw lenslet picture's grid. The picture itself has to show what is None."""
+    """The given part of a raw lenslet picture's grid. What is None is found from the picture."""
 
     pitch: float | None = None
     offset: tuple[float, float] | None = None

@@ -50,7 +50,7 @@ class Decoder:
         """Shape and type of all views; decodes `file` where none was decoded before."""
         if self._first is None:
             self.keep(file)
-        assert self._first is not None  # noqa: S101 - `decode` has set it
+        assert self._first is not None  # noqa: S101 - `keep` has set it
         return self._first[1:]
 
     def keep(self, file: str) -> Pixels:

@@ -6,6 +6,7 @@ All three count cameras: a light field with the depth sense of lenses is written
 from __future__ import annotations
 
 import io
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -40,9 +41,9 @@ class CameraWriter(WholeWriter):
         self.pack(light_field.with_depth_sense("cameras").views)
         return [] if light_field.depth_sense == "cameras" else [REVERSED.format(name=self.name)]
 
+    @abstractmethod
     def pack(self, views: NDArray[Any]) -> None:
         """Writes `views[v, u, y, x, c]` to `file`."""
-        raise NotImplementedError
 
 
 class MatWriter(CameraWriter):

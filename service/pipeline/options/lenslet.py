@@ -1,4 +1,4 @@
-"""Options of raw lenslet pictures: what is known of their lens grid."""
+"""Options of raw lenslet pictures: the part of their lens grid that is given."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class LensletOptions:
 
     @property
     def known_grid(self) -> Known | None:
-        """What is known of the lens grid of a raw lenslet picture; None without `lens_pitch`.
+        """The given part of the lens grid of a raw lenslet picture; None without `lens_pitch`.
 
         Raises `InvalidOption` for another option of these without it.
         """

@@ -1,4 +1,4 @@
-"""Checks that rendered views show their object, and that it can be told from the background."""
+"""Checks that rendered views show their object, and that it stands out from the background."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ class ObjectCheck:
         given = "{:02x}{:02x}{:02x}".format(*self._background)
         other = "ffffff" if sum(self._background) < 3 * 128 else "000000"
         share = f"{100 * self._outstanding / self._covered:.1f} % of its pixels"
-        note = f"the object can hardly be told from the background {given}: {share} differ by over {DIFFERENCE} levels"
+        note = f"the object hardly stands out from the background {given}: {share} differ by over {DIFFERENCE} levels"
         return [f"{note}; give another, as in background {other}"]

@@ -132,6 +132,8 @@ class Document:
         mode, filter_ = str(packed["mode"]), str(packed.get("filter", "NONE"))
         try:
             values = meshopt.decode(bytes(data), count=count, stride=stride, mode=mode, filter_=filter_)
+        except MemoryError:  # the server's, not the file's
+            raise
         except Exception as error:
             raise Unreadable(f"{self.name}: buffer view {index} has corrupt meshopt data; export it again") from error
         return memoryview(values.tobytes())

@@ -1,4 +1,4 @@
-"""Elemental image arrays and mosaics of the same views are told apart by their periods."""
+"""Elemental image arrays and mosaics of the same views differ in their periods."""
 
 import numpy as np
 import pytest

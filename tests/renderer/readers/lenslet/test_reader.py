@@ -1,4 +1,4 @@
-"""Raw lenslet pictures as inputs: with frames, with what is known, and what is refused."""
+"""Raw lenslet pictures as inputs: with frames, with a part of the grid given, and what is refused."""
 
 import numpy as np
 import pytest

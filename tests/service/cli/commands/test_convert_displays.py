@@ -65,7 +65,7 @@ def test_black_before_black_is_noted(folder, capsys, to):
     (folder / "set").mkdir()
     (folder / "set/a.mtl").write_text("newmtl black\nKd 0 0 0\n")
     (folder / "set/a.obj").write_text("mtllib a.mtl\nusemtl black\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    note = "the object can hardly be told from the background 000000: 0.0 % of its pixels differ by over 16 levels"
+    note = "the object hardly stands out from the background 000000: 0.0 % of its pixels differ by over 16 levels"
     assert convert(f"set {to}") == 0
     assert f"{note}; give another, as in background ffffff" in capsys.readouterr().err
     assert convert(f"set {to} --background ffffff") == 0

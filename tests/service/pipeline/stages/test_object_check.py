@@ -1,4 +1,4 @@
-"""Objects that can't be told from the background are noted, with a background that helps."""
+"""Objects that hardly stand out from the background are noted, with a background that helps."""
 
 import numpy as np
 import pytest

@@ -227,3 +227,12 @@ def test_sizes_are_checked_before_anything_is_unpacked(monkeypatch: pytest.Monke
     most = document.ELEMENT_BYTES * document.ELEMENTS * 1000
     with pytest.raises(TooLarge, match=f"unpack to over {most:,} bytes; decimate the mesh"):
         model.read(triangles=1000)
+
+
+def test_memory_that_runs_out_is_no_corrupt_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_out(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(meshopt, "decode", run_out)
+    with pytest.raises(TooLarge, match="takes more memory than there is"):
+        packed_model(meshopt.NAMES[0]).read()
