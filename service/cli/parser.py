@@ -5,22 +5,17 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
-from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
-from ciir.renderer.writers.pictures import SUFFIXES
-from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
-from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
-from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, UPSCALING, WRITING
+from ciir.service.cli.picture_arguments import add_options, add_pictures
+from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from _typeshed import SupportsWrite
-
-    from ciir.service.pipeline.options import KindName
 
 KEPT = (
     "Finished jobs are kept in the folder CIIR_FOLDER (default: service in the cache folder), with their inputs and "
@@ -28,16 +23,6 @@ KEPT = (
     "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
     "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
 )
-CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING) if name != "neighbour_time")
-"""Options of `ciir convert`."""
-_GROUPS = {
-    "the lens array, and how a light field lies in its file": READING,
-    "raw lenslet pictures": LENSLET,
-    "what is made": UPSCALING,
-    "meshes": MESH,
-    "videos and epipolar plane images": WRITING,
-}
-"""Headings in the help -> options."""
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
 
@@ -80,86 +65,15 @@ def make_parser() -> argparse.ArgumentParser:
         added.set_defaults(module=module or name)
         return added
 
-    _add_reconstruction(add_command)
+    add_pictures(add_command)
+    _add_models(add_command)
     _add_service(add_command)
     _add_measurements(add_command)
     _add_training(add_command)
     return top
 
 
-def _add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
-    """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
-    headings = {name: heading for heading, group in _GROUPS.items() for name in group}
-    groups: dict[str, Any] = {}
-    for name in names:
-        option = OPTIONS[name]
-        words: dict[str, Any] = {"metavar": option.placeholder}
-        if option.flag:
-            words = {"action": "store_const", "const": option.flag}
-        heading = headings[name]
-        if heading not in groups:
-            groups[heading] = parser.add_argument_group(heading)
-        groups[heading].add_argument(
-            f"--{name.replace('_', '-')}",
-            help=KINDS[kind].help.get(name, option.help).removeprefix(f"{option.flag}: "),
-            default=argparse.SUPPRESS,
-            dest=f"option_{name}",
-            **words,
-        )
-
-
-def _add_raw_files(parser: argparse.ArgumentParser) -> None:
-    """Adds the files that go with a raw lenslet picture."""
-    for name, text in (
-        ("white", "a picture of a white surface, to find the lens grid in and to even out lenses' brightness"),
-        ("dark", "a picture without light, to subtract"),
-        ("show-grid", "write the lens grid, drawn over the picture, to this PNG"),
-    ):
-        parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {text}")
-
-
-def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    report = "write the report (JSON) to this file"
-    command = add_command(
-        "reconstruct", "make views of a mesh, an elemental image array or a set of views, and upscale them"
-    )
-    command.add_argument(
-        "input", metavar="INPUT", help="file, folder or zip; or scene:vase, scene:globe, scene:hamburger"
-    )
-    command.add_argument(
-        "-o", "--out", required=True, metavar="OUT", help="a folder, a .zip or .npz file, or a picture for one view"
-    )
-    _add_options(command, NAMES)
-    _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
-
-    command = add_command("convert", "write a light field, or all views of a mesh, in another format")
-    command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
-    command.add_argument(
-        "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
-    )
-    known = ", ".join(dict.fromkeys([*WHOLE, *KINDS_FOR_DISPLAYS]))
-    command.add_argument("--to", metavar="FORMAT", help=f"one of {known} (default: what the name of OUT asks for)")
-    for name, (placeholder, text) in ARGUMENTS_FOR_DISPLAYS.items():
-        command.add_argument(f"--{name}", metavar=placeholder, help=text)
-    _add_options(command, CONVERSION)
-    _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help=report)
-
-    command = add_command("elemental", "render a mesh's elemental image array")
-    command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")
-    command.add_argument("-o", "--out", required=True, metavar="FILE", help=f"picture to write: {', '.join(SUFFIXES)}")
-    _add_options(command, KINDS["elemental"].options, "elemental")
-    command.add_argument("--report", metavar="FILE", help=report)
-
-    command = add_command("upscale", "upscale any picture, or a folder of pictures")
-    command.add_argument(
-        "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG or WebP; 8 or 16 bit; grey, RGB, alpha"
-    )
-    command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
-    _add_options(command, KINDS["upscale"].options, "upscale")
-    command.add_argument("--report", metavar="FILE", help=report)
-
+def _add_models(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command("models", "list the models")
     command.add_argument("--json", action="store_true", help="list everything about each model, as JSON")
 
@@ -169,7 +83,7 @@ def _add_reconstruction(add_command: Callable[..., argparse.ArgumentParser]) -> 
     command.add_argument(
         "-o", "--out", default="demo-out", metavar="DIR", help="folder for the pictures (default demo-out)"
     )
-    _add_options(command, ("backend",))
+    add_options(command, ("backend",))
 
 
 def _add_service(add_command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -219,7 +133,7 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         help="with --harm: judge this model in place of the default: one that `ciir models` lists, or an exported "
         "network's .json",
     )
-    _add_options(command, ("pixels", "pickup"))
+    add_options(command, ("pixels", "pickup"))
 
     command = add_command("stress", "measure the numerics under stress against their bounds")
     command.add_argument("--quick", action="store_true", help="a few sizes and rounds: half a minute")
@@ -250,7 +164,7 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)"
     )
-    _add_options(command, ("scale",), "upscale")
+    add_options(command, ("scale",), "upscale")
 
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(

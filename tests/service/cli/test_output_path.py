@@ -69,7 +69,7 @@ def test_no_name_is_refused(folder, capsys, command):
     ],
 )
 def test_a_file_of_another_kind_is_refused_before_any_work(folder, capsys, monkeypatch, command, name):
-    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.cli.commands.upscale.upscale_files"):
+    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.cli.commands.pictures.upscale.upscale_files"):
         monkeypatch.setattr(work, pytest.fail)
     refused(capsys, [*COMMANDS[command], "-o", name], name, "/ for a folder")
     assert list(folder.iterdir()) == []
@@ -105,7 +105,7 @@ def test_names_of_folders(tmp_path):
 def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, monkeypatch, command, report):
     for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.pipeline.run.render_eia"):
         monkeypatch.setattr(work, pytest.fail)
-    monkeypatch.setattr("ciir.service.cli.commands.upscale.upscale_files", pytest.fail)
+    monkeypatch.setattr("ciir.service.cli.commands.pictures.upscale.upscale_files", pytest.fail)
     argv = COMMANDS.get(command, ["elemental", "../cube.off"])
     name = "o.png/" if command == "upscale a folder" else "o.png"
     refused(capsys, [*argv, "-o", name, "--report", report])

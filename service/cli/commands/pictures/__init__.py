@@ -1,0 +1,1 @@
+"""Commands that make pictures of light fields, meshes and pictures."""

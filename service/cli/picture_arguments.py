@@ -1,0 +1,107 @@
+"""Arguments of the commands that make pictures, with their help."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
+from ciir.renderer.writers.pictures import SUFFIXES
+from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
+from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
+from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, UPSCALING, WRITING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ciir.service.pipeline.options import KindName
+
+CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING) if name != "neighbour_time")
+"""Options of `ciir convert`."""
+_GROUPS = {
+    "the lens array, and how a light field lies in its file": READING,
+    "raw lenslet pictures": LENSLET,
+    "what is made": UPSCALING,
+    "meshes": MESH,
+    "videos and epipolar plane images": WRITING,
+}
+"""Headings in the help -> options."""
+
+
+def add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
+    """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
+    headings = {name: heading for heading, group in _GROUPS.items() for name in group}
+    groups: dict[str, Any] = {}
+    for name in names:
+        option = OPTIONS[name]
+        words: dict[str, Any] = {"metavar": option.placeholder}
+        if option.flag:
+            words = {"action": "store_const", "const": option.flag}
+        heading = headings[name]
+        if heading not in groups:
+            groups[heading] = parser.add_argument_group(heading)
+        groups[heading].add_argument(
+            f"--{name.replace('_', '-')}",
+            help=KINDS[kind].help.get(name, option.help).removeprefix(f"{option.flag}: "),
+            default=argparse.SUPPRESS,
+            dest=f"option_{name}",
+            **words,
+        )
+
+
+def _add_raw_files(parser: argparse.ArgumentParser) -> None:
+    """Adds the files that go with a raw lenslet picture."""
+    for name, text in (
+        ("white", "a picture of a white surface, to find the lens grid in and to even out lenses' brightness"),
+        ("dark", "a picture without light, to subtract"),
+        ("show-grid", "write the lens grid, drawn over the picture, to this PNG"),
+    ):
+        parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {text}")
+
+
+def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Adds the commands; `add_command` as in `service.cli.parser`."""
+    report = "write the report (JSON) to this file"
+    command = add_command(
+        "reconstruct",
+        "make views of a mesh, an elemental image array or a set of views, and upscale them",
+        "pictures.reconstruct",
+    )
+    command.add_argument(
+        "input", metavar="INPUT", help="file, folder or zip; or scene:vase, scene:globe, scene:hamburger"
+    )
+    command.add_argument(
+        "-o", "--out", required=True, metavar="OUT", help="a folder, a .zip or .npz file, or a picture for one view"
+    )
+    add_options(command, NAMES)
+    _add_raw_files(command)
+    command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
+
+    command = add_command(
+        "convert", "write a light field, or all views of a mesh, in another format", "pictures.convert"
+    )
+    command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
+    command.add_argument(
+        "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
+    )
+    known = ", ".join(dict.fromkeys([*WHOLE, *KINDS_FOR_DISPLAYS]))
+    command.add_argument("--to", metavar="FORMAT", help=f"one of {known} (default: what the name of OUT asks for)")
+    for name, (placeholder, text) in ARGUMENTS_FOR_DISPLAYS.items():
+        command.add_argument(f"--{name}", metavar=placeholder, help=text)
+    add_options(command, CONVERSION)
+    _add_raw_files(command)
+    command.add_argument("--report", metavar="FILE", help=report)
+
+    command = add_command("elemental", "render a mesh's elemental image array", "pictures.elemental")
+    command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")
+    command.add_argument("-o", "--out", required=True, metavar="FILE", help=f"picture to write: {', '.join(SUFFIXES)}")
+    add_options(command, KINDS["elemental"].options, "elemental")
+    command.add_argument("--report", metavar="FILE", help=report)
+
+    command = add_command("upscale", "upscale any picture, or a folder of pictures", "pictures.upscale")
+    command.add_argument(
+        "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG or WebP; 8 or 16 bit; grey, RGB, alpha"
+    )
+    command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
+    add_options(command, KINDS["upscale"].options, "upscale")
+    command.add_argument("--report", metavar="FILE", help=report)
