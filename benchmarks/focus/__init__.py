@@ -1,0 +1,1 @@
+"""Depth planes and disparity against exact depth."""

@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from ciir.benchmarks.focus.depth import HEAD, main, measure_peak, score_map
+from ciir.errors import InvalidOption
+
+
+def test_scores_are_of_the_hci_benchmark():
+    found = np.array([[0.5, 0.58], [0.44, 1.5]], np.float32)
+    bad, mse = score_map(found, np.full((2, 2), 0.5, np.float32))
+    assert bad == 50  # 0.08 and 1 are more than 0.07
+    assert mse == pytest.approx(100 * (0.08**2 + 0.06**2 + 1) / 4, rel=1e-5)
+
+
+def test_a_line_for_each_scene_and_the_mean(capsys, tmp_path):
+    assert main(["--meshes", str(tmp_path), "--only", "vase", "--side", "48"]) == 0
+    missing, head, vase, mean = capsys.readouterr().out.splitlines()
+    assert "spot, fuze" in missing
+    assert head == HEAD
+    assert len(vase) == len(mean) == len(head)
+    assert vase.split()[1:] == mean.split()[1:]
+
+
+def test_unknown_scenes_are_refused(tmp_path):
+    with pytest.raises(InvalidOption, match=r"--only: no duck\.glb; there are vase"):
+        main(["--meshes", str(tmp_path), "--only", "duck.glb"])
+
+
+def test_memory_that_is_freed_again_counts():
+    peak, added = measure_peak(lambda: np.ones(16 << 17).sum())  # 16 MB
+    if peak == 0:
+        pytest.skip("this system doesn't count it")
+    assert 15 <= added <= peak
