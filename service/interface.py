@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
@@ -82,6 +82,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     order: OrderCheck = "auto",
     flip: Flip = "none",
     transpose: bool = False,
+    depth_sense: Literal["auto", "lenses", "cameras"] = "auto",
     lens_pitch: Pitch | None = None,
     lens_offset: tuple[float, float] | None = None,
     lens_rotation: float | None = None,
@@ -102,7 +103,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
     keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
     `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`,
-    for files that count them from the other end; the depth sense stays, so that `uv` inverts depth.
+    for files that count them from the other end; the depth sense stays, so that `uv` inverts depth. `depth_sense`:
+    `lenses` or `cameras`, where the file doesn't say what its views count, or is wrong; their order stays.
     `lens_pitch`: pixels from lens to lens of a raw lenslet picture, or `auto`, to find its lens grid in it;
     `lens_offset`: (y, x) of one lens's centre in pixels, `lens_rotation`: degrees by which rows of lenses go down to
     the right, `lens_grid`: `square` or `hexagonal`; each is found where it is not given. `white`, `dark`: paths of its
@@ -124,6 +126,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "order": order,
             "flip": flip,
             "transpose": transpose,
+            "depth_sense": depth_sense,
             "lens_pitch": lens_pitch,
             "lens_offset": lens_offset,
             "lens_rotation": lens_rotation,
@@ -253,10 +256,10 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
 
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`: names; `crop`: (top, left, bottom, right); `scale`;
-    `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`, `delta`, `zoom`, `place`: numbers;
-    `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`, `time`: seconds; `camera`: a name or
-    a number. Text is read as on the command line.
+    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`: names;
+    `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
+    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`,
+    `time`: seconds; `camera`: a name or a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
+    from ciir.renderer.light_field import Arrangement, DepthSense, Flip, OrderCheck, Pickup
     from ciir.renderer.readers.lenslet.grid import Known
 
 
@@ -29,5 +29,8 @@ class Layout:
     """Which order of views is reversed, after `transpose`."""
     transpose: bool = False
     """Whether rows and columns of views are exchanged."""
+    depth_sense: DepthSense | None = None
+    """Whether views, in the order of the file, count pixels under lenses or cameras; None: as the file or its format
+    says."""
     lens_grid: Known | None = None
     """Of a raw lenslet picture; None for a picture that is an elemental image array."""

@@ -123,6 +123,7 @@ FORMATS = {
         Format("npz", (".npz",), "application/x-npz", partial(_open_plain, writer=NpzWriter), holds_report=True),
         Format("html", (".html",), "text/html", partial(_open_plain, writer=HtmlWriter)),
         _container("eia", STILL, "image/png", "pictures:EiaWriter"),
+        _container("mosaic", STILL, "image/png", "pictures:MosaicWriter"),
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
         _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
         _container("epi", STILL, "image/png", "pictures:EpiWriter", ("epi",)),

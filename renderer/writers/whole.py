@@ -12,18 +12,14 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Writer, file_name
 
 if TYPE_CHECKING:
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.renderer.writers.options import WriterOptions
     from ciir.renderer.writers.writer import Contents
 
-REVERSED = "{name} counts cameras: views are written in reversed order in v and in u, which is the same light field"
-"""A note of formats that have the depth sense of cameras."""
-REVERSED_TO_LENSES = (
-    "{name} counts pixels under lenses: views are written in reversed order in v and in u, which is the same light "
-    "field"
-)
-"""A note of formats that have the depth sense of lenses."""
+REVERSED = "{name} counts {what}: views are written in reversed order in v and in u, which is the same light field"
+"""A note of formats that have a depth sense, on a light field with the other one."""
 
 
 class WholeWriter(Writer):
@@ -31,6 +27,8 @@ class WholeWriter(Writer):
 
     name = ""
     """Of the format, for messages."""
+    sense: DepthSense | None = None
+    """That the format has; None for one that states it, or that holds pictures of another kind."""
 
     def __init__(self, file: IO[bytes], options: WriterOptions) -> None:
         self.file, self.options = file, options
@@ -44,7 +42,10 @@ class WholeWriter(Writer):
 
     @abstractmethod
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes the light field to `file`. Returns notes: what the format doesn't hold, or holds in another way."""
+        """Writes the light field, which has the depth sense `sense`, to `file`.
+
+        Returns notes: what the format doesn't hold, or holds in another way.
+        """
 
     def begin(self, contents: Contents) -> None:
         """Refuses a part of the views."""
@@ -67,8 +68,16 @@ class WholeWriter(Writer):
         self._missing -= 1
         if self._missing == 0:
             light_field = LightField(self._views, is_ordered=True, depth_sense=self._contents.depth_sense)
-            self._notes = self.encode(light_field)
+            self._notes = self._encode(light_field)
         return file_name(view)
+
+    def _encode(self, light_field: LightField) -> list[str]:
+        """Writes the light field, with its views reversed where the format has the other depth sense."""
+        if self.sense in (None, light_field.depth_sense):
+            return self.encode(light_field)
+        what = "cameras" if self.sense == "cameras" else "pixels under lenses"
+        note = REVERSED.format(name=self.name, what=what)
+        return [note, *self.encode(light_field.with_depth_sense(self.sense))]
 
     def finish(self, report: dict[str, Any]) -> None:
         """Adds notes to the report."""

@@ -170,7 +170,7 @@ def _check_kind(name: str, content: Content, options: Options) -> None:
     if isinstance(content, Scene):
         if options.pickup != "virtual":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
-        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose"):
+        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense"):
             if getattr(options, option) != getattr(Options, option):
                 raise InvalidOption(f"{option}: this is for pictures and {name} is a mesh; leave it out")
         return

@@ -142,6 +142,7 @@ class Input:
             order=options.order,
             flip=options.flip,
             transpose=options.transpose == "yes",
+            depth_sense=None if options.depth_sense == "auto" else options.depth_sense,
             lens_grid=options.known_grid,
         )
 

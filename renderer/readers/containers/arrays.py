@@ -1,7 +1,7 @@
 """Reads NumPy's npy and npz, never by pickle.
 
-- npy: one array `L[v, u, y, x, c]`;
-- npz: one such array, under any name; or what `renderer.writers.archives.NpzWriter` writes, `views[n, y, x, c]` with
+- npy: an array `L[v, u, y, x, c]`, and in our own files the depth sense behind it, as text without axes;
+- npz: one array, under any name; or what `renderer.writers.archives.NpzWriter` writes, `views[n, y, x, c]` with
   `positions[n] = (v, u)` and the report.
 
 The format is that of `numpy.lib.format`.
@@ -22,12 +22,7 @@ import numpy as np
 
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.samples import (
-    TAKEN_AS_CAMERAS,
-    check_array,
-    convert_samples,
-    settle_depth_sense,
-)
+from ciir.renderer.readers.containers.samples import check_array, convert_samples, settle_depth_sense
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -62,27 +57,40 @@ class Array:
         if self.dtype.hasobject:
             raise UnsupportedType(f"{name}: holds Python objects (pickle), which are never read; save numbers")
 
+    @property
+    def end(self) -> int:
+        """The number of bytes from the start of the header to the end of the samples."""
+        return self._start + math.prod(self.shape) * self.dtype.itemsize
+
     def read(self) -> NDArray[Any]:
         """The array; it shares memory with the file's bytes and is read-only."""
-        count = math.prod(self.shape)
-        if len(self._data) - self._start < count * self.dtype.itemsize:
+        if len(self._data) < self.end:
             raise Unreadable(f"{self._name}: the array's samples are cut off; give the whole file")
-        flat = np.frombuffer(self._data, self.dtype, count, self._start)
+        flat = np.frombuffer(self._data, self.dtype, math.prod(self.shape), self._start)
         return flat.reshape(self.shape[::-1]).T if self._is_fortran else flat.reshape(self.shape)
 
+    def read_text(self) -> str | None:
+        """The text of an array without axes; None where it is another array."""
+        return str(self.read()) if self.shape == () and self.dtype.kind == "U" else None
 
-def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
-    """The array as it is: `views[v, u, y, x, c]`. It states no depth sense: that of cameras is taken, with a note."""
-    return _read_array(Array(data, name), name, limits)
 
-
-def _read_array(array: Array, name: str, limits: Limits) -> LightField:
+def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """The array as it is, `views[v, u, y, x, c]`, with the depth sense behind it, else that of cameras, with a note."""
+    array = Array(data, name)
     check_array(name, array.shape, array.dtype, limits)
-    views, notes = convert_samples(array.read(), name)
-    return LightField(views, (*notes, TAKEN_AS_CAMERAS), depth_sense="cameras")
+    views, stated = array.read(), None
+    if data[array.end :].startswith(np.lib.format.MAGIC_PREFIX):
+        stated = Array(memoryview(data)[array.end :], name).read_text()
+    return _make_light_field(views, stated, name, layout)
 
 
-def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:  # noqa: ARG001
+def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: Layout) -> LightField:
+    made, notes = convert_samples(views, name)
+    sense, guessed = settle_depth_sense(stated, layout)
+    return LightField(made, notes + guessed, depth_sense=sense)
+
+
+def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The one array with five axes, or the views at their positions, with the depth sense that the report states, else
     that of cameras, with a note.
     """
@@ -99,9 +107,11 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     found = {key: array for key, array in arrays.items() if len(array.shape) == 5}
     if len(found) == 1:
         key, array = found.popitem()
-        return _read_array(array, f"{name}: {clean_text(key)}", limits)
+        name = f"{name}: {clean_text(key)}"
+        check_array(name, array.shape, array.dtype, limits)
+        return _make_light_field(array.read(), None, name, layout)
     if VIEWS in arrays and POSITIONS in arrays:
-        return _read_views(arrays, name, limits)
+        return _read_views(arrays, name, layout, limits)
     listed = ", ".join(clean_text(key.removesuffix(".npy")) for key in list(found or arrays)[:5]) or "nothing"
     raise Unreadable(
         f"{name}: {len(found)} arrays with five axes ({listed}); give one array (V, U, H, W, C), or the npz that "
@@ -124,7 +134,7 @@ def _is_npy(key: str) -> bool:
     return key.endswith(".npy") and "/" not in key
 
 
-def _read_views(arrays: Mapping[str, Array], name: str, limits: Limits) -> LightField:
+def _read_views(arrays: Mapping[str, Array], name: str, layout: Layout, limits: Limits) -> LightField:
     """The views of our own npz, each at its position; all positions of a grid from (0, 0) must be there."""
     views, positions = arrays[VIEWS], arrays[POSITIONS]
     count = views.shape[0] if len(views.shape) == 4 else 0
@@ -144,16 +154,15 @@ def _read_views(arrays: Mapping[str, Array], name: str, limits: Limits) -> Light
     stored = views.read()
     if not np.array_equal(order, np.arange(count)):
         stored = stored[order]
-    made, notes = convert_samples(stored.reshape(rows, columns, *views.shape[1:]), name)
-    sense, guessed = settle_depth_sense(_find_depth_sense(arrays))
-    return LightField(made, notes + guessed, depth_sense=sense)
+    return _make_light_field(stored.reshape(rows, columns, *views.shape[1:]), _find_depth_sense(arrays), name, layout)
 
 
 def _find_depth_sense(arrays: Mapping[str, Array]) -> object:
     """What the report states; None where there is none."""
-    if REPORT not in arrays or arrays[REPORT].shape != () or arrays[REPORT].dtype.kind != "U":
+    text = arrays[REPORT].read_text() if REPORT in arrays else None
+    if text is None:
         return None
     try:
-        return json.loads(str(arrays[REPORT].read()))["lens_array"]["depth_sense"]
+        return json.loads(text)["lens_array"]["depth_sense"]
     except (LookupError, TypeError, ValueError, RecursionError):  # a report of another program
         return None

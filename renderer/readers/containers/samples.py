@@ -17,21 +17,23 @@ if TYPE_CHECKING:
 
     from ciir.renderer.light_field import DepthSense
     from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.layout import Layout
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """A note."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
-    "near and far are exchanged, as of pixels under a lens array, give flip uv"
+    "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
 )
 """A note."""
 
 
-def settle_depth_sense(stated: object) -> tuple[DepthSense, tuple[str, ...]]:
-    """The depth sense that a file states; that of cameras, with a note, where it states none."""
-    if stated == "lenses":
+def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tuple[str, ...]]:
+    """The depth sense that `layout` gives, else that which a file states, else that of cameras, with a note."""
+    found = layout.depth_sense or stated
+    if found == "lenses":
         return "lenses", ()
-    return "cameras", () if stated == "cameras" else (TAKEN_AS_CAMERAS,)
+    return "cameras", () if found == "cameras" else (TAKEN_AS_CAMERAS,)
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:

@@ -59,7 +59,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
                 raise Unreadable(f"{name}: page {number} is not like the first; make all views alike")
             tiff.check_page(page, len(data), name, _allow)
             views[number] = tiff.read_page(page).reshape(height, width, channels)
-    sense, guessed = settle_depth_sense(described.get("depth_sense"))
+    sense, guessed = settle_depth_sense(described.get("depth_sense"), layout)
     return LightField(views.reshape(*grid, height, width, channels), notes + guessed, depth_sense=sense)
 
 

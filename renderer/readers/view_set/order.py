@@ -40,10 +40,11 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
 
 def reorient(views: Views, layout: Layout) -> Views:
     """The views transposed and then flipped as `layout` asks for: their files count an axis from the other end than
-    their format does. So the depth sense stays that of the format, and a flip of both axes inverts depth.
+    their format does. So the depth sense stays that of the format, or is that of `layout`, and a flip of both axes
+    inverts depth.
     """
     found = (views.transpose() if layout.transpose else views).flip(layout.flip)
-    return replace(found, depth_sense=views.depth_sense)
+    return replace(found, depth_sense=layout.depth_sense or views.depth_sense)
 
 
 def correct(views: Views, order: Order) -> Views:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.whole import REVERSED, WholeWriter
+from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,15 +31,17 @@ _UNKNOWN = "hci: the distance of cameras and the focus are not known: dH, dV and
 class CameraWriter(WholeWriter):
     """Writes an array of a light field whose depth sense is that of cameras."""
 
+    sense = "cameras"
+
     def check(self, contents: Contents) -> None:
         """Refuses alpha."""
         if contents.channels in (2, 4):
             raise InvalidOption(f"format: {self.name} holds no alpha; give views without it, or format npz")
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes the views, with a note where they are reversed."""
-        self.pack(light_field.with_depth_sense("cameras").views)
-        return [] if light_field.depth_sense == "cameras" else [REVERSED.format(name=self.name)]
+        """Writes the views."""
+        self.pack(light_field.views)
+        return []
 
     @abstractmethod
     def pack(self, views: NDArray[Any]) -> None:

@@ -1,4 +1,6 @@
-"""Writes a light field as a picture: an elemental image array, ESLF, a TIFF stack, or an epipolar plane image."""
+"""Writes a light field as a picture: an elemental image array, ESLF, a mosaic of views, a TIFF stack, or an epipolar
+plane image.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.options import EpiLine
 from ciir.renderer.writers.pictures import SUFFIXES, encode
-from ciir.renderer.writers.whole import REVERSED, REVERSED_TO_LENSES, WholeWriter
+from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -41,27 +43,33 @@ class PictureWriter(WholeWriter):
 
 
 class EiaWriter(PictureWriter):
-    """Writes the elemental image array: pixel (y*V + v, x*U + u) is pixel (y, x) of view (v, u).
-
-    It has the depth sense of lenses: of one with that of cameras the views are reversed in v and u.
-    """
+    """Writes the elemental image array: pixel (y*V + v, x*U + u) is pixel (y, x) of view (v, u)."""
 
     name = "eia"
+    sense = "lenses"
 
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array."""
-        return light_field.with_depth_sense("lenses").eia()
+        return light_field.eia()
 
-    def encode(self, light_field: LightField) -> list[str]:
-        """Notes a reversed order."""
-        super().encode(light_field)
-        return [] if light_field.depth_sense == "lenses" else [REVERSED_TO_LENSES.format(name=self.name)]
+
+class MosaicWriter(PictureWriter):
+    """Writes the views side by side: pixel (v*H + y, u*W + x) is pixel (y, x) of view (v, u)."""
+
+    name = "mosaic"
+    sense = "cameras"
+
+    def draw(self, light_field: LightField) -> Pixels:
+        """The mosaic."""
+        rows, columns, height, width, channels = light_field.views.shape
+        return light_field.views.swapaxes(1, 2).reshape(rows * height, columns * width, channels)
 
 
 class EslfWriter(PictureWriter):
     """Writes Lytro's ESLF: 14x14 pixels under each lens, those around the views empty."""
 
     name = "eslf"
+    sense = "cameras"
 
     def check(self, contents: Contents) -> None:
         """Refuses alpha, which would be taken for a weight, and more views than a lens has pixels."""
@@ -74,14 +82,9 @@ class EslfWriter(PictureWriter):
 
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array, with the views in the middle of each lens."""
-        views = light_field.with_depth_sense("cameras").views
+        views = light_field.views
         margins = [((ESLF_PIXELS - count) // 2, (ESLF_PIXELS - count + 1) // 2) for count in views.shape[:2]]
         return LightField(cast("Pixels", np.pad(views, (*margins, (0, 0), (0, 0), (0, 0))))).eia()
-
-    def encode(self, light_field: LightField) -> list[str]:
-        """Notes a reversed order."""
-        super().encode(light_field)
-        return [] if light_field.depth_sense == "cameras" else [REVERSED.format(name=self.name)]
 
 
 class StackWriter(WholeWriter):

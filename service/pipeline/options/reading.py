@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
+from ciir.renderer.light_field import Arrangement, DepthSense, Flip, OrderCheck, Pickup
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import make_integer, make_name, make_number, make_switch
@@ -73,6 +73,13 @@ READING = {
         "v",
     ),
     "transpose": Option("NAME", "yes: exchange rows and columns of views", make_switch(get_args(Switch)), "yes", "yes"),
+    "depth_sense": Option(
+        "NAME",
+        "what views count: cameras (near content moves to the left from one view to the next on the right) or lenses "
+        "(pixels under them: far content does); auto: as the file or its format says (default auto)",
+        make_name(("auto", *get_args(DepthSense))),
+        "lenses",
+    ),
 }
 """By name, in the order of the help."""
 
@@ -95,3 +102,4 @@ class ReadingOptions:
     order: OrderCheck = "auto"
     flip: Flip = "none"
     transpose: Switch = "no"
+    depth_sense: Literal["auto", "lenses", "cameras"] = "auto"

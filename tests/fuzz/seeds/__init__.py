@@ -226,6 +226,7 @@ def options() -> list[bytes]:
             "order": "columns",
             "flip": "uv",
             "transpose": "yes",
+            "depth_sense": "lenses",
         },
         {"pixels": "4x4", "model": "none", "crop": "4,4,4,0"},
         {"lens_pitch": "8.5", "model": "none"},

@@ -33,8 +33,10 @@ def _save(array: NDArray[np.generic]) -> bytes:
 
 
 def npy() -> list[bytes]:
-    """Integers and fractions, in both orders of axes."""
-    return [_save(VIEWS), _save(np.asfortranarray(VIEWS)), _save(VIEWS[..., :1] * np.uint16(257)), _save(VIEWS / 255)]
+    """Integers and fractions, in both orders of axes, and with a depth sense behind them."""
+    plain = _save(VIEWS)
+    others = [np.asfortranarray(VIEWS), VIEWS[..., :1] * np.uint16(257), VIEWS / 255]
+    return [plain, plain + _save(np.array("lenses")), *map(_save, others)]
 
 
 def npz() -> list[bytes]:

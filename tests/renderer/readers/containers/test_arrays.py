@@ -156,11 +156,27 @@ def test_our_own_npz_keeps_the_depth_sense(tmp_path, sense):
     assert (found.notes, found.depth_sense) == ((), sense)
 
 
-def test_flip_puts_an_array_of_a_lens_array_right():
-    pictures = LightField(numbered("u1")).with_depth_sense("cameras").views
-    found = inputs.read(Bundle.from_upload("a.npy", saved(numbered("u1"))), Layout(flip="uv"))
-    np.testing.assert_array_equal(found.views, pictures)
-    assert found.depth_sense == "cameras"
+def test_npy_of_a_lens_array_that_does_not_say_so():
+    bundle = Bundle.from_upload("a.npy", saved(numbered("u1")))
+    found = inputs.read(bundle, Layout(depth_sense="lenses"))
+    np.testing.assert_array_equal(found.views, numbered("u1"))
+    assert (found.notes, found.depth_sense) == ((), "lenses")
+    flipped = inputs.read(bundle, Layout(flip="uv"))
+    np.testing.assert_array_equal(flipped.views, found.with_depth_sense("cameras").views)
+    assert flipped.depth_sense == "cameras"
+
+
+@pytest.mark.parametrize("other", [saved(np.array("both")), saved(np.zeros(3)), saved(np.array(["lenses"])), b"lenses"])
+def test_what_else_follows_an_array_is_no_depth_sense(other):
+    found = read(saved(numbered("u1")) + other)
+    np.testing.assert_array_equal(found.views, numbered("u1"))
+    assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
+
+
+def test_a_depth_sense_that_is_cut_off_is_refused(tmp_path):
+    LightField(numbered("u1")).save(tmp_path / "a.npy")
+    with pytest.raises(Unreadable, match="cut off"):
+        inputs.read(Bundle.from_upload("a.npy", (tmp_path / "a.npy").read_bytes()[:-1]))
 
 
 def test_another_grid_is_refused():

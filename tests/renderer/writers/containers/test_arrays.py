@@ -14,8 +14,12 @@ def test_npy_is_v_u_y_x_c(tmp_path, dtype):
     np.testing.assert_array_equal(found, views)
 
 
-def test_views_of_a_lens_array_are_written_as_cameras_see_them(tmp_path):
+@pytest.mark.parametrize("sense", ["lenses", "cameras"])
+def test_numpy_loads_the_views_as_they_are_in_memory_and_then_their_depth_sense(tmp_path, sense):
     views = np.arange(6, dtype=np.uint8).reshape(2, 3, 1, 1, 1)
-    (note,) = LightField(views, depth_sense="lenses").save(tmp_path / "a.npy")
-    assert note.startswith("npy counts cameras: views are written in reversed order in v and in u")
-    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), views[::-1, ::-1])
+    assert LightField(views, depth_sense=sense).save(tmp_path / "a.npy") == ()
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), views)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy", mmap_mode="r"), views)
+    with (tmp_path / "a.npy").open("rb") as file:
+        np.load(file)
+        assert np.load(file) == sense

@@ -31,7 +31,9 @@ def test_a_picture_is_the_elemental_image_array_as_lenses_see_it(given, tmp_path
     eia = decode((tmp_path / "eia.png").read_bytes(), name="eia")
     np.testing.assert_array_equal(eia[::3, ::4], FIELD.views[-1, -1])
     assert main(["convert", str(tmp_path / "eia.png"), "--pixels", "3x4", "-o", str(tmp_path / "back.npy")]) == 0
-    np.testing.assert_array_equal(np.load(tmp_path / "back.npy"), FIELD.views)
+    np.testing.assert_array_equal(np.load(tmp_path / "back.npy"), FIELD.with_depth_sense("lenses").views)
+    assert main(["convert", str(tmp_path / "back.npy"), "-o", str(tmp_path / "again.png")]) == 0
+    assert (tmp_path / "again.png").read_bytes() == (tmp_path / "eia.png").read_bytes()
 
 
 def test_an_epi_and_the_report(given, tmp_path):
