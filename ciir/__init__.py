@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Unreadable,
         UnsupportedType,
     )
+    from ciir.renderer.focus.depth_scale import DepthScale
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.service.interface import Reconstruction, open, reconstruct, render, upscale  # noqa: A004 - as in Pillow
@@ -46,12 +47,14 @@ _MODULES = {
         ),
         "ciir.errors",
     ),
+    "DepthScale": "ciir.renderer.focus.depth_scale",
     "LensArray": "ciir.renderer.lens_array",
     "LightField": "ciir.renderer.light_field",
     **dict.fromkeys(("Reconstruction", "open", "reconstruct", "render", "upscale"), "ciir.service.interface"),
 }
 __all__ = [
     "BackendUnavailable",
+    "DepthScale",
     "Error",
     "InputError",
     "InvalidGeometry",

@@ -13,12 +13,14 @@ from ciir.errors import InvalidOption
 from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.focus.apertures import Shape
     from ciir.renderer.focus.disparity import DisparityMap
+    from ciir.renderer.focus.planes import Method
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.views import View
 
@@ -189,24 +191,47 @@ class LightField:
         line = self.views[:, center_u if u is None else u, :, cols // 2 if x is None else x]
         return line.swapaxes(0, 1)
 
-    def refocus(self, disparity: float, *, aperture: float | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    def refocus(
+        self,
+        disparity: float,
+        *,
+        method: Method = "mapping",
+        aperture: float | NDArray[Any] | None = None,
+        shape: Shape = "disc",
+    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """The depth plane of `disparity`, `(H, W, C)`: what has it is sharp, as the middle of the grid sees it.
 
-        `disparity`: by how many pixels a point moves to the left from one view to the next on the right. `aperture`:
-        radius in views around the middle of those that are added up, by default all. `renderer.focus.planes` has the
-        method, and the planes as floats.
-
-        Raises `InvalidOption` for a disparity that is no finite number, and an aperture that lets no view through.
+        `disparity`: by how many pixels a point moves to the left from one view to the next on the right;
+        `renderer.focus.depth_scale` has that of a depth. The rest as for `planes`.
         """
-        for name, value in (("disparity", disparity), ("aperture", aperture)):
-            if value is not None and not isinstance(value, Real):
-                raise InvalidOption(f"{name}: {str(value)[:40]!r} is no number; give pixels or views, as in 0.5")
-        from ciir.renderer.focus.planes import make_aperture, refocus
+        if not isinstance(disparity, Real):
+            raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
+        (plane,) = self.planes([float(disparity)], method=method, aperture=aperture, shape=shape)
+        return plane
 
-        weights = None if aperture is None else make_aperture(self.views.shape[:2], aperture)
-        (plane,) = refocus(self.views, [disparity], weights=weights)
-        levels = plane.round().clip(0, np.iinfo(self.views.dtype).max)
-        return levels.astype(np.uint8) if self.views.dtype == np.uint8 else levels.astype(np.uint16)
+    def planes(
+        self,
+        disparities: Sequence[float] | NDArray[np.float64],
+        *,
+        method: Method = "mapping",
+        aperture: float | NDArray[Any] | None = None,
+        shape: Shape = "disc",
+    ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16]]:
+        """The depth plane of each of `disparities`, `(H, W, C)`, one after the other.
+
+        `method`: `mapping`, `window` or `delta`, of `renderer.focus.planes`, which has the planes as floats too.
+        `aperture`: radius in views around the middle of those that count, by default all, or a weight for each view,
+        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `renderer.focus.apertures`.
+
+        Raises `InvalidOption` for disparities that are not finite, for an unknown method or shape, and for an aperture
+        that lets no view through.
+        """
+        from ciir.renderer.focus.apertures import read_aperture
+        from ciir.renderer.focus.planes import refocus
+
+        weights = read_aperture(aperture, self.views.shape[:2], shape)
+        planes = refocus(self.views, disparities, method=method, weights=weights)
+        return (_round_levels(plane, self.views.dtype) for plane in planes)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.
@@ -260,3 +285,8 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
+
+
+def _round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    levels = picture.round().clip(0, np.iinfo(dtype).max)
+    return levels.astype(np.uint8) if dtype == np.uint8 else levels.astype(np.uint16)

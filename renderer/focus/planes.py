@@ -1,23 +1,41 @@
 """Depth planes by shift and sum: the mean of all views, each shifted so that one depth lines up.
 
-A point of disparity m moves by m pixels to the left, and up, from one view to the next on the right, and below. So a
-plane of disparity m, seen from view (s, t), is the mean over views (v, u) of `L[v, u, y - m*(v - s), x - m*(u - t)]`
-(Hong, Jang and Javidi, Opt. Express 12, 2004; Ng et al. 2005). In front of a lens array m = delta * distance / pitch.
+A point of disparity m moves by m pixels to the left, and up, from one view to the next on the right, and below. So the
+pixels that see a point of the plane of disparity m lie on lines `x + m*(u - t) = X`, `y + m*(v - s) = Y` of the light
+field, and the plane, as seen from view (s, t), is the mean along them. In front of a lens array m = delta * distance /
+pitch (`renderer.focus.depth_scale`). With `w` the views' weights, all methods are
 
-Shifts by fractions of a pixel are Keys's cubic convolution (a = -1/2), done in the frequency domain, where the shift of
-a view is one factor for each frequency: the sum over the views of a row is one matrix product for all planes. Pictures
-are padded, so that nothing wraps around, and the kernel is a local one, so that edges don't ring.
+    P[Y, X] = sum of w[v, u] * W[y, x] * k(Y - y - m*(v - s)) * k(X - x - m*(u - t)) * L[v, u, y, x]  over v, u, y, x,
+
+divided by the same sum of ones in place of L, so that uneven coverage doesn't show (Hong, Jang and Javidi, Opt. Express
+12, 2004; Ng et al. 2005). They differ in the kernel k and the window W:
+
+- `mapping`: each pixel is mapped back to the plane, by interpolation (Shin and Yoo, Opt. Express 17, 2009): k is Keys's
+  cubic convolution with a = -1/2, and W = 1. For views of parallel rays, back projection of magnified elemental images
+  and their mean is the same sum.
+- `window`: the same with a smooth window on each picture (Yoo, Opt. Lett. 36, 2011; Sensors 23, 5468, 2023): W falls
+  linearly from 1 in the middle of a view to `BORDER` at its sides, so that views don't end in steps. The pictures of a
+  camera array are its elemental images; in front of a lens array a window on those is an aperture (`apertures`).
+- `delta`: the picture of all views side by side is convolved with an array of delta functions (Jang, Shin and Kim, Opt.
+  Express 22, 2014), whose period is m short of a view. Pixels are not interpolated: k is 1 at the nearest whole pixel,
+  so close disparities may give the same plane. Where the count of views is even, the plane may lie half a pixel off the
+  middle of the grid.
+
+The sums are done in the frequency domain, where the shift of a view is one factor for each frequency: the sum over the
+views of a row is one matrix product for all planes. Pictures are padded, so that nothing wraps around, and kernels are
+local ones, so that edges don't ring.
 """
 
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from scipy import fft
 
 from ciir.errors import InvalidOption
+from ciir.renderer.focus.apertures import check_weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,6 +44,10 @@ if TYPE_CHECKING:
 
     Numbers = Sequence[float] | NDArray[np.float64]
 
+Method = Literal["mapping", "window", "delta"]
+
+BORDER = 1 / 8
+"""The least weight of a pixel with the method `window`: float32 still resolves its square, in corners."""
 MEMORY = 2**27
 """Bytes, about, of the spectra of the planes that are computed at a time."""
 KEPT = 2**29
@@ -38,7 +60,11 @@ _LEAST = 1e-4
 
 
 def refocus(
-    views: NDArray[Any], disparities: Numbers, *, weights: NDArray[np.float32] | None = None
+    views: NDArray[Any],
+    disparities: Numbers,
+    *,
+    method: Method = "mapping",
+    weights: NDArray[np.float32] | None = None,
 ) -> Iterator[NDArray[np.float32]]:
     """A plane for each of `disparities`, in pixels a view, as the middle of the grid sees it: `(H, W, C)`, in the units
     of the views.
@@ -46,43 +72,26 @@ def refocus(
     `views`: `(V, U, H, W, C)`. `weights`: `(V, U)`, of each view, by default 1: the aperture. Where a view does not
     reach, the others count alone; a pixel that no view reaches is 0.
 
-    Raises `InvalidOption` for weights of another shape, below 0, or all 0, and for disparities that are not finite.
+    Raises `InvalidOption` for an unknown method, for weights that `check_weights` refuses, and for disparities that are
+    not finite.
     """
-    grid = views.shape[:2]
+    if method not in get_args(Method):
+        raise InvalidOption(f"method: {method!r} is not known; give {', '.join(get_args(Method))}")
     if not np.isfinite(disparities).all():
         raise InvalidOption("disparities: some are not finite; give numbers, in pixels a view")
-    along_v, along_u = (np.arange(count) - (count - 1) / 2 for count in grid)
+    weights = check_weights(weights, views.shape[:2])
+    along = tuple(np.arange(count) - (count - 1) / 2 for count in views.shape[:2])
     most = float(np.abs(disparities).max(initial=0))
-    for plane in Spectra(views, (along_v, along_u), most).add_planes(disparities, check_weights(weights, grid)):
-        yield np.ascontiguousarray(plane.transpose(1, 2, 0))
-
-
-def check_weights(weights: NDArray[Any] | None, grid: tuple[int, ...]) -> NDArray[np.float32]:
-    """The weights of views, by default all 1. Raises `InvalidOption` as `refocus`."""
-    if weights is None:
-        return np.ones(grid, np.float32)
-    if weights.shape != grid or not np.isfinite(weights).all() or weights.min() < 0 or weights.max() == 0:
-        raise InvalidOption(f"weights: give {grid[0]}x{grid[1]} numbers from 0, one for each view, not all of them 0")
-    return weights.astype(np.float32)
-
-
-def make_aperture(grid: tuple[int, ...], radius: float) -> NDArray[np.float32]:
-    """Weights `(V, U)` of the views within `radius` views of the middle of the grid; those on its edge count in part.
-
-    Raises `InvalidOption` where it lets no view through.
-    """
-    v, u = (np.arange(count) - (count - 1) / 2 for count in grid)
-    distance = np.hypot(v[:, np.newaxis], u)
-    weights: NDArray[np.float32] = np.clip(radius + 0.5 - distance, 0, 1).astype(np.float32)
-    if not weights.any():
-        raise InvalidOption(f"aperture: a radius of {radius:g} views lets no view through; give 0.5 or more")
-    return weights
+    planes = Spectra(views, along, most, method).add_planes(disparities, weights)
+    return (np.ascontiguousarray(plane.transpose(1, 2, 0)) for plane in planes)
 
 
 class Spectra:
     """The Fourier transforms of all views, of which planes are made. Safe to use from several threads."""
 
-    def __init__(self, views: NDArray[Any], along: tuple[NDArray[Any], NDArray[Any]], most: float) -> None:
+    def __init__(
+        self, views: NDArray[Any], along: tuple[NDArray[Any], ...], most: float, method: Method = "mapping"
+    ) -> None:
         """`views`: `(V, U, H, W, C)`. `along`: the place of each row `(V,)` and column `(U,)` of views, counted from
         the view that planes line up with. `most`: the largest disparity, without its sign, that planes will have.
         """
@@ -92,6 +101,9 @@ class Spectra:
             for length, places in zip(views.shape[2:4], along, strict=True)
         ]
         self._half = self._padded[1] // 2 + 1
+        make_window = _make_window if method == "window" else np.ones
+        self._windows = [make_window(length).astype(np.float32) for length in views.shape[2:4]]
+        self._is_whole = method == "delta"
         size = 8 * views.shape[0] * views.shape[1] * views.shape[4] * self._padded[0] * self._half
         self._kept = [self._transform(row) for row in views] if size <= KEPT else None
 
@@ -101,8 +113,8 @@ class Spectra:
         for start in range(0, len(disparities), batch):
             some = np.asarray(disparities[start : start + batch], np.float64)[:, np.newaxis]
             rows, cols = (
-                _Shifts(some * places, length, padded)
-                for places, length, padded in zip(self._along, self._views.shape[2:4], self._padded, strict=True)
+                _Shifts(np.floor(some * places + 0.5) if self._is_whole else some * places, window, padded)
+                for places, window, padded in zip(self._along, self._windows, self._padded, strict=True)
             )
             reached = np.einsum("pvy,vu,pux->pyx", rows.reach, weights, cols.reach, optimize=True)
             for plane, reach in zip(self._add(rows, cols, weights), reached, strict=True):
@@ -111,7 +123,7 @@ class Spectra:
 
     def _transform(self, row: NDArray[Any]) -> NDArray[np.complex64]:
         """The transforms of a row of views, `(half, C, U, padded)`: frequencies along x come first."""
-        pictures = row.transpose(3, 0, 1, 2).astype(np.float32)  # (C, U, H, W)
+        pictures = row.transpose(3, 0, 1, 2) * np.multiply.outer(*self._windows)  # (C, U, H, W)
         spectra = fft.rfft(pictures, self._padded[1], workers=self._workers)
         result: NDArray[np.complex64] = fft.fft(
             np.ascontiguousarray(spectra.transpose(3, 0, 1, 2)), self._padded[0], workers=self._workers
@@ -139,18 +151,18 @@ class Spectra:
 
 
 class _Shifts:
-    """Shifts of signals of `length` samples by `(planes, views)` pixels towards larger indices."""
+    """Shifts of signals of as many samples as `window` by `(planes, views)` pixels towards larger indices."""
 
-    def __init__(self, shifts: NDArray[np.float64], length: int, padded: int) -> None:
-        self.length = length
+    def __init__(self, shifts: NDArray[np.float64], window: NDArray[np.float32], padded: int) -> None:
+        self.length = length = len(window)
         whole = np.floor(shifts)
         taps = _make_taps(shifts - whole)  # (planes, views, 4), for offsets -1 to 2
         turns = np.exp(-2j * np.pi * (whole[..., np.newaxis] + np.arange(-1, 3))[..., np.newaxis] * fft.fftfreq(padded))
         self.factors = np.einsum("pkt,pktf->pkf", taps, turns).astype(np.complex64)
         """`(planes, views, frequencies)`."""
-        inside = fft.fft(np.ones(length, np.float32), padded)
+        inside = fft.fft(window, padded)
         self.reach = fft.ifft(self.factors * inside).real[..., :length].astype(np.float32)
-        """`(planes, views, length)`: the share of the kernel that lies inside the view."""
+        """`(planes, views, length)`: the share of the kernel that lies inside the view, times the window."""
 
 
 def _make_taps(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -159,6 +171,13 @@ def _make_taps(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     near = (1.5 * distance - 2.5) * distance**2 + 1
     far = ((-0.5 * distance + 2.5) * distance - 4) * distance + 2
     return np.where(distance <= 1, near, np.where(distance < 2, far, 0))
+
+
+def _make_window(length: int) -> NDArray[np.float64]:
+    """A triangle, `(length,)`, from `BORDER` at both ends to 1 in the middle."""
+    places = np.arange(length) + 0.5
+    window: NDArray[np.float64] = BORDER + (1 - BORDER) * np.minimum(places, length - places) / (length / 2)
+    return window
 
 
 def _count_cores() -> int:

@@ -105,7 +105,7 @@ def test_options_that_are_not_known_are_refused(tmp_path):
     for options in ({"display": "p.toml"}, {"device": "go", "display": "p.toml"}):
         with pytest.raises(InvalidOption, match=message):
             field.save(tmp_path / "a.png", "quilt", **options)
-    with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels or views"):
+    with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels a view"):
         field.refocus("a")
-    with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give pixels or views"):
+    with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")

@@ -1,0 +1,62 @@
+"""Apertures: which views a plane is made of, and how much each counts."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Shape = Literal["disc", "square", "gauss"]
+
+
+def make_aperture(grid: tuple[int, ...], radius: float, shape: Shape = "disc") -> NDArray[np.float32]:
+    """Weights `(V, U)` of the views around the middle of the grid.
+
+    `disc` and `square`: 1 inside, half at `radius` views from the middle. `gauss`: all views, by
+    `exp(-2 * (distance / radius)**2)`, as the radius of a beam is defined (ISO 11146).
+
+    Raises `InvalidOption` for an unknown shape, and where no view counts.
+    """
+    v, u = (np.arange(count)[:, np.newaxis] - (count - 1) / 2 for count in grid)
+    distance = np.maximum(np.abs(v), np.abs(u.T)) if shape == "square" else np.hypot(v, u.T)
+    if shape not in get_args(Shape):
+        raise InvalidOption(f"shape: {shape!r} is not known; give {', '.join(get_args(Shape))}")
+    weights = np.clip(radius + 0.5 - distance, 0, 1)
+    if shape == "gauss":
+        weights = np.exp(-2 * np.square(distance / radius)) if radius > 0 else np.zeros(grid)
+    if not weights.any():
+        raise InvalidOption(f"aperture: a radius of {radius:g} views lets no view through; give 0.5 or more")
+    result: NDArray[np.float32] = weights.astype(np.float32)
+    return result
+
+
+def read_aperture(
+    aperture: float | NDArray[Any] | None, grid: tuple[int, ...], shape: Shape = "disc"
+) -> NDArray[np.float32]:
+    """The weights of an aperture: a radius in views, weights, or none for all views.
+
+    Raises `InvalidOption` as `make_aperture` and `check_weights`, and for anything else.
+    """
+    if aperture is None or isinstance(aperture, np.ndarray):
+        return check_weights(aperture, grid)
+    if not isinstance(aperture, Real):
+        raise InvalidOption(f"aperture: {str(aperture)[:40]!r} is no number; give a radius in views, as in 1.5")
+    return make_aperture(grid, float(aperture), shape)
+
+
+def check_weights(weights: NDArray[Any] | None, grid: tuple[int, ...]) -> NDArray[np.float32]:
+    """The weights of views, by default all 1.
+
+    Raises `InvalidOption` for weights of another shape than `grid`, below 0, not finite, or all 0.
+    """
+    if weights is None:
+        return np.ones(grid, np.float32)
+    if weights.shape != grid or not np.isfinite(weights).all() or weights.min() < 0 or weights.max() == 0:
+        raise InvalidOption(f"weights: give {grid[0]}x{grid[1]} numbers from 0, one for each view, not all of them 0")
+    return weights.astype(np.float32)

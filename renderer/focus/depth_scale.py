@@ -1,0 +1,76 @@
+"""The depth of a plane and its disparity, which a lens array or the cameras of an array relate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.light_field import DepthSense
+
+
+@dataclass(frozen=True)
+class DepthScale:
+    """Disparity, in pixels a view, of what lies at a depth.
+
+    Parallel rays (`is_inverse` False): `factor * depth + offset`; cameras: `factor / depth + offset`.
+    """
+
+    factor: float
+    is_inverse: bool
+    offset: float = 0.0
+
+    @classmethod
+    def of_lenses(cls, array: LensArray, sense: DepthSense = "lenses") -> DepthScale:
+        """In front of a lens array: depths along -z in scene units, `delta * depth / pitch` pixels.
+
+        `sense`: of the light field; with `cameras` its views are in reverse order.
+        """
+        factor = array.delta / array.pitch
+        return cls(factor if sense == "lenses" else -factor, is_inverse=False)
+
+    @classmethod
+    def of_cameras(
+        cls,
+        pitch: float,
+        focal_length: float,
+        sensor_width: float,
+        columns: int,
+        *,
+        zero: float = np.inf,
+        sense: DepthSense = "cameras",
+    ) -> DepthScale:
+        """Before a camera array, `columns * focal_length / sensor_width * pitch * (1 / depth - 1 / zero)` pixels.
+
+        `pitch`: from camera to camera; depths are in its unit, from the plane of the cameras. `focal_length` and
+        `sensor_width` in one unit; `columns`: pixels across. `zero`: the depth where pictures that were aligned have no
+        disparity (infinity for parallel cameras). `sense`: of the light field; with `lenses` its views are in reverse
+        order.
+
+        Raises `InvalidOption` where a length is not positive.
+        """
+        lengths = {"pitch": pitch, "focal_length": focal_length, "sensor_width": sensor_width, "zero": zero}
+        for name, length in lengths.items():
+            if not length > 0:
+                raise InvalidOption(f"{name}: {length:g} is out of range; give a positive number")
+        factor = columns * focal_length / sensor_width * pitch * (1 if sense == "cameras" else -1)
+        return cls(factor, is_inverse=True, offset=-factor / zero)
+
+    def to_disparity(self, depth: ArrayLike) -> NDArray[np.float64]:
+        """The disparity at `depth`, of any shape."""
+        depth = np.asarray(depth, np.float64)
+        with np.errstate(divide="ignore"):
+            return self.factor * (1 / depth if self.is_inverse else depth) + self.offset
+
+    def to_depth(self, disparity: ArrayLike) -> NDArray[np.float64]:
+        """The depth of `disparity`, of any shape; infinite, or negative, where cameras see nothing with it."""
+        scaled = (np.asarray(disparity, np.float64) - self.offset) / self.factor
+        with np.errstate(divide="ignore"):
+            return 1 / scaled if self.is_inverse else scaled
