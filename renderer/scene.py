@@ -27,7 +27,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles of one material. On both sides a point's colour is the interpolated vertex colour times the texture."""
+    """Triangles of one material. A point's colour is the interpolated vertex colour times the texture."""
 
     vertices: NDArray[np.float64]
     """`(n, 3)`."""
@@ -42,6 +42,8 @@ class Part:
     """Points with alpha below this are cut out; None for a part without cut-outs."""
     is_see_through: bool = False
     """Whether alpha is the share of what lies behind a point that it hides; blended in display-referred values."""
+    back_colors: NDArray[np.float32] | None = None
+    """`(n, 3)` RGB of the back, from which corners run clockwise; None where both sides look alike."""
 
     def used_vertices(self) -> NDArray[np.float64]:
         """`(k, 3)`: the vertices that a triangle uses."""

@@ -51,6 +51,8 @@ class Surface:
     is_see_through: bool = False
     lit: bool = True
     """False for a material that is not shaded."""
+    is_double_sided: bool = False
+    """Whether the back is lit with reversed normals; else both sides look as the front."""
     copies: NDArray[np.float64] | None = None
     """`(k, 4, 4)`: the matrix of each copy in the scene; None for one surface where its vertices are."""
 
@@ -227,7 +229,10 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors
+    back_colors = None
     if surface.lit and surface.normals is not None:
+        if surface.is_double_sided:
+            back_colors = np.clip(colors[:, :3] * shade(-surface.normals, light)[:, None], 0.0, 1.0)
         colors[:, :3] *= shade(surface.normals, light)[:, None]
     texture = None if surface.uv is None else surface.texture
     # Many exporters call materials see-through that are opaque throughout.
@@ -240,6 +245,7 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
         vertices=surface.vertices,
         faces=surface.faces.astype(np.int32),
         colors=np.clip(colors, 0.0, 1.0),
+        back_colors=back_colors,
         uv=surface.uv.astype(np.float32) if texture is not None and surface.uv is not None else None,
         texture=texture,
         alpha_cutoff=surface.alpha_cutoff,
@@ -248,20 +254,25 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
 
 
 def _join_parts(parts: list[Part]) -> tuple[Part, ...]:
-    """One part for each texture and kind of alpha; all else is in the vertices. Each part costs a backend time."""
-    groups: dict[tuple[int, float | None, bool], list[Part]] = {}
+    """One part for each texture, kind of alpha and number of sides; all else is in the vertices. Each costs a backend
+    time.
+    """
+    groups: dict[tuple[int, float | None, bool, bool], list[Part]] = {}
     for part in parts:
-        groups.setdefault((id(part.texture), part.alpha_cutoff, part.is_see_through), []).append(part)
+        key = id(part.texture), part.alpha_cutoff, part.is_see_through, part.back_colors is None
+        groups.setdefault(key, []).append(part)
     return tuple(_concatenate_parts(group) for group in groups.values())
 
 
 def _concatenate_parts(parts: list[Part]) -> Part:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     uvs = [part.uv for part in parts if part.uv is not None]
+    backs = [part.back_colors for part in parts if part.back_colors is not None]
     return Part(
         vertices=np.concatenate([part.vertices for part in parts]),
         faces=np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]).astype(np.int32),
         colors=np.concatenate([part.colors for part in parts]),
+        back_colors=np.concatenate(backs) if backs else None,
         uv=np.concatenate(uvs) if uvs else None,
         texture=parts[0].texture,
         alpha_cutoff=parts[0].alpha_cutoff,

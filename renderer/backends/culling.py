@@ -100,5 +100,6 @@ def _keep_faces(part: Part, faces: NDArray[np.int32]) -> Part:
         vertices=part.vertices.take(kept, axis=0),
         faces=number[faces],
         colors=part.colors.take(kept, axis=0),
+        back_colors=None if part.back_colors is None else part.back_colors.take(kept, axis=0),
         uv=None if part.uv is None else part.uv.take(kept, axis=0),
     )

@@ -55,6 +55,12 @@ class PreparedScene:
         """Rays that ended at `MAX_LAYERS`."""
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
         self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
+        self._back: NDArray[np.float32] | None = None  # (n, 4)
+        if any(part.back_colors is not None for part in parts):
+            rgb = [part.colors[:, :3] if part.back_colors is None else part.back_colors for part in parts]
+            self._back = np.concatenate([np.concatenate(rgb), self.colors[:, 3:]], axis=1)
+            corners = vertices[self.faces]
+            self._normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # (m, 3), any length
         self.uv = np.concatenate(
             [np.zeros((len(part.vertices), 2), np.float32) if part.uv is None else part.uv for part in parts]
         )  # (n, 2)
@@ -105,7 +111,7 @@ class PreparedScene:
         for _ in range(MAX_LAYERS):
             triangle, weights, distance = self._find_hits(starts, along)
             hit = np.flatnonzero(triangle >= 0)
-            color, alpha = self._shade(triangle[hit], weights[hit])
+            color, alpha = self._shade(triangle[hit], weights[hit], along[hit])
             alpha[triangle[hit] == last[hit]] = 0.0  # met again by rounding
             ray = active[hit]
             rgba[ray] += (through[ray] * alpha)[:, None] * color
@@ -124,11 +130,17 @@ class PreparedScene:
         return rgba, entry + reached / self._scale
 
     def _shade(
-        self, triangle: NDArray[np.int32], weights: NDArray[np.float32]
+        self, triangle: NDArray[np.int32], weights: NDArray[np.float32], along: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind that they hide, `(n,)`."""
+        """RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind that they hide, `(n,)`.
+
+        `along`: the rays' directions `(n, 3)`, which show the front or the back of a triangle.
+        """
         corners = self.faces[triangle]  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
+        if self._back is not None:
+            is_back = np.einsum("nk,nk->n", self._normals[triangle], along) > 0
+            product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
         part = self.part[triangle]
         for index in np.unique(part):
             texture = self.textures[index]

@@ -150,6 +150,7 @@ def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
         positions=(part.vertices - middle).astype(np.float32),
         indices=part.faces.astype(np.uint32),
         color_0=colors,
+        normals=part.back_colors,  # the shader's `back_color`: nothing is lit here
         texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
         material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True),
     )

@@ -1,5 +1,5 @@
 #version 330 core
-// A point's colour is its interpolated vertex colour times its texture's, the same from all directions.
+// A point's colour is the interpolated vertex colour of the side that is seen times its texture's.
 struct Material {
 #ifdef HAS_BASE_COLOR_TEX
     sampler2D base_color_texture;
@@ -12,11 +12,17 @@ uniform Material material;
 in vec2 uv;
 #endif
 in vec4 color;
+#ifdef NORMAL_LOC
+in vec3 back;
+#endif
 out vec4 frag_color;
 
 void main()
 {
     vec4 product = color;
+#ifdef NORMAL_LOC
+    if (!gl_FrontFacing) product.rgb = back;
+#endif
 #ifdef HAS_BASE_COLOR_TEX
     product *= texture(material.base_color_texture, uv);
 #endif

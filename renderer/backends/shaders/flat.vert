@@ -1,6 +1,9 @@
 #version 330 core
 // Vertex attributes; pyrender numbers the locations.
 layout(location = 0) in vec3 position;
+#ifdef NORMAL_LOC
+layout(location = NORMAL_LOC) in vec3 back_color;  // of parts whose sides differ
+#endif
 #ifdef TEXCOORD_0_LOC
 layout(location = TEXCOORD_0_LOC) in vec2 texcoord_0;
 #endif
@@ -15,6 +18,9 @@ uniform mat4 P;
 out vec2 uv;
 #endif
 out vec4 color;
+#ifdef NORMAL_LOC
+out vec3 back;
+#endif
 
 void main()
 {
@@ -23,4 +29,7 @@ void main()
     uv = texcoord_0;
 #endif
     color = color_0;
+#ifdef NORMAL_LOC
+    back = back_color;
+#endif
 }

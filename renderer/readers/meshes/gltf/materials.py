@@ -43,6 +43,7 @@ class Material:
         if mode == "MASK":
             self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
         self._has_alpha = mode != "OPAQUE"
+        self.is_double_sided = entry.get("doubleSided") is True
         transmitted = self._transmitted()
         self.is_see_through = mode == "BLEND" or transmitted > 0
         if transmitted:

@@ -74,6 +74,7 @@ def read_primitive(
         alpha_cutoff=material.alpha_cutoff,
         is_see_through=material.is_see_through,
         lit="KHR_materials_unlit" not in material.extensions,
+        is_double_sided=material.is_double_sided,
     )
 
 

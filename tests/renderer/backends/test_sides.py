@@ -1,0 +1,67 @@
+"""The two sides of glTF's double-sided materials: the back is lit with reversed normals (glTF 2.0, section 3.9.5)."""
+
+import numpy as np
+import pytest
+
+from ciir.renderer.backends.culling import cull_scene
+from ciir.renderer.framing import frame_scene
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.placement import Placement
+from ciir.renderer.readers import meshes
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.registry import SUFFIXES
+from ciir.renderer.scene import Scene
+from ciir.renderer.shading import LIGHT, encode_srgb, shade
+from tests.support.backends import BACKENDS, place_scene, require_backend
+from tests.support.meshes.gltf import Model
+
+ARRAY = LensArray(12, 12, 3, 3)
+FEW_LENSES = LensArray(3, 3, 12, 12)  # OpenGL then draws by lens
+VIEWS = [(v, u) for v in range(3) for u in range(3)]
+
+
+def place_sheet(yaw: float, *, double: bool, mirrored: bool = False, alpha: float = 1.0) -> Scene:
+    """The square, which faces +z, in a node that may be mirrored, turned by `yaw` degrees before `ARRAY`."""
+    model = Model(NORMAL=np.tile(np.array([[0, 0, 1]], np.float32), (4, 1)))
+    model.material |= {"doubleSided": double, "alphaMode": "OPAQUE" if alpha == 1 else "BLEND"}
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [1, 1, 1, alpha]}
+    model.json["nodes"][0]["scale"] = [-1 if mirrored else 1, 1, 1]
+    placement = Placement(rotate=(yaw, 0, 0))
+    bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
+    scene = meshes.read(bundle, SUFFIXES[".glb"], placement)
+    return scene.transform(frame_scene(scene, ARRAY, placement))
+
+
+def expect_level(yaw: float, *, double: bool) -> float:
+    normal = np.array([np.sin(np.radians(yaw)), 0, np.cos(np.radians(yaw))])
+    return 255 * float(shade((-normal if double and normal[2] < 0 else normal)[None], LIGHT)[0])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("double", [False, True])
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("yaw", [0.0, 40.0, 140.0, 180.0])
+def test_the_side_that_is_seen_is_lit(backend: str, yaw: float, mirrored: bool, double: bool) -> None:
+    placed, rendered = place_sheet(yaw, double=double, mirrored=mirrored), require_backend(backend)
+    pictures = [*rendered.render_views(placed, ARRAY, VIEWS), rendered.render_eia(placed, FEW_LENSES)]
+    for picture in pictures:
+        covered = picture[..., 3] == 255
+        assert covered.any()
+        assert picture[covered, :3] == pytest.approx(expect_level(yaw, double=double), abs=1)  # 8 bit
+
+
+@pytest.mark.parametrize("yaw", [0.0, 180.0])
+def test_sides_of_a_see_through_sheet_that_is_culled(yaw: float) -> None:
+    placed = place_sheet(yaw, double=True, alpha=0.5)
+    placed = cull_scene(placed, LensArray(1, 1, 3, 3), [(1, 1)])  # keeps the triangles on the axis
+    (picture,) = require_backend("raytrace").render_views(placed, ARRAY, [(1, 1)])
+    assert picture[6, 6, :3] == pytest.approx(expect_level(yaw, double=True) / 2, abs=1)  # before black
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_box_whose_walls_face_inwards_is_lit_as_any_box(backend: str) -> None:
+    placed = place_scene("webp-box.glb", ARRAY, Placement(rotate=(30, 20, 0)))  # shows its front, left and top
+    (picture,) = require_backend(backend).render_views(placed, ARRAY, [(1, 1)])
+    levels = 255 * encode_srgb(np.array(0.8)) * shade(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
+    found = np.unique(picture[picture[..., 3] == 255, 0])
+    assert found == pytest.approx(np.sort(levels), abs=1)
