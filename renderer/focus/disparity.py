@@ -24,7 +24,7 @@ from ciir.renderer.views import center_view
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.renderer.light_field import LightField
+    from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.views import View
 
 SIDE = 5
@@ -52,6 +52,13 @@ class DisparityMap:
     """`(H, W)`, 0 to 1: how much better the best plane fits than the usual one."""
     planes: NDArray[np.float64]
     """`(n,)`: the disparities that were compared; the fit goes between them."""
+    depth_sense: DepthSense
+    """Of the light field."""
+
+    @property
+    def hci(self) -> NDArray[np.float32]:
+        """The disparity in the sense of the HCI benchmark, larger is nearer: as with the depth sense `cameras`."""
+        return self.disparity if self.depth_sense == "cameras" else -self.disparity
 
 
 def estimate_disparity(
@@ -79,7 +86,7 @@ def estimate_disparity(
     planes = np.linspace(*limits, int(np.clip((limits[1] - limits[0]) * reach / STEP, 8, MOST_PLANES - 1)) + 1)
     disparity, confidence = match(_sweep(levels, place, offsets, planes), levels[place], planes)
     disparity = ndimage.median_filter(disparity, 3, mode="nearest")
-    return DisparityMap(view, disparity.astype(np.float32), confidence, planes)
+    return DisparityMap(view, disparity.astype(np.float32), confidence, planes, light_field.depth_sense)
 
 
 def _spread(count: int, at: int) -> NDArray[np.int64]:

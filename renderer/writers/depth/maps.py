@@ -1,0 +1,128 @@
+"""The formats of disparity maps.
+
+Numbers are in the sense of the HCI 4D light field benchmark: pixel x of the view is found at x - d in the camera to its
+right, so larger is nearer.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.depth.colors import color_map
+from ciir.renderer.writers.pictures import png
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.focus.disparity import DisparityMap
+
+    Map = NDArray[np.float32]
+    Encoded = tuple[bytes, dict[str, float]]
+
+CONFIDENCE = "_confidence"
+"""What the name of a confidence map has behind that of its disparity map."""
+SHOWN = (0.005, 0.995)
+"""The quantiles of a map between which colours lie: single wrong pixels don't take them all."""
+
+
+@dataclass(frozen=True)
+class MapFormat:
+    """A format of `(H, W)` numbers."""
+
+    name: str
+    suffix: str
+    media_type: str
+    encode: Callable[[Map], Encoded]
+    """The file, and what a reader of it needs to know, for the report."""
+
+
+def encode_disparity(found: DisparityMap, name: str) -> tuple[bytes, bytes, dict[str, Any]]:
+    """The files of the disparity and of its confidence, in the format `name`, and how the first is to be read.
+
+    Raises `InvalidOption` for an unknown format.
+    """
+    encode = _get_format(name).encode
+    data, reading = encode(found.hci)
+    confidence, _ = encode(found.confidence)
+    return data, confidence, {"format": name, "sense": "larger is nearer", **reading}
+
+
+def write_disparity(path: Path, found: DisparityMap, name: str | None = None) -> dict[str, Any]:
+    """Writes the disparity to `path`, and beside it the confidence, `NAME_confidence`; returns how both are read.
+
+    `name`: a format of `FORMATS`, by default the one of the path's suffix. Raises `InvalidOption` where the path can't
+    be written, and as `find_format`.
+    """
+    entry = find_format(path, name)
+    data, confidence, reading = encode_disparity(found, entry.name)
+    beside = path.with_stem(path.stem + CONFIDENCE)
+    for place, content in ((path, data), (beside, confidence)):
+        with replacing(place) as file:
+            file.write(content)
+    return {"file": path.name, "confidence": beside.name, **reading}
+
+
+def find_format(path: Path, name: str | None = None) -> MapFormat:
+    """The format `name`, by default the one of the path's suffix.
+
+    Raises `InvalidOption` where there is none, and where a path with that format has another suffix.
+    """
+    entries = list(FORMATS.values()) if name is None else [_get_format(name)]
+    for entry in entries:
+        if path.suffix.lower() == entry.suffix:
+            return entry
+    suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in entries))
+    raise InvalidOption(f"{path}: a disparity map can't have this name; end it with {suffixes}")
+
+
+def _get_format(name: str) -> MapFormat:
+    if name not in FORMATS:
+        raise InvalidOption(f"format: {name[:40]!r} holds no disparity; give {', '.join(FORMATS)}")
+    return FORMATS[name]
+
+
+def _encode_pfm(values: Map) -> Encoded:
+    """Portable float map (netpbm.sourceforge.net/doc/pfm.html): rows from the bottom, little endian (scale -1)."""
+    height, width = values.shape
+    return f"Pf\n{width} {height}\n-1.0\n".encode() + values[::-1].astype("<f4").tobytes(), {}
+
+
+def _encode_png(values: Map) -> Encoded:
+    """Levels of 16 bit: the value is `offset + scale * level`, with both in text chunks of these names."""
+    low, high = float(values.min()), float(values.max())
+    reading = {"scale": max(high - low, 1e-6) / 0xFFFF, "offset": low}
+    levels = ((values - low) / reading["scale"]).round().clip(0, 0xFFFF).astype(np.uint16)
+    return png.encode(levels, {name: repr(number) for name, number in reading.items()}), reading
+
+
+def _encode_npy(values: Map) -> Encoded:
+    file = io.BytesIO()
+    np.save(file, values.astype("<f4"), allow_pickle=False)
+    return file.getvalue(), {}
+
+
+def _encode_colors(values: Map) -> Encoded:
+    """The colours of `color_map` between the quantiles `SHOWN`."""
+    low, high = np.quantile(values, SHOWN).tolist()
+    return png.encode(color_map(values, low, high)), {"darkest": low, "brightest": high}
+
+
+FORMATS = {
+    entry.name: entry
+    for entry in (
+        MapFormat("pfm", ".pfm", "image/x-portable-floatmap", _encode_pfm),
+        MapFormat("png", ".png", "image/png", _encode_png),
+        MapFormat("npy", ".npy", "application/octet-stream", _encode_npy),
+        MapFormat("viridis", ".png", "image/png", _encode_colors),
+    )
+}
+"""By name. Where several have a suffix, the first one is its format."""
