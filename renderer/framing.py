@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.placement import AS_GIVEN
+from ciir.renderer.scene import Part, Scene
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.placement import Placement
-    from ciir.renderer.scene import Scene
 
 FILL = 0.94
 """Share of the array's width or height that the object takes up, over all views, with a zoom of 1."""
@@ -30,6 +32,7 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and the outermost
     view's t, likewise for y.
     """
+    scene = scene.framed or scene
     rotation = np.eye(4)
     rotation[:3, :3] = placement.rotation()
     if not np.array_equal(rotation, np.eye(4)):  # a copy of all vertices
@@ -53,3 +56,25 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     matrix = np.diag([scale, scale, scale, 1.0]) @ rotation
     matrix[:3, 3] = -scale * np.array([middle[0], middle[1], plane])
     return matrix
+
+
+def find_extremes(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN) -> NDArray[np.float64]:
+    """The vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`: those farthest along the array's
+    axes and along the outermost rays, to both sides.
+    """
+    reach_x, reach_y = (float(np.abs(tangents).max()) for tangents in (array.tangent_x(), array.tangent_y()))
+    x, y, z = placement.rotation()  # the array's axes in the mesh's own
+    directions = np.stack([x, y, z, x + reach_x * z, x - reach_x * z, y + reach_y * z, y - reach_y * z])
+    found = []
+    for part in scene.parts:
+        used = part.used_vertices()
+        along = used @ directions.T  # (n, 7)
+        found += [used[along.argmin(axis=0)], used[along.argmax(axis=0)]]
+    return np.concatenate(found)
+
+
+def make_frame(extremes: Sequence[NDArray[np.float64]]) -> Scene:
+    """A scene to frame in the place of several: points alone, of `find_extremes` of each."""
+    points = np.concatenate(extremes)
+    faces = np.repeat(np.arange(len(points), dtype=np.int32)[:, None], 3, axis=1)
+    return Scene((Part(points, faces, np.zeros((len(points), 4), np.float32)),))

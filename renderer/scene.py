@@ -61,6 +61,8 @@ class Scene:
     """Notes on what reading left out or replaced, one line each, for the report."""
     extent: NDArray[np.float64] | None = None
     """The bounds before culling; None for a scene that was not culled."""
+    framed: Scene | None = None
+    """What is framed in its place: of an animation, the extremes of all times; None for itself."""
 
     @property
     def triangles(self) -> int:

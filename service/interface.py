@@ -44,20 +44,22 @@ class Reconstruction:
     """The views of a reconstruction and its report."""
 
     views: Mapping[View, Pixels]
-    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for."""
+    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for; of several times by (0, number)."""
     report: Report
     """What was read, the lens array, the plan and its reasons, the model, notes, and the time of each stage."""
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the views: one as a picture, or several into a `.zip`, an `.npz` or a folder, with the report.
+        """Writes the views: one as a picture, or several into a `.zip`, an `.npz` or a folder, with the report; one
+        view at several times into a `.mp4`, `.webm`, `.gif` or `.webp`, too.
 
         Raises `InvalidOption` where `path` can't be written or its format can't hold the views.
         """
         from ciir.renderer.writers.views import save_views
 
         array = self.report["lens_array"]
-        grid = array["pixels_v"], array["pixels_u"]
-        save_views(self.views, self.report, Path(path), grid, array["depth_sense"])
+        times = tuple(view["time"] for view in self.report["views"] if "time" in view)
+        grid = (1, len(times)) if times else (array["pixels_v"], array["pixels_u"])
+        save_views(self.views, self.report, Path(path), grid, array["depth_sense"], times=times)
 
     def __repr__(self) -> str:
         height, width = next(iter(self.views.values())).shape[:2]
@@ -161,6 +163,7 @@ def render(
     place: float = -1.0,
     light: tuple[float, float] | None = None,
     time: float | None = None,
+    animation: str | int | None = None,
     camera: str | int | None = None,
     progress: Progress | None = None,
 ) -> LightField:
@@ -173,8 +176,9 @@ def render(
     viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
     factor on the size at which every view holds the object. `place`: -1 behind the array, 0 astride, 1 before it.
     `light`: azimuth and elevation in degrees. `renderer.placement.Placement` says more of the last five.
-    `time`: seconds from the start of a glTF file's animation. `camera`: the name, or the number from 0, of a camera in
-    a glTF file whose direction the lens array takes; what lies before it is framed as without one.
+    `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
+    the name, or the number from 0, of a camera in a glTF file whose direction the lens array takes; what lies before it
+    is framed as without one.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
@@ -195,6 +199,7 @@ def render(
             "place": place,
             "light": light,
             "time": time,
+            "animation": animation,
             "camera": camera,
         }
     )
@@ -258,8 +263,9 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
     `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
-    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`,
-    `time`: seconds; `camera`: a name or a number. Text is read as on the command line.
+    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
+    seconds; `time`: seconds, several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`, `camera`: a
+    name or a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`.

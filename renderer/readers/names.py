@@ -7,9 +7,13 @@ import re
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
+from ciir.errors import InvalidOption
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+_LISTED = 10
+"""Most things of a file that a message lists."""
 _DRIVE_OR_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 
 
@@ -39,3 +43,21 @@ def find_frames(keys: Sequence[str]) -> dict[str, str]:
     """The keys of the pictures named `white` and `dark`, the frames of a raw lenslet picture, by these names."""
     stems = {PurePosixPath(key).stem.lower(): key for key in keys}
     return {name: stems[name] for name in ("white", "dark") if name in stems}
+
+
+def find_numbered(option: str, given: str, titles: Sequence[Sequence[str]], holder: str) -> int:
+    """The number of what `given` names: a number from 0, or one of the `titles` of a thing that the file `holder` has.
+
+    Raises `InvalidOption` with a list of what there is.
+    """
+    if not titles:
+        raise InvalidOption(f"{option}: {holder} holds no {option}; leave it out")
+    numbers = {str(number): number for number in range(len(titles))}
+    named = {title: number for number, own in reversed(list(enumerate(titles))) for title in own if title}
+    number = numbers.get(given, named.get(given))
+    if number is None:
+        shown = [clean_text(next(filter(None, own), ""))[:40] for own in titles]
+        listed = ", ".join(f"{i} ({title})" if title else str(i) for i, title in enumerate(shown))
+        known = listed if len(titles) <= _LISTED else f"0 to {len(titles) - 1}"
+        raise InvalidOption(f"{option}: {clean_text(given)[:40]!r} is none of {holder}'s; give {known}")
+    return number

@@ -27,10 +27,11 @@ class ZipWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """A zip holds any views."""
+        self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Adds a PNG."""
-        name = file_name(view)
+        name = self._contents.name_file(view)
         self._zip.writestr(zipfile.ZipInfo(name, ZIP_DATE), encode_png(pixels))
         return name
 
@@ -55,6 +56,7 @@ class NpzWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """Keeps the count for the array's header."""
+        contents.refuse_times("npz")
         self._count = len(contents.views)
 
     def write(self, view: View, pixels: Pixels) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import Staged
 from ciir.renderer.writers.pictures import encode_png
-from ciir.renderer.writers.writer import REPORT, Writer, file_name, report_json
+from ciir.renderer.writers.writer import REPORT, Writer, report_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class FolderWriter(Writer):
-    """Writes `view_VV_UU.png` for each view, and `report.json`; all appear together when it finishes.
+    """Writes a PNG for each view, and `report.json`; all appear together when it finishes.
 
     The views that an earlier report in the folder lists are removed, but never `source`, the file or folder that is the
     input.
@@ -35,14 +35,15 @@ class FolderWriter(Writer):
         self._names: set[str] = set()
         self._staged: Staged | None = None
 
-    def begin(self, contents: Contents) -> None:  # noqa: ARG002 - a folder holds any views
+    def begin(self, contents: Contents) -> None:
         """Makes the temporary folder."""
+        self._contents = contents
         self._staged = Staged(self._path)
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Writes a PNG."""
         assert self._staged is not None  # noqa: S101 - `begin` was called: the contract of Writer
-        name = file_name(view)
+        name = self._contents.name_file(view)
         self._staged.write(name, encode_png(pixels))
         self._names.add(name)
         return name
@@ -77,4 +78,6 @@ def _earlier_views(folder: Path) -> set[str]:
         names = [str(view["file"]) for view in json.loads(path.read_bytes())["views"]]
     except (LookupError, TypeError, ValueError):  # a report.json of another program
         return set()
-    return {name for name in names if re.fullmatch(r"view_\d+_\d+\.png", name) and (folder / name).is_file()}
+    return {
+        name for name in names if re.fullmatch(r"(view_\d+_\d+|frame_\d+)\.png", name) and (folder / name).is_file()
+    }

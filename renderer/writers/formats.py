@@ -35,6 +35,7 @@ class SingleWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """Refuses more than one view, and pixels that the format can't hold."""
+        contents.refuse_times(self._picture.name)
         count = len(contents.views)
         if count != 1:
             raise InvalidOption(
@@ -151,6 +152,8 @@ def _index_suffixes(formats: Iterable[Format]) -> dict[str, Format]:
 
 BY_SUFFIX = _index_suffixes(FORMATS.values())
 """The format of views that a name asks for: a picture is one view."""
+BY_SUFFIX_OF_TIMES = BY_SUFFIX | {".webp": FORMATS["animated-webp"]}
+"""The format of one view at several times that a name asks for."""
 WHOLE = {name: entry for name, entry in FORMATS.items() if name not in {picture.name for picture in pictures.FORMATS}}
 """The formats that can hold a whole light field, by name."""
 WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())

@@ -35,6 +35,7 @@ class HtmlWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """Refuses some views of a light field, and more than `MOST_VIEWS`."""
+        contents.refuse_times("html")
         if sorted(contents.views) != parse_views("all", *contents.grid):
             count = len(contents.views)
             raise InvalidOption(f"format: html holds whole light fields and {count} views are wanted; give views all")

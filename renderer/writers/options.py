@@ -27,8 +27,8 @@ class WriterOptions:
     """Of the camera, in videos: `renderer.writers.containers.camera_paths.list_positions`."""
     frames: int = 60
     """In a video."""
-    fps: float = 30.0
-    """Frames per second of a video."""
+    fps: float | None = None
+    """Frames per second of a video; None: 30, or of pictures at several times as many as let them pass as they do."""
     epi: str = ""
     """The line of an EPI picture, as `EpiLine.parse` reads it; empty: the middle row of the centre view."""
 

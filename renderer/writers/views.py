@@ -11,7 +11,13 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX, WHOLE_BY_SUFFIX, check_options, find_whole_format
+from ciir.renderer.writers.formats import (
+    BY_SUFFIX,
+    BY_SUFFIX_OF_TIMES,
+    WHOLE_BY_SUFFIX,
+    check_options,
+    find_whole_format,
+)
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 
@@ -51,16 +57,19 @@ def save_views(
     path: Path,
     grid: tuple[int, int],
     depth_sense: DepthSense,
+    *,
+    times: tuple[float, ...] = (),
 ) -> None:
-    """Writes `views`, `(H, W, C)` by (v, u) of a light field with `grid` views, to a file or a folder.
+    """Writes `views`, `(H, W, C)` by (v, u) of a light field with `grid` views, to a file or a folder; or one view at
+    several `times`, in seconds, by (0, number).
 
     `report` goes with them where the format holds one.
 
     Raises `InvalidOption` where `path` can't be written or the format can't hold the views.
     """
     height, width, channels = (first := next(iter(views.values()))).shape
-    contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense)
-    with _open(path, BY_SUFFIX, WriterOptions()) as writer:
+    contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense, times)
+    with _open(path, BY_SUFFIX_OF_TIMES if times else BY_SUFFIX, WriterOptions()) as writer:
         _write(views, report, writer, contents)
 
 
@@ -101,7 +110,8 @@ def _write(
     written = []
     for (v, u), picture in views.items():
         height, width = picture.shape[:2]
-        written.append({"v": v, "u": u, "file": writer.write((v, u), picture), "height": height, "width": width})
+        named = {"time": contents.times[u]} if contents.times else {"v": v, "u": u}
+        written.append({**named, "file": writer.write((v, u), picture), "height": height, "width": width})
     given = report.get("notes", [])
     completed = {**report, "notes": [*given], "views": written}
     writer.finish(completed)

@@ -27,6 +27,8 @@ class WholeWriter(Writer):
 
     name = ""
     """Of the format, for messages."""
+    holds_times = False
+    """Whether it can also hold one view at several times."""
     sense: DepthSense | None = None
     """That the format has; None for one that states it, or that holds pictures of another kind."""
 
@@ -49,6 +51,8 @@ class WholeWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """Refuses a part of the views."""
+        if not self.holds_times:
+            contents.refuse_times(self.name)
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
             raise InvalidOption(

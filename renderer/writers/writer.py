@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.errors import InvalidOption
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from types import TracebackType
@@ -38,6 +40,20 @@ class Contents:
     """1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
     dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
     depth_sense: DepthSense = "lenses"
+    times: tuple[float, ...] = ()
+    """Seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ...; empty for a light field."""
+
+    def name_file(self, view: View) -> str:
+        """`view_VV_UU.png`, or `frame_NNNN.png` of several times."""
+        return f"frame_{view[1]:04d}.png" if self.times else file_name(view)
+
+    def refuse_times(self, name: str) -> None:
+        """Raises `InvalidOption` for pictures at several times, which the format `name` can't hold."""
+        if self.times:
+            raise InvalidOption(
+                f"format: {name} holds no pictures at several times; give mp4, webm, gif, animated-webp or zip, or a "
+                "folder"
+            )
 
     @property
     def sample(self) -> Pixels:

@@ -73,6 +73,12 @@ def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:
         raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer", "views")
 
 
+def check_time_count(count: int, limit: int) -> None:
+    """Raises `TooLarge` for more than `limit` times, each of which is a view."""
+    if count > limit:
+        raise TooLarge(f"time: {count:,} times are over the limit of {limit:,}; give fewer", "views")
+
+
 def check_size(
     size: tuple[int, int], scale: int, *, count: int = 1, limit: int | None = None, what: str = "a view"
 ) -> None:

@@ -85,7 +85,9 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         "direct": pixels * (job.scale * LENSLET_SAMPLES) ** 2,
     }
     limit = job.max_pixels
-    if rays["direct"] > MAX_VIEW_SAMPLES or (limit is not None and rays["direct"] * len(job.wanted) > limit):
+    if rays["direct"] > MAX_VIEW_SAMPLES or (
+        limit is not None and rays["direct"] * len(job.wanted) * job.times > limit
+    ):
         return "upscale", f"upscale, as {rays['direct']:,} samples for each view at the larger size are over the limit"
     if job.scale not in model.scales:
         return "direct", f"direct, as {name} doesn't upscale by {job.scale}"

@@ -8,17 +8,20 @@ from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ciir.errors import InvalidOption
 from ciir.models.single.skipping import SkipStatistics
+from ciir.renderer.framing import find_extremes, make_frame
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Contents
 from ciir.service.pipeline.job import Job, resolve_array, resolve_job
-from ciir.service.pipeline.limits import check_eia, check_samples, check_size
+from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.report import Clock, Report, find_versions, skip_reasons
-from ciir.service.pipeline.source import Input, Source
+from ciir.service.pipeline.source import Content, Input, Source
 from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
+from ciir.service.pipeline.stages.times import FrameWriter, join_reports
 from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped, fallback_notes, load_upscaler
 from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
 
@@ -59,11 +62,79 @@ def reconstruct(
     """
     clock = clock or Clock()
     given = Input(source)
+    if options.time is not None and len(options.time) > 1:
+        return _reconstruct_times(
+            given, options, options.time, writer, max_pixels=max_pixels, progress=progress, clock=clock
+        )
     with clock.stage("decode"):
         content = given.open(options, options.views)
+    report, _ = _reconstruct(given, content, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
+    writer.finish(report)
+    return report
+
+
+def _reconstruct_times(
+    given: Input,
+    options: Options,
+    times: tuple[float, ...],
+    writer: Writer,
+    *,
+    max_pixels: int | None,
+    progress: Progress | None,
+    clock: Clock,
+) -> Report:
+    """Gives one view of a mesh at each of `times`, framed and made alike, to `writer`."""
+    moments = [replace(options, time=(time,)) for time in times]
+    with clock.stage("decode"):
+        check_time_count(len(times), given.limits.views)
+        content = given.open(moments[0], options.views)
+        job = resolve_job(given.name, content, options, max_views=given.limits.views)
+        if len(job.wanted) > 1:
+            raise InvalidOption(
+                f"time: {len(times)} times make a video of one view, and {len(job.wanted)} views are asked for; give "
+                "one of them with views, or one time"
+            )
+        extremes, kept, triangles = [], [], 0
+        for moment in moments:
+            scene = given.read_mesh(moment)
+            triangles += scene.triangles
+            kept.append(scene if triangles <= given.limits.triangles else None)  # else it is read again
+            extremes.append(find_extremes(scene, job.array, job.placement))
+        framed = make_frame(extremes)
+    frames, reports, plan = FrameWriter(writer, times), [], None
+    for number, moment in enumerate(moments):
+        if progress is not None:
+            progress(number, len(times))
+        with clock.stage("decode"):
+            scene = kept[number] or given.read_mesh(moment)
+            kept[number] = None
+        content = replace(scene, framed=framed)
+        report, plan = _reconstruct(
+            given, content, options, frames, max_pixels=max_pixels, progress=None, clock=clock, plan=plan
+        )
+        reports.append(report)
+    if progress is not None:
+        progress(len(times), len(times))
+    joined = join_reports(reports, times)
+    writer.finish(joined)
+    return joined
+
+
+def _reconstruct(
+    given: Input,
+    content: Content,
+    options: Options,
+    writer: Writer,
+    *,
+    max_pixels: int | None,
+    progress: Progress | None,
+    clock: Clock,
+    plan: Plan | None = None,
+) -> tuple[Report, Plan]:
+    """Gives the views of `content` to `writer`; returns the report and the plan, which is made where none is given."""
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
-        plan = make_plan(job)
+        plan = plan or make_plan(job)
         views = open_source(job, plan, clock)
         batches = _schedule(job, plan, views)
     statistics = SkipStatistics()
@@ -113,8 +184,7 @@ def reconstruct(
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
     }
-    writer.finish(report)
-    return report
+    return report, plan
 
 
 def render_eia(
@@ -167,12 +237,12 @@ def render_eia(
 
 def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
     """The batches of the job. Raises `TooLarge` where they are over its limits."""
-    check_size(job.lenses, plan.scale, count=len(job.wanted), limit=job.max_pixels)
+    check_size(job.lenses, plan.scale, count=len(job.wanted) * job.times, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
     batches = schedule_batches(job.wanted, job.grid, size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)
     neighbours = count - len(job.wanted)
-    check_samples(views.samples, count, job.max_pixels, plan.strategy, neighbours=neighbours)
+    check_samples(views.samples, count * job.times, job.max_pixels, plan.strategy, neighbours=neighbours * job.times)
     return batches
 
 

@@ -110,9 +110,11 @@ class Input:
             field = self._source.transpose() if options.order == "columns" else self._source
             field = reorient(field, self._layout(options))
             return replace(field, is_ordered=field.is_ordered or options.order == "given")
-        pose = MeshPose(options.time, options.camera)
+        pose = _make_pose(options)
         if not isinstance(self._source, Bundle) and pose != AS_STORED:
-            raise InvalidOption(f"time, camera: {self.name} holds no animations and no cameras; leave them out")
+            raise InvalidOption(
+                f"time, animation, camera: {self.name} holds no animations and no cameras; leave them out"
+            )
         if isinstance(self._source, Scene):
             if not np.array_equal(options.placement.light_direction(), LIGHT):
                 raise InvalidOption(
@@ -195,3 +197,15 @@ class Input:
 
         found = find_main(self._source)
         return "views" if found is None else found[0].extension
+
+
+def _make_pose(options: Options) -> MeshPose:
+    """What of a mesh is shown. Raises `InvalidOption` for several times, and for an animation without any."""
+    times = options.time or (None,)
+    if len(times) > 1:
+        raise InvalidOption(
+            f"time: {len(times)} times make a video of one view, with reconstruct; give one time for anything else"
+        )
+    if options.animation is not None and options.time is None:
+        raise InvalidOption(f"animation: {options.animation!r} is shown at a time; give time, too, such as 0")
+    return MeshPose(times[0], options.camera, options.animation)

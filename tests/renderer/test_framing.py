@@ -1,11 +1,13 @@
 """Every view holds the whole object, which is as large as that allows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.renderer.framing import CLEARANCE, FILL, frame_scene
+from ciir.renderer.framing import CLEARANCE, FILL, find_extremes, frame_scene, make_frame
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Part, Scene
@@ -72,3 +74,14 @@ def test_the_bounding_box_lies_behind_astride_or_before_the_array(place, zoom):
     low, high = scene.transform(frame_scene(scene, array, Placement(place=place, zoom=zoom))).bounds()
     sides = high - low
     assert low[2] + high[2] == pytest.approx(place * (sides[2] + 2 * CLEARANCE * sides.max()))
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.integers(0, 1000), st.tuples(*[st.floats(-180, 180)] * 3), st.floats(-1, 1))
+def test_scenes_are_framed_together_by_their_extremes(seed, angles, place):
+    scenes, array = [cloud(seed, (1, 2, 3)), cloud(seed + 1, (3, 1, 1))], LensArray(30, 80, 5, 9)
+    placement = Placement(rotate=angles, place=place)
+    framed = make_frame([find_extremes(scene, array, placement) for scene in scenes])
+    both = Scene(scenes[0].parts + scenes[1].parts)
+    together = frame_scene(replace(scenes[0], framed=framed), array, placement)
+    assert together == pytest.approx(frame_scene(both, array, placement), rel=1e-12)

@@ -37,7 +37,7 @@ def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose:
         raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
     if pose != AS_STORED and not format_.is_posed:
         raise InvalidOption(
-            f"time, camera: only those of glTF files are read, and {name} is {format_.name}; leave them out"
+            f"time, animation, camera: only those of glTF files are read, and {name} is {format_.name}; leave them out"
         )
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)

@@ -23,6 +23,8 @@ class MeshPose:
     What lies behind the camera is left out. All that lies before it is framed as a mesh is without a camera: a lens
     array sees along parallel rays, so that the camera's angle of view plays no part.
     """
+    animation: str | None = None
+    """Name or number, from 0, of the animation; None for the first, with those that move other nodes."""
 
 
 AS_STORED = MeshPose()

@@ -11,7 +11,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.options import PathName
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -49,8 +49,12 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
 def draw_frames(light_field: LightField, path: PathName, frames: int) -> Iterator[NDArray[np.uint8]]:
     """What the camera sees at each position, `(H, W, 3)`: between views the nearest four, blended bilinearly."""
     views = light_field.with_depth_sense("cameras").views
-    for v, u in list_positions(path, frames, (views.shape[0], views.shape[1])):
-        yield _to_rgb8(_blend(views, v, u))
+    return draw_at(views, list_positions(path, frames, (views.shape[0], views.shape[1])))
+
+
+def draw_at(views: NDArray[Any], positions: Iterable[tuple[float, float]]) -> Iterator[NDArray[np.uint8]]:
+    """What the camera sees at each position (v, u) among `views`, as `draw_frames` returns it."""
+    return (_to_rgb8(_blend(views, v, u)) for v, u in positions)
 
 
 def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:

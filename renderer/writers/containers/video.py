@@ -1,4 +1,7 @@
-"""Writes what a camera sees on a path among the views: MP4 and WebM by FFmpeg, GIF and WebP by Pillow."""
+"""Writes what a camera sees on a path among the views, or one view at several times.
+
+MP4 and WebM are made by FFmpeg, GIF and WebP by Pillow.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.containers.camera_paths import draw_frames, list_positions
+from ciir.renderer.writers.containers.camera_paths import draw_at, draw_frames, list_positions
+from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
     from PIL import Image
@@ -26,16 +30,24 @@ MOST_SIDE = 16_383
 """Pixels along a side of a frame: WebP's limit, the least of the four formats'."""
 MOST_ANIMATION_FPS = 50
 """Browsers show a frame of less than 20 ms for 100 ms."""
+_USUAL_FPS = 30.0
 _BT601, _LIMITED = 6, 1
 """How FFmpeg turns RGB into luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
 
 
 class PathWriter(WholeWriter):
-    """Draws the frames of the path that the options give: 8 bit RGB."""
+    """Draws the frames of the path that the options give, or takes those of the times: 8 bit RGB."""
+
+    holds_times = True
 
     def check(self, contents: Contents) -> None:
-        """Refuses views that are too large for a frame."""
+        """Refuses views that are too large for a frame, and a path where each picture is a frame."""
+        if contents.times and (self.options.path, self.options.frames) != (WriterOptions.path, WriterOptions.frames):
+            raise InvalidOption("path, frames: of several times each is a frame; leave them out")
         list_positions(self.options.path, 1, contents.grid)
+        self.times = contents.times
+        self.count = len(self.times) or self.options.frames
+        self.fps = self.options.fps or find_rate(self.times) or _USUAL_FPS
         if max(contents.height, contents.width) > MOST_SIDE:
             raise InvalidOption(
                 f"format: {self.name} holds frames of up to {MOST_SIDE:,} pixels a side and the views have "
@@ -44,10 +56,13 @@ class PathWriter(WholeWriter):
 
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the frames, and notes what is lost."""
-        options = self.options
-        notes = self.write_frames(draw_frames(light_field, options.path, options.frames))
+        if self.times:
+            frames = draw_at(light_field.views, ((0, number) for number in range(self.count)))
+        else:
+            frames = draw_frames(light_field, self.options.path, self.count)
+        notes = self.write_frames(frames)
         count_v, count_u, *_, channels = light_field.views.shape
-        if count_v * count_u > 1:
+        if count_v * count_u > 1 and not self.times:
             notes.append("between views the nearest are blended: what moves by more than a pixel is seen twice there")
         if light_field.views.dtype == np.uint16:
             notes.append(f"{self.name} holds 8 bit: samples are rounded")
@@ -58,6 +73,12 @@ class PathWriter(WholeWriter):
     @abstractmethod
     def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
         """Writes the frames, `(H, W, 3)` each; returns notes."""
+
+
+def find_rate(times: Sequence[float]) -> float | None:
+    """Frames per second at which frames of these times, in seconds, pass as fast as they do; None for less than two."""
+    span = abs(times[-1] - times[0]) if times else 0.0
+    return (len(times) - 1) / span if span else None
 
 
 class VideoWriter(PathWriter):
@@ -77,7 +98,7 @@ class VideoWriter(PathWriter):
         packed, size = io.BytesIO(), (0, 0)
         with av.open(packed, "w", format=self.container) as container:
             container.flags |= cast("int", Flags.bitexact.value)
-            stream = container.add_stream(codec, rate=Fraction(self.options.fps).limit_denominator(1001))
+            stream = container.add_stream(codec, rate=Fraction(self.fps).limit_denominator(1001))
             assert isinstance(stream, av.VideoStream)  # noqa: S101 - all of `codecs` are of videos
             for number, pixels in enumerate(frames):
                 height, width = size = pixels.shape[:2]
@@ -120,9 +141,9 @@ class AnimationWriter(PathWriter):
     def check(self, contents: Contents) -> None:
         """Refuses a rate that viewers don't keep."""
         super().check(contents)
-        if self.options.fps > MOST_ANIMATION_FPS:
+        if self.fps > MOST_ANIMATION_FPS:
             raise InvalidOption(
-                f"fps: {self.options.fps:g} is over the {MOST_ANIMATION_FPS} that viewers show of {self.name}; "
+                f"fps: {self.fps:g} is over the {MOST_ANIMATION_FPS} that viewers show of {self.name}; "
                 "give fewer, or format mp4 or webm"
             )
 
@@ -130,7 +151,7 @@ class AnimationWriter(PathWriter):
         """Frames are shown for whole units of the format's clock; their mean is the rate that is asked for."""
         from PIL import Image
 
-        ends = [round(1000 * (number + 1) / self.options.fps / self.unit) for number in range(self.options.frames)]
+        ends = [round(1000 * (number + 1) / self.fps / self.unit) for number in range(self.count)]
         durations = [self.unit * (end - start) for start, end in zip([0, *ends], ends, strict=False)]
         first, *rest = [Image.fromarray(pixels) for pixels in frames]
         self.save(first, save_all=True, append_images=rest, duration=durations, loop=0)

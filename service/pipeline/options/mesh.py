@@ -56,9 +56,17 @@ MESH = {
     "background": Option("RRGGBB", "colour behind a mesh (default 000000)", values.COLOUR, "ffffff"),
     "time": Option(
         "SECONDS",
-        "moment of a glTF mesh's animation (default: as it is stored)",
-        make_number(0, 1e6, "seconds such as 1.5"),
+        "moment of a glTF mesh's animation (default: as it is stored); several, as 0,0.5,1 or START:STOP:COUNT, make a "
+        "video of one view",
+        values.TIMES,
         "1.5",
+    ),
+    "animation": Option(
+        "NAME",
+        "with --time: the animation of a glTF mesh, its name or its number from 0 (default: the first, with those that "
+        "move other parts)",
+        values.LABEL,
+        "0",
     ),
     "camera": Option(
         "NAME",
@@ -91,8 +99,9 @@ class MeshOptions:
     sampling: Sampling = "pinhole"
     background: tuple[int, int, int] = (0, 0, 0)
     """RGB, 0 to 255."""
-    time: float | None = None
-    """Seconds."""
+    time: tuple[float, ...] | None = None
+    """Seconds; one, or several for a video."""
+    animation: str | None = None
     camera: str | None = None
     neighbour_time: float = 1.0
     """Seconds."""

@@ -9,6 +9,8 @@ from numbers import Integral
 from operator import index
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.names import clean_text
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 _MOST = 999_999
 """The largest count that text or a sequence may hold."""
+_MOST_TIMES = 3600
+_SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
 _LONGEST_LABEL = 200
 """Most characters of a name in a file."""
 
@@ -134,6 +138,41 @@ def _convert_views(value: Any) -> str:
     return ";".join("{},{}".format(*_convert_pair(pair)) for pair in ([value] if is_pair else value))
 
 
+def _read_times(name: str, text: str) -> tuple[float, ...]:
+    times = re.sub(r"\s", "", text)
+    if not times or re.fullmatch(TIMES.schema["pattern"], times) is None:
+        raise InvalidOption(
+            f"{name}: {text[:40]!r} is not understood; give seconds such as 1.5, several as 0,0.5,1, or "
+            "START:STOP:COUNT such as 0:2:48"
+        )
+    if ":" in times:
+        start, stop, count = times.split(":")
+        found = _space_evenly(float(start), float(stop), min(int(count), _MOST_TIMES + 1))
+    else:
+        found = tuple(map(float, times.split(",")))
+    if len(found) > _MOST_TIMES:
+        raise InvalidOption(f"{name}: more than {_MOST_TIMES:,} times are given; give fewer")
+    return found
+
+
+def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
+    """`count` times from `start` to `stop`, both included, to a nanosecond."""
+    return tuple(round(float(time), 9) for time in np.linspace(start, stop, count))
+
+
+def _convert_times(value: Any) -> tuple[float, ...]:
+    times = tuple(round(float(time), 9) for time in (value if hasattr(value, "__iter__") else [value]))
+    if not 0 < len(times) <= _MOST_TIMES or not all(0 <= time < 1e6 for time in times):
+        raise ValueError
+    return times
+
+
+def _write_times(times: tuple[float, ...]) -> str:
+    texts = [f"{time:.9f}".rstrip("0").rstrip(".") for time in times]
+    is_even = len(times) > 2 and times == _space_evenly(times[0], times[-1], len(times))
+    return f"{texts[0]}:{texts[-1]}:{len(times)}" if is_even else ",".join(texts)
+
+
 PAIR = ValueType(
     {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
     read_pair,
@@ -153,6 +192,13 @@ VIEWS = ValueType(
     _read_views,
     _convert_views,
     "'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
+)
+TIMES = ValueType(
+    {"type": "string", "pattern": f"^({_SECONDS}(,{_SECONDS})*|{_SECONDS}:{_SECONDS}:[1-9][0-9]{{0,3}})?$"},
+    _read_times,
+    _convert_times,
+    "seconds such as 1.5, or several such as (0, 0.5, 1)",
+    _write_times,
 )
 TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
 LABEL = ValueType(

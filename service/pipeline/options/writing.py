@@ -30,7 +30,12 @@ WRITING = {
         "sweep",
     ),
     "frames": Option("N", "frames of a video, 1 to 3600 (default 60)", make_integer(1, 3600), "3"),
-    "fps": Option("RATE", "frames per second of a video, 1 to 240 (default 30)", make_number(1, 240), "25"),
+    "fps": Option(
+        "RATE",
+        "frames per second of a video, 1 to 240 (default 30; with several times: as they pass)",
+        make_number(1, 240),
+        "25",
+    ),
     "epi": Option(
         "LINE",
         "format epi: a row y=120 of the views, or a column x=80; with v or u: of the views of that row or column "
@@ -48,7 +53,7 @@ class WritingOptions:
 
     path: PathName = "circle"
     frames: int = 60
-    fps: float = 30.0
+    fps: float | None = None
     epi: str = ""
 
     def make_writer_options(self, suffix: str = "") -> WriterOptions:

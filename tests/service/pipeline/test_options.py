@@ -22,7 +22,7 @@ def test_parses_every_option():
         "transpose": "yes", "depth_sense": "lenses", "arrangement": "mosaic", "crop": "1, 2,3,4", "parallax": "30",
         "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
-        "time": "1.5", "camera": " Front left ",
+        "time": "0,1.5", "animation": "Run", "camera": " Front left ",
         "lens_pitch": "14.37", "lens_offset": "5.3, 8.8", "lens_rotation": "0.8", "lens_grid": "hexagonal",
         "path": "spiral", "frame": "7", "frames": "90", "fps": "25",
     }  # fmt: skip
@@ -34,7 +34,7 @@ def test_parses_every_option():
         arrangement="mosaic", crop=(1, 2, 3, 4),
         parallax=30.0, up="z",
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
-        time=1.5, camera="Front left",
+        time=(0.0, 1.5), animation="Run", camera="Front left",
         lens_pitch=14.37, lens_offset=(5.3, 8.8), lens_rotation=0.8, lens_grid="hexagonal",
         path="spiral", frame=7, frames=90, fps=25.0,
     )  # fmt: skip
@@ -116,3 +116,26 @@ def test_the_lens_grid_is_known_as_far_as_it_is_given():
     for name in ("lens_offset", "lens_rotation", "lens_grid"):
         with pytest.raises(InvalidOption, match=f"{name}: this needs lens_pitch"):
             Options.convert({name: given[name]}).known_grid  # noqa: B018 - it raises
+
+
+@pytest.mark.parametrize(
+    ("text", "times", "written"),
+    [
+        ("1.5", (1.5,), "1.5"),
+        (" 0, 0.5,1 ", (0, 0.5, 1), "0:1:3"),
+        ("0:2:5", (0, 0.5, 1, 1.5, 2), "0:2:5"),
+        ("1:0:3", (1, 0.5, 0), "1:0:3"),
+        ("0,1,3", (0, 1, 3), "0,1,3"),
+        ("0:1:1", (0,), "0"),
+    ],
+)
+def test_times_are_written_as_they_are_read(text, times, written):
+    assert Options.parse({"time": text}).time == times
+    assert write_texts({"time": times}) == {"time": written}
+    assert Options.parse({"time": written}).time == times
+
+
+@pytest.mark.parametrize("value", ["0:1", "0:1:0", "-1", "1e3", "0:1:4000", "", (), (1, -1), (float("nan"),), [None]])
+def test_other_times_are_refused(value):
+    with pytest.raises(InvalidOption, match=r"^time: "):
+        Options.convert({"time": value})

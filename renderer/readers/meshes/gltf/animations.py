@@ -8,9 +8,11 @@ import numpy as np
 
 from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.readers.meshes.gltf.accessors import read_accessor
-from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.names import clean_text, find_numbered
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.meshes.gltf.document import Document
@@ -20,24 +22,29 @@ PATHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": None}
 _STRAIGHT = 1e-6  # radians between two rotations below which the way between them is a straight line
 
 
-def sample_nodes(document: Document, time: float) -> dict[int, dict[str, Any]]:
+def sample_nodes(document: Document, time: float, animation: str | None = None) -> dict[int, dict[str, Any]]:
     """The properties that animations give nodes at `time` in seconds: node -> property of `PATHS` -> value.
 
-    The first animation is played, and each further one that moves none of the same properties: others are other
-    sequences of the same object. Before the first keyframe and behind the last one a property stays as it is there.
+    `animation`: the name, or the number from 0, of the one that is played. Without it the first is, and each further
+    one that moves none of the same properties: others are other sequences of the same object. Before the first keyframe
+    and behind the last one a property stays as it is there.
 
-    Raises `InvalidOption` without animations.
+    Raises `InvalidOption` without animations, or without that one.
     """
-    animations = document.json.get("animations", [])
-    if not animations:
+    count = len(document.json.get("animations", []))
+    if not count:
         raise InvalidOption(f"time: {document.name} holds no animation; leave it out")
+    entries = [document.item("animations", number) for number in range(count)]
+    titles = [str(entry.get("name", "")) for entry in entries]
+    numbers: Sequence[int] = range(count)
+    if animation is not None:
+        numbers = [find_numbered("animation", animation, [[title] for title in titles], document.name)]
     played: dict[int, dict[str, Any]] = {}
     skipped, end = [], 0.0
-    for number in range(len(animations)):
-        animation = document.item("animations", number)
-        channels = _find_channels(document, animation)
+    for number in numbers:
+        channels = _find_channels(document, entries[number])
         if any(path in played.get(node, {}) for node, path, _ in channels):
-            skipped.append(clean_text(str(animation.get("name", number)))[:40])
+            skipped.append(clean_text(titles[number] or str(number))[:40])
             continue
         for node, path, sampler in channels:
             value, last = sample(document, sampler, path, time)
@@ -45,7 +52,9 @@ def sample_nodes(document: Document, time: float) -> dict[int, dict[str, Any]]:
             end = max(end, last)
     if skipped:
         others = ", ".join(skipped[:5]) + (", ..." if skipped[5:] else "")
-        document.resolver.add_note(f"the first animation is played, not others that move the same nodes: {others}")
+        document.resolver.add_note(
+            f"animation: the first is played, not others that move the same nodes: {others}; animation selects one"
+        )
     if time > end:
         document.resolver.add_note(f"time: the animation ends at {end:g} s; its last pose is shown")
     return played

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import InvalidOption, Unreadable
-from ciir.renderer.readers.names import clean_text
+from ciir.errors import Unreadable
+from ciir.renderer.readers.names import find_numbered
 from ciir.renderer.shading import normalize
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.meshes.gltf.document import Document
-
-_LISTED = 10
 
 
 def find_view_matrix(
@@ -35,16 +33,7 @@ def find_view_matrix(
         if "camera" in node:
             entry = document.item("cameras", node["camera"])
             found.append(((str(node.get("name", "")), str(entry.get("name", ""))), matrix))
-    if not found:
-        raise InvalidOption(f"camera: {document.name} holds no camera; leave it out")
-    numbers = {str(number): number for number in range(len(found))}
-    named = {name: number for number, (names, _) in reversed(list(enumerate(found))) for name in names if name}
-    number = numbers.get(camera, named.get(camera))
-    if number is None:
-        titles = [clean_text(names[0] or names[1])[:40] for names, _ in found]
-        listed = ", ".join(f"{i} ({title})" if title else str(i) for i, title in enumerate(titles))
-        known = listed if len(found) <= _LISTED else f"0 to {len(found) - 1}"
-        raise InvalidOption(f"camera: {clean_text(camera)[:40]!r} is none of {document.name}'s; give {known}")
+    number = find_numbered("camera", camera, [titles for titles, _ in found], document.name)
     matrix = found[number][1]
     backward = normalize(matrix[:3, 2])
     up = normalize(matrix[:3, 1] - backward * (matrix[:3, 1] @ backward))

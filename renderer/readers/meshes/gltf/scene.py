@@ -46,7 +46,7 @@ def find_surfaces(
     document: Document, pose: MeshPose = AS_STORED
 ) -> Iterator[tuple[Surface | None, NDArray[np.float64]]]:
     """The surface of each primitive and the matrices `(k, 4, 4)` of its instances; raises as `read` does."""
-    moved = {} if pose.time is None else sample_nodes(document, pose.time)
+    moved = {} if pose.time is None else sample_nodes(document, pose.time, pose.animation)
     root = np.eye(4)
     if pose.camera is not None:
         root = find_view_matrix(document, walk_nodes(document, moved, root), pose.camera)

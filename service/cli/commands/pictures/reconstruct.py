@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX, FileWriter, check_options
+from ciir.renderer.writers.formats import BY_SUFFIX, BY_SUFFIX_OF_TIMES, FileWriter, check_options
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline import run as pipeline
 
@@ -31,14 +31,16 @@ def run(args: argparse.Namespace) -> None:
     common.write_report(report, args.report)
     views = report["views"]
     size = f"{views[0]['width']}x{views[0]['height']}"
+    what = "frame" if "time" in views[0] else "view"
     common.print_line(
-        f"{args.out}: {len(views)} view{'s' * (len(views) > 1)} of {size} pixels ({common.format_timings(report)})"
+        f"{args.out}: {len(views)} {what}{'s' * (len(views) > 1)} of {size} pixels ({common.format_timings(report)})"
     )
 
 
 def _to_file(source: Source, options: Options, path: Path) -> Report:
     suffix = path.suffix.lower()
-    given = BY_SUFFIX[suffix].name, options.make_writer_options(suffix)
+    formats = BY_SUFFIX_OF_TIMES if len(options.time or ()) > 1 else BY_SUFFIX
+    given = formats[suffix].name, options.make_writer_options(suffix)
     with replacing(path) as file, FileWriter(file, *given) as writer, common.progress_bar("view") as progress:
         return pipeline.reconstruct(source, options, writer, progress=progress)
 

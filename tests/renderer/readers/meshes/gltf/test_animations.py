@@ -87,7 +87,14 @@ def test_animations_of_other_properties_are_played_together() -> None:
     model.animate(0, "scale", [0, 1], np.full((2, 3), 2, np.float32))
     scene = model.read(MeshPose(1.0))
     assert scene.bounds().tolist() == [[2, 0, 0], [4, 2, 0]]
-    assert scene.notes == ("the first animation is played, not others that move the same nodes: Jump",)
+    note = "animation: the first is played, not others that move the same nodes: Jump; animation selects one"
+    assert scene.notes == (note,)
+    for name in ("Jump", "1"):
+        jumped = model.read(MeshPose(1.0, animation=name))
+        assert jumped.bounds().tolist() == [[2, 4, 0], [3, 5, 0]]  # that one alone
+        assert jumped.notes == ()
+    with pytest.raises(InvalidOption, match=r"animation: '7' is none of a\.glb's; give 0, 1 \(Jump\), 2$"):
+        model.read(MeshPose(1.0, animation="7"))
 
 
 def test_a_time_behind_the_end_is_noted_and_one_without_animations_refused() -> None:

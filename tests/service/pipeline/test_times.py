@@ -1,0 +1,140 @@
+"""One view of a mesh at several times: framed alike, as frames of a video or as pictures."""
+
+import io
+import json
+import zipfile
+
+import av
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.limits import Limits
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.writers.formats import FORMATS, FileWriter
+from ciir.renderer.writers.writer import MemoryWriter
+from ciir.service.interface import Reconstruction
+from ciir.service.pipeline.one_file import RUNS, Output
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.report import Clock
+from ciir.service.pipeline.run import reconstruct
+from tests.support.inputs import CUBE
+from tests.support.meshes.gltf import SQUARE, Model
+
+SMALL = {"lenses": (20, 48), "pixels": (3, 3), "model": "none", "backend": "raytrace"}
+TIMES = (0.0, 0.25, 1.0)
+
+
+def slide(**limits) -> Bundle:
+    """The square, which moves by 4 of its sides to the right within a second."""
+    model = Model()
+    model.animate(0, "translation", [0, 1], np.array([[0, 0, 0], [4, 0, 0]], np.float32))
+    return Bundle("a.glb", "a.glb", {"a.glb": model.glb()}, Limits(**limits))
+
+
+def run(source=None, **options):
+    writer = MemoryWriter()
+    report = reconstruct(source or slide(), Options(**(SMALL | {"time": TIMES} | options)), writer)
+    return writer.views, report
+
+
+@pytest.mark.parametrize("read_again", [False, True])
+def test_the_frame_stays_and_the_object_moves(read_again):
+    views, report = run(slide(triangles=5 if read_again else 1000))  # two triangles at each of three times
+    assert list(views) == [(0, 0), (0, 1), (0, 2)]
+    assert [view["time"] for view in report["views"]] == list(TIMES)
+    matrix = np.array(report["scene_transform"])
+    columns = np.arange(48) - 23.5
+    for time, picture in zip(TIMES, views.values(), strict=True):
+        placed = (SQUARE + np.array([4 * time, 0, 0])) @ matrix[:3, :3].T + matrix[:3, 3]
+        left, right = placed[:, 0].min(), placed[:, 0].max()
+        assert picture.any(axis=(0, 2)).tolist() == ((columns > left) & (columns < right)).tolist()
+    assert views[0, 0].any(axis=(0, 2))[:3].any()  # together they fill the width
+    assert views[0, 2].any(axis=(0, 2))[-3:].any()
+
+
+def test_strategy_and_model_are_selected_once():
+    views, report = run(model="fast", strategy="auto", scale=2, time=(0.0, 0.5))
+    assert [picture.shape for picture in views.values()] == [(40, 96, 3)] * 2
+    assert report["plan"]["strategy"] in {"upscale", "direct"}
+
+
+@pytest.mark.parametrize("name", ["mp4", "webm", "gif", "animated-webp", None])
+def test_each_format_has_a_frame_for_each_time(name):
+    file, progress = io.BytesIO(), []
+    options = Options.parse({"time": "0:1:5", "lenses": "20x48", "pixels": "3x3", "model": "none"})
+    output = Output(file, name, 10**9, lambda *done: progress.append(done), Clock())
+    written, report = RUNS["reconstruction"](slide(), options, output)
+    assert len(report["views"]) == 5
+    assert progress == [(number, 5) for number in range(6)]
+    file.seek(0)
+    if name is None:
+        assert written == "zip"
+        with zipfile.ZipFile(file) as archive:
+            assert archive.namelist() == [*(f"frame_{number:04d}.png" for number in range(5)), "report.json"]
+            assert [view["time"] for view in json.loads(archive.read("report.json"))["views"]] == [
+                0,
+                0.25,
+                0.5,
+                0.75,
+                1,
+            ]
+        return
+    if name == "animated-webp":
+        return
+    with av.open(file) as container:
+        assert float(container.streams.video[0].average_rate) == pytest.approx(4, rel=0.01)  # as the times pass
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    left = [int((frame.max(axis=(0, 2)) > 60).argmax()) for frame in frames]
+    assert left == sorted(left)
+    assert left[-1] > left[0] + 30
+
+
+def test_formats_of_light_fields_refuse_times():
+    for name in set(FORMATS) - {"mp4", "webm", "gif", "animated-webp", "zip"}:
+        with (
+            FileWriter(io.BytesIO(), name) as writer,
+            pytest.raises(InvalidOption, match="holds no pictures at several times; give mp4"),
+        ):
+            reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
+
+
+def test_the_python_interface_saves_a_video(tmp_path):
+    views, report = run(time=(0.0, 1.0))
+    result = Reconstruction(views, report)
+    result.save(tmp_path / "a.webp")
+    assert (tmp_path / "a.webp").read_bytes().find(b"ANIM") > 0
+    result.save(tmp_path / "frames")
+    assert (tmp_path / "frames" / "frame_0001.png").exists()
+
+
+def test_what_makes_no_video_is_refused():
+    for wrong, message in (
+        ({"views": "cross"}, "3 times make a video of one view, and 5 views are asked for"),
+        ({"animation": "Run"}, "animation: 'Run' is none of a.glb's; give 0"),
+        ({"source": Bundle("a.off", "a.off", {"a.off": CUBE})}, "only those of glTF files are read"),
+        ({"source": "vase"}, "holds no animations and no cameras"),
+        ({"time": None, "animation": "0"}, "animation: '0' is shown at a time; give time, too"),
+    ):
+        with pytest.raises(InvalidOption, match=message):
+            run(**wrong)
+    with (
+        FileWriter(io.BytesIO(), "mp4", Options(path="sweep").make_writer_options()) as writer,
+        pytest.raises(InvalidOption, match="path, frames: of several times each is a frame"),
+    ):
+        reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
+
+
+def test_all_times_together_count():
+    with pytest.raises(TooLarge, match="3 times are over the limit of 2"):
+        run(slide(views=2))
+    options = Options(**SMALL, time=TIMES)
+    reconstruct(slide(), options, MemoryWriter(), max_pixels=3 * 20 * 48)
+    with pytest.raises(TooLarge, match="over the limit of 2,879"):
+        reconstruct(slide(), options, MemoryWriter(), max_pixels=3 * 20 * 48 - 1)
+
+
+def test_a_note_that_differs_in_its_numbers_alone_comes_once():
+    _, report = run(time=(2.0, 3.0), background=(229, 229, 229))
+    assert report["notes"][0] == "time: the animation ends at 1 s; its last pose is shown"
+    assert len(report["notes"]) <= 2
