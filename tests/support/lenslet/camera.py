@@ -37,7 +37,7 @@ class Camera:
         triangle, weights, _ = self.scene._find_hits(placed, directions.astype(np.float32))
         rgb = np.broadcast_to(np.float32(self.background), (len(x), 3)).copy()
         hit = np.flatnonzero(triangle >= 0)
-        rgb[hit] = 255 * self.scene._shade(triangle[hit], weights[hit])[0][:, :3]
+        rgb[hit] = 255 * self.scene._shade(triangle[hit], weights[hit], directions[hit])[0][:, :3]
         return rgb
 
 
