@@ -158,7 +158,9 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     if not views and len(containers) == 1:
         return identify(containers[0], bundle.files[containers[0]]), containers[0]
     if not views:
-        raise Unreadable(f"{name}: {_describe_others(names)}; give a mesh, or the views of a light field as pictures")
+        raise Unreadable(
+            f"{name}: {_describe_others(names)}; give a mesh, or the views of a light field as .png, .jpg or .tif files"
+        )
     return None
 
 
@@ -193,6 +195,9 @@ def _describe_others(names: list[str]) -> str:
     """What a set without a mesh, a picture or a container holds."""
     if not names:
         return "no files in it (hidden files and links to nothing are not read)"
+    packed = [name for name in names if name.lower().endswith(".zip")]
+    if packed:
+        return f"holds a zip, {clean_text(packed[0])}, which is not unpacked within a folder or another zip"
     kinds = sorted({PurePosixPath(name).suffix.lower() or clean_text(name) for name in names})
     listed = ", ".join(clean_text(kind) for kind in kinds[:5]) + (", ..." if kinds[5:] else "")
     return f"no file of a type that is read among its {len(names)} ({listed})"
@@ -213,4 +218,11 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     grid = light_field.views.shape[:2]
     if format_ is not ESLF and layout.pixels not in {None, grid}:  # of ESLF they are those under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
+    height, width = light_field.views.shape[2:4]
+    if format_ is not ESLF and grid[0] > height and grid[1] > width:
+        note = (
+            f"axes: {grid[0]}x{grid[1]} views of {height}x{width} pixels; if these are {height}x{width} views of "
+            f"{grid[0]}x{grid[1]} pixels, save the array with the axes (V, U, H, W, C)"
+        )
+        light_field = replace(light_field, notes=(*light_field.notes, note))
     return light_field

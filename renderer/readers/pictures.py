@@ -60,6 +60,8 @@ def decode(
             check(height, width)
 
     found = [entry for entry in find_by_signature(data) if isinstance(entry, PictureFormat)]
+    if not data:
+        raise Unreadable(f"{name}: the file is empty (0 bytes); give it again")
     if not found:
         listed = ", ".join(entry.name for entry in PICTURES)
         raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")

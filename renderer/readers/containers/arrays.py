@@ -1,6 +1,7 @@
 """Reads NumPy's npy and npz, never by pickle.
 
-- npy: an array `L[v, u, y, x, c]`, and in our own files the depth sense behind it, as text without axes;
+- npy: an array `L[v, u, y, x, c]`, or `L[v, u, y, x]` of grey views; in our own files the depth sense is
+  behind it, as text without axes;
 - npz: one array, under any name; or what `renderer.writers.archives.NpzWriter` writes, `views[n, y, x, c]` with
   `positions[n] = (v, u)` and the report.
 
@@ -53,6 +54,8 @@ class Array:
             warnings.simplefilter("ignore", UserWarning)
             shape, self._is_fortran, self.dtype = read(file)
         self.shape: tuple[int, ...] = tuple(map(int, shape))
+        if len(self.shape) == 4 and self.shape[3] > 4:  # grey views, without an axis of channels
+            self.shape += (1,)
         self._data, self._start, self._name = data, file.tell(), name
         if self.dtype.hasobject:
             raise UnsupportedType(f"{name}: holds Python objects (pickle), which are never read; save numbers")

@@ -65,8 +65,10 @@ def find_variable(shapes: Mapping[str, Sequence[int]], name: str) -> str:
         return "LF"
     if len(found) == 1:
         return found[0]
-    listed = ", ".join(map(clean_text, list(shapes)[:5])) or "nothing"
-    raise Unreadable(f"{name}: holds {listed}; give a light field LF with five axes")
+    listed = ", ".join(map(clean_text, (found or list(shapes))[:5])) or "nothing"
+    if found:
+        raise Unreadable(f"{name}: {len(found)} variables have five axes ({listed}); name the light field LF")
+    raise Unreadable(f"{name}: holds {listed}; give a light field LF with five axes, in no group and no struct")
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

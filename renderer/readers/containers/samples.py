@@ -73,9 +73,10 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
         view = array[index]
         low, high = float(view.min()), float(view.max())
         if not (low >= 0 and high <= 1):  # false for NaN, too
+            found = "samples that are NaN" if low != low else f"samples from {low:g} to {high:g}"  # noqa: PLR0124
             raise Unreadable(
-                f"{name}: view {index[0]},{index[1]} has samples from {low:g} to {high:g}; "
-                "give floating-point numbers from 0 to 1, or uint8 or uint16"
+                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, or uint8 or "
+                "uint16"
             )
         np.rint(
             view * view.dtype.type(65535) if view.itemsize > 2 else view.astype(np.float32) * 65535,

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 SIDE_FILES = frozenset({
-    "", ".cfg", ".csv", ".db", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm", ".ply",
-    ".txt", ".url", ".xml", ".yaml", ".yml",
+    "", ".cfg", ".csv", ".db", ".exr", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm",
+    ".ply", ".txt", ".url", ".xml", ".yaml", ".yml",
 })  # fmt: skip
 """Suffixes of files beside the views that are ignored: notes, calibration, depth, reports."""
 OWN_NAME = re.compile(r"view_\d+_\d+\.png")

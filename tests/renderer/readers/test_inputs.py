@@ -76,6 +76,8 @@ def test_two_meshes() -> None:
 def test_neither_mesh_nor_pictures() -> None:
     with pytest.raises(Unreadable, match=r"set: no file of a type that is read among its 2 \(\.bmp, \.txt\); give a"):
         read({"a.txt": b"x", "b.bmp": b"x"})
+    with pytest.raises(Unreadable, match=r"set: holds a zip, views\.zip, which is not unpacked within .*; give a mesh"):
+        read({"views.zip": b"PK\5\6"})
     with pytest.raises(Unreadable, match="set: no files in it"):
         read({})
     with pytest.raises(UnsupportedType, match="ZIP holds no mesh"):

@@ -170,7 +170,6 @@ def test_tiff_orientation_is_undone() -> None:
         (saved(Image.fromarray(noise(8, 8, 3)).convert("CMYK"), "JPEG"), "CMYK"),
         (saved(Image.fromarray(noise(8, 8, 3)), "GIF"), "PNG, JPEG, TIFF"),
         (b"Dear all, here are the views.", "PNG, JPEG, TIFF"),
-        (b"", "PNG, JPEG, TIFF"),
     ],
 )
 def test_kinds_that_are_not_read(data: bytes, expected: str) -> None:
@@ -196,6 +195,11 @@ def test_truncated(kind: str, kept: float) -> None:
     data = WHOLE[kind]
     with pytest.raises(Unreadable, match=r"^x: .*; send the whole file$"):
         pictures.decode(data[: max(8, int(len(data) * kept))], name="x")
+
+
+def test_an_empty_file() -> None:
+    with pytest.raises(Unreadable, match=r"x: the file is empty \(0 bytes\); give it again"):
+        pictures.decode(b"", name="x")
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

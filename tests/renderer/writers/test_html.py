@@ -1,8 +1,6 @@
 import io
 import json
 import re
-import shutil
-import subprocess
 from base64 import b64decode
 
 import numpy as np
@@ -14,7 +12,6 @@ from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.writer import Contents
 
-CHROMIUM = shutil.which("chromium")
 COLOURS = np.array([[[200, 30, 30], [30, 200, 30], [30, 30, 200]], [[200, 200, 30], [30, 200, 200], [200, 30, 200]]])
 """Of six views, `(2, 3, 3)`."""
 
@@ -58,25 +55,3 @@ def test_some_views_are_refused():
     writer = FileWriter(io.BytesIO(), "html")
     with pytest.raises(InvalidOption, match=r"whole light fields and 1 views are wanted; give views all"):
         writer.begin(Contents(((0, 0),), (2, 2), 4, 4, 3, np.dtype(np.uint8)))
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-@pytest.mark.parametrize(
-    ("address", "expected"), [("v=0&u=2", COLOURS[0, 2]), ("v=1&u=0.5", COLOURS[1, :2].mean(axis=0))]
-)
-def test_a_browser_shows_the_view_that_the_address_names(tmp_path, address, expected):
-    make_light_field().save(tmp_path / "a.html")
-    flags = [
-        "--headless",
-        "--no-sandbox",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-    ]
-    subprocess.run(  # noqa: S603
-        [CHROMIUM, *flags, f"--user-data-dir={tmp_path}/home", "--window-size=300,300", "--virtual-time-budget=30000",
-         f"--screenshot={tmp_path}/shot.png", f"file://{tmp_path}/a.html#{address}"],
-        check=True, capture_output=True, timeout=60,
-    )  # fmt: skip
-    shot = decode((tmp_path / "shot.png").read_bytes(), name="shot")[..., :3].astype(int)
-    area = shot[60:100, 120:180]
-    assert np.abs(area - expected).max() <= 3  # JPEG, and the graphics processor's rounding

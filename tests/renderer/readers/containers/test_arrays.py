@@ -47,6 +47,22 @@ def test_npy_is_v_u_y_x_c(dtype, order):
     assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
+def test_grey_views_need_no_axis_of_channels():
+    grey = np.arange(2 * 3 * 4 * 5, dtype=np.uint8).reshape(2, 3, 4, 5)
+    np.testing.assert_array_equal(read(saved(grey)).views, grey[..., None])
+    np.testing.assert_array_equal(read(saved(np.asfortranarray(grey))).views, grey[..., None])
+    np.testing.assert_array_equal(read(zipped(grey=grey), "npz").views, grey[..., None])
+    with pytest.raises(Unreadable, match=r"an array 6x4x5x3 of uint8; give \(V, U, H, W, C\)"):
+        read(saved(np.zeros((6, 4, 5, 3), np.uint8)))  # views one after the other
+
+
+def test_axes_that_seem_to_be_exchanged_are_noted():
+    for shape, is_noted in (((9, 9, 4, 5, 3), True), ((4, 5, 9, 9, 3), False)):
+        found = inputs.read(Bundle.from_upload("a.npy", saved(np.zeros(shape, np.uint8))))
+        noted = [note for note in found.notes if note.startswith("axes: 9x9 views of 4x5 pixels; if these are 4x5 ")]
+        assert bool(noted) == is_noted
+
+
 @pytest.mark.parametrize("dtype", ["f2", "f4", "f8"])
 def test_floating_point_becomes_16_bit_with_a_note(dtype):
     found = read(saved(numbered("u1").astype(dtype) / 255))
@@ -57,11 +73,13 @@ def test_floating_point_becomes_16_bit_with_a_note(dtype):
     assert "rounded to 16 bit" in found.notes[0]
 
 
-@pytest.mark.parametrize("worst", [-0.1, 1.5, np.nan, np.inf])
-def test_floating_point_out_of_range_is_refused(worst):
+@pytest.mark.parametrize(
+    ("worst", "words"), [(-0.1, "from -0.1 to "), (1.5, "to 1.5"), (np.nan, "that are NaN"), (np.inf, "to inf")]
+)
+def test_floating_point_out_of_range_is_refused(worst, words):
     array = numbered("u1") / 255
     array[1, 2, 3, 4, 0] = worst
-    with pytest.raises(Unreadable, match=r"view 1,2 has samples from .*; give floating-point numbers from 0 to 1"):
+    with pytest.raises(Unreadable, match=rf"view 1,2 has samples .*{words}.*; give floating-point numbers from 0 to 1"):
         read(saved(array))
 
 

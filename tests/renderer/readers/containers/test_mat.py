@@ -105,6 +105,12 @@ def test_lf_among_other_variables():
     ("variables", "error", "message"),
     [
         ({"a": 1, "b": "x"}, Unreadable, "holds a, b; give a light field LF"),
+        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene; .* in no group and no struct"),
+        (
+            {"a": np.zeros((2, 2, 4, 4, 3)), "b": np.zeros((2, 2, 4, 4, 3))},
+            Unreadable,
+            r"2 variables have five axes \(a, b\); name the light field LF",
+        ),
         ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
         ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, Unreadable, "LF holds complex128"),
         ({"LF": np.full((2, 2, 4, 4, 3), "a", object)}, UnsupportedType, "LF is of class cell"),

@@ -70,7 +70,7 @@ def test_one_picture_is_one_view(name: str) -> None:
 
 def test_side_files_are_left_out_and_others_are_not() -> None:
     files = {"0_0.png": picture(0, 0), "0_1.png": picture(0, 1)}
-    beside = dict.fromkeys(("report.json", ".DS_Store", "__MACOSX/._0_0.png", "LICENSE", "a/readme.TXT"), b"?")
+    beside = dict.fromkeys(("report.json", ".DS_Store", "__MACOSX/._0_0.png", "LICENSE", "a/README.TXT", "d.exr"), b"?")
     assert_in_order(read(files | beside), 1, 2)
     assert "clip.mp4 is not a picture" in message(files | {"clip.mp4": b"?"}, UnsupportedType)
     assert "0_2.bmp is not a picture" in message(files | {"0_2.bmp": b"?"}, UnsupportedType)

@@ -23,7 +23,7 @@ from ciir.service.settings import Settings
 from tests.service.jobs.failures import power_cuts
 from tests.support.inputs import make_picture
 from tests.support.jobs import JobService, StandInPool, read_result
-from tests.support.pools import COLD
+from tests.support.workers.pools import COLD
 
 OPTIONS = {"lenses": "4x5", "model": "none"}
 RUN = """

@@ -11,10 +11,10 @@ from ciir.service.jobs.workers import pool, worker
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
 from tests.support.inputs import CUBE
-from tests.support.pools import COLD, LONG
 from tests.support.servers import find_workers
 from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file
+from tests.support.workers.pools import COLD, LONG
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
 from ciir.service.settings import Settings
 from tests.support.inputs import CUBE
-from tests.support.pools import COLD
 from tests.support.servers import find_workers
+from tests.support.workers.pools import COLD
 
 
 @pytest.fixture

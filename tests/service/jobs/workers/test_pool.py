@@ -27,9 +27,9 @@ from ciir.service.pipeline.options import Options
 from tests.support.inputs import CUBE
 from tests.support.jobs import submit_data, wait_for_end
 from tests.support.paths import ROOT
-from tests.support.pools import COLD, FAST, LONG, run
 from tests.support.servers import find_workers, run_python
 from tests.support.waiting import wait_until
+from tests.support.workers.pools import COLD, FAST, LONG, run
 
 
 def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, service, monkeypatch, caplog):

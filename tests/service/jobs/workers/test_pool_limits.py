@@ -12,8 +12,8 @@ from ciir.errors import TimedOut, WorkerDied
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.jobs.workers import pool as module
-from tests.support.pools import FAST, LONG, run
 from tests.support.waiting import wait_until
+from tests.support.workers.pools import FAST, LONG, run
 
 
 def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task, monkeypatch):

@@ -6,8 +6,8 @@ from ciir.service.jobs.workers import pool as module
 from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.settings import Settings
-from tests.support.pools import COLD
 from tests.support.waiting import wait_until
+from tests.support.workers.pools import COLD
 
 
 def test_a_worker_fills_no_log_and_forges_no_line(open_pool, monkeypatch, caplog):

@@ -8,9 +8,9 @@ from ciir.models import catalogue
 from ciir.service.jobs.workers import worker
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
-from tests.support.pools import COLD
 from tests.support.waiting import wait_until
 from tests.support.web import check_problem, post_file, run_app
+from tests.support.workers.pools import COLD
 
 
 def test_health(client):
