@@ -81,6 +81,13 @@ class Client(httpx2.Client):
         """Sends a mesh and waits for its elemental image array."""
         return self._run("elemental", source, options)
 
+    def make_display_picture(self, source: str | Path, **options: object) -> Result:
+        """Sends a mesh, an elemental image array or views, and waits for a display's picture.
+
+        `calibration` and `display` are paths.
+        """
+        return self._run("display", source, options)
+
     def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
         """Sends `source` and returns its job without waiting."""
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
@@ -144,6 +151,10 @@ class AsyncClient(httpx2.AsyncClient):
     async def render_eia(self, source: str | Path, **options: object) -> Result:
         """As `Client.render_eia`."""
         return await self._run("elemental", source, options)
+
+    async def make_display_picture(self, source: str | Path, **options: object) -> Result:
+        """As `Client.make_display_picture`."""
+        return await self._run("display", source, options)
 
     async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
         """As `Client.submit`."""

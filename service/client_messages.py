@@ -21,6 +21,7 @@ from ciir.errors import (
     Unreadable,
 )
 from ciir.renderer.writers.formats import BY_SUFFIX
+from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
 from ciir.service.pipeline.options import write_texts
 
@@ -100,10 +101,11 @@ def make_key(api_key: str | None) -> dict[str, str]:
 
 
 def write_fields(options: Mapping[str, object]) -> dict[str, str]:
-    """Form fields. Raises `InvalidOption`."""
+    """Form fields. Raises `InvalidOption`, and `Unreadable` for an option's file."""
     form = options.get("format")
     rest = {name: value for name, value in options.items() if name != "format"}
-    return write_texts(rest) | ({} if form is None else {"format": str(form)})
+    texts = {name: read_text(Path(str(rest[name]))) for name in TEXT_FILES if name in rest}
+    return write_texts(rest | texts) | ({} if form is None else {"format": str(form)})
 
 
 def open_source(path: Path) -> tuple[str, IO[bytes]]:

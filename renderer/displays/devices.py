@@ -1,4 +1,4 @@
-"""Looking Glass displays, by the quilts that they take.
+"""Looking Glass displays, by the quilts that they take, and which quilt to make.
 
 Sizes: https://lfdocs.lookingglassfactory.com/keyconcepts/quilts, and pylightio (AliceLG), `lightfields.py`; a 16 inch
 display in landscape reports 8x6 views in 7680x4320 pixels and a cone of 50 degrees, not the 7x7 of that page.
@@ -6,7 +6,7 @@ display in landscape reports 8x6 views in 7680x4320 pixels and a cone of 50 degr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.quilt import QuiltLayout
@@ -50,3 +50,64 @@ def find_device(name: str) -> Device:
             f"device: {name[:40]!r} is not known; give {', '.join(DEVICES)}, or a layout as in quilt 8x6 aspect 0.75"
         )
     return DEVICES[name]
+
+
+@dataclass(frozen=True)
+class Quilt:
+    """A quilt to make."""
+
+    layout: QuiltLayout
+    tile: tuple[int, int]
+    """Height and width of a mesh's views, pixels; a light field's keep their own."""
+    cone: float
+    """Degrees between the outermost cameras."""
+    keeps_aspect: bool = False
+    """Whether a light field's views keep their own aspect, whatever the layout's."""
+    notes: tuple[str, ...] = ()
+
+
+def resolve_quilt(
+    *,
+    named: QuiltLayout | None = None,
+    device: str | None = None,
+    grid: tuple[int, int] | None = None,
+    aspect: float | None = None,
+) -> Quilt:
+    """The quilt of `device`, with `grid` (columns, rows) and `aspect` in place of the device's.
+
+    `named`: the layout in the output's name, which stands in for a device. Without all of them: that of `DEFAULT`, and
+    a light field's views keep their aspect. Raises `InvalidOption` for an unknown device, a number out of range, and
+    where `named` is not what the others say.
+    """
+    shown = _find_by_layout(named) if device is None else find_device(device)
+    layout = shown.layout if device is not None or named is None else named
+    if grid is not None:
+        layout = replace(layout, cols=grid[0], rows=grid[1])
+    if aspect is not None:
+        layout = replace(layout, aspect=aspect)
+    if named is not None and named.suffix != layout.suffix:
+        raise InvalidOption(
+            f"the output's name says {named.suffix[1:]} and the options say {layout.suffix[1:]}; change one of them"
+        )
+    notes: tuple[str, ...] = ()
+    if device is None and named is None and grid is None and aspect is None:
+        notes = (f"quilt: for the device {DEFAULT}; the option device gives another: {', '.join(DEVICES)}",)
+    return Quilt(
+        layout,
+        shown.tile if layout == shown.layout else _fit_tile(shown, layout),
+        shown.cone,
+        keeps_aspect=device is None and named is None and aspect is None,
+        notes=notes,
+    )
+
+
+def _find_by_layout(layout: QuiltLayout | None) -> Device:
+    """The first device whose quilts have this layout, else the default one."""
+    found = (device for device in DEVICES.values() if layout is not None and device.layout.suffix == layout.suffix)
+    return next(found, DEVICES[DEFAULT])
+
+
+def _fit_tile(device: Device, layout: QuiltLayout) -> tuple[int, int]:
+    """Height and width of views of square pixels in a quilt that is no larger than the device's."""
+    height = min(device.height // layout.rows, int(device.width // layout.cols / layout.aspect))
+    return max(1, height), max(1, round(height * layout.aspect))

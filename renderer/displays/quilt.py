@@ -69,6 +69,14 @@ def parse_name(name: str) -> QuiltLayout | None:
     return QuiltLayout(int(found[1]), int(found[2]), float(found[3])) if found else None
 
 
+def parse_grid(text: str) -> tuple[int, int]:
+    """`8x6`, columns x rows of views. Raises `InvalidOption`."""
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
+    if match is None:
+        raise InvalidOption(f"quilt: {text[:40]!r} is not understood; give columns x rows of views, such as 8x6")
+    return int(match[1]), int(match[2])
+
+
 def parse_json(data: bytes, *, name: str) -> QuiltLayout:
     """The layout in the JSON beside a quilt: `viewX`, `viewY` and `aspect`, at the top or in `quilt_settings`.
 

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.pictures import USES
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
 from ciir.renderer.writers.html import HtmlWriter
@@ -108,6 +109,8 @@ def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> N
 
 STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
 """The suffixes of pictures without motion: of a whole light field, WebP is an animation."""
+EXACT = (".png", ".tif", ".tiff")
+"""The suffixes of those that keep every subpixel."""
 VIDEO = ("path", "frames", "fps")
 """What a format of videos uses of `WriterOptions`."""
 BINARY = "application/octet-stream"
@@ -128,7 +131,9 @@ FORMATS = {
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
         _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
         _container("epi", STILL, "image/png", "pictures:EpiWriter", ("epi",)),
-        _container("quilt", STILL, "image/png", "quilts:QuiltWriter", ("device",)),
+        _container("quilt", STILL, "image/png", "displays:QuiltWriter", USES["quilt"]),
+        _container("lenticular", EXACT, "image/png", "displays:LenticularWriter", USES["lenticular"]),
+        _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
         _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),

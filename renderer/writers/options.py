@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.readers.bundle import read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from ciir.renderer.displays.panel import Conversion
+
+TEXT_FILES = ("calibration", "display")
+"""Options whose value is the text of a file."""
+MOST_TEXT = 1 << 16
+"""Most bytes of it."""
 PathName = Literal["circle", "sweep", "spiral"]
 """Paths of a camera among the views."""
 
@@ -23,6 +33,18 @@ class WriterOptions:
     """Of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
     device: str = ""
     """The display that a quilt is for, of `renderer.displays.devices`; empty: the usual one, and the own aspect."""
+    quilt: str = ""
+    """Columns x rows of a quilt, as `parse_grid` reads them; empty: the device's."""
+    aspect: float | None = None
+    """Width / height that a display shows a quilt's views with; None: the device's, or the views' own."""
+    calibration: str = ""
+    """A lenticular display's JSON, as `renderer.displays.lenticular.parse_calibration` reads it."""
+    display: str = ""
+    """A panel and its lenses as TOML, as `renderer.displays.integral.parse_display` reads it."""
+    conversion: Conversion = "spoc"
+    """Of a panel's picture."""
+    disparity: float = 0.0
+    """Of what lies in a display's plane, in pixels from view to view, larger where it is nearer."""
     path: PathName = "circle"
     """Of the camera, in videos: `renderer.writers.containers.camera_paths.list_positions`."""
     frames: int = 60
@@ -34,12 +56,40 @@ class WriterOptions:
 
     @classmethod
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
-        """Options by name. Raises `InvalidOption` for a name that is not known; the suffix is the path's."""
+        """Options by name; `calibration` and `display` are paths. The suffix is that of the output's path.
+
+        Raises `InvalidOption` for a name that is not known, and `Unreadable` for a file that can't be read.
+        """
         known = [field.name for field in fields(cls) if field.name != "suffix"]
         unknown = sorted(given.keys() - set(known))
         if unknown:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
-        return cls(**given)
+        files = {name: read_text(Path(given[name])) for name in TEXT_FILES if given.get(name)}
+        for name, value in given.items():
+            default = getattr(cls, name)
+            is_number = not isinstance(default, str)
+            if name not in files and not isinstance(value, (int, float) if is_number else str):
+                raise InvalidOption(
+                    f"{name}: {str(value)[:40]!r} is not taken; give a {'number' if is_number else 'text'}"
+                )
+            if is_number and not math.isfinite(value):
+                raise InvalidOption(f"{name}: {value} is not taken; give a finite number")
+        return cls(**{**given, **files})
+
+
+def read_text(path: Path) -> str:
+    """The text of a small file. Raises `Unreadable`, and `TooLarge` over `MOST_TEXT` bytes."""
+    return decode_text(read_file(path, DEFAULT_LIMITS), str(path))
+
+
+def decode_text(data: bytes, name: str) -> str:
+    """As `read_text`, of the file's bytes. `name`: for messages."""
+    if len(data) > MOST_TEXT:
+        raise TooLarge(f"{name}: over {MOST_TEXT:,} bytes; give the file that describes the display")
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise Unreadable(f"{name}: no text in UTF-8; give the file that describes the display") from error
 
 
 @dataclass(frozen=True)

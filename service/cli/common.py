@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import Options
@@ -28,7 +29,7 @@ _PREFIX = "option_"
 def parse_options(args: argparse.Namespace) -> Options:
     """The options on the command line. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
-    return Options.parse(given)
+    return Options.parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:

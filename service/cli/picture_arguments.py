@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
-from ciir.service.cli.display_arguments import ARGUMENTS as ARGUMENTS_FOR_DISPLAYS
-from ciir.service.cli.display_arguments import KINDS as KINDS_FOR_DISPLAYS
-from ciir.service.pipeline.options import KINDS, LENSLET, MESH, NAMES, OPTIONS, READING, UPSCALING, WRITING
+from ciir.service.pipeline.options import DISPLAYS, KINDS, LENSLET, MESH, OPTIONS, READING, UPSCALING, WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ciir.service.pipeline.options import KindName
 
-CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING) if name != "neighbour_time")
+CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING, *DISPLAYS) if name != "neighbour_time")
 """Options of `ciir convert`."""
 _GROUPS = {
     "the lens array, and how a light field lies in its file": READING,
@@ -24,6 +22,7 @@ _GROUPS = {
     "what is made": UPSCALING,
     "meshes": MESH,
     "videos and epipolar plane images": WRITING,
+    "pictures for displays": DISPLAYS,
 }
 """Headings in the help -> options."""
 
@@ -73,7 +72,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "-o", "--out", required=True, metavar="OUT", help="a folder, a .zip or .npz file, or a picture for one view"
     )
-    add_options(command, NAMES)
+    add_options(command, KINDS["reconstruction"].options)
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
 
@@ -84,10 +83,9 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
     )
-    known = ", ".join(dict.fromkeys([*WHOLE, *KINDS_FOR_DISPLAYS]))
-    command.add_argument("--to", metavar="FORMAT", help=f"one of {known} (default: what the name of OUT asks for)")
-    for name, (placeholder, text) in ARGUMENTS_FOR_DISPLAYS.items():
-        command.add_argument(f"--{name}", metavar=placeholder, help=text)
+    command.add_argument(
+        "--to", metavar="FORMAT", help=f"one of {', '.join(WHOLE)} (default: what the name of OUT asks for)"
+    )
     add_options(command, CONVERSION)
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)

@@ -7,17 +7,21 @@ import math
 import os
 import zipfile
 from dataclasses import replace
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, cast
 
+from ciir.errors import InputError
 from ciir.models import catalogue
+from ciir.renderer.displays.pictures import find_kind, find_target
 from ciir.renderer.readers import picture_sizes
 from ciir.renderer.readers.registry import ZIP
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.writers.formats import FORMATS
+from ciir.service.pipeline.displays.rays import count_rays
 from ciir.service.pipeline.job import LENSES, PIXELS
 from ciir.service.pipeline.options import NO_MODEL, Options
 
 if TYPE_CHECKING:
+    from ciir.renderer.displays.pictures import Kind as DisplayKind
     from ciir.service.jobs.job import Lane, Request
 
 LANES: tuple[Lane, ...] = ("small", "large")
@@ -62,6 +66,8 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
     read = size * _READ if pixels is None else pixels * _DECODE
     if request.kind == "upscale":
         return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.DEFAULT)
+    if request.kind == "display":
+        return read + _count_rays(request, options) * _SAMPLE
     if request.kind == "elemental":
         options = replace(options, views="all", model=NO_MODEL)
     lenses, grid = _find_array(options, pixels)
@@ -78,6 +84,15 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
         samples = max(samples, lenses * wanted * (LENSLET_SAMPLES * options.scale) ** 2)
     drawn = size / _TRIANGLE_BYTES * rendered if options.backend == "raster" else 0
     return read + drawn * _DRAW + samples * _SAMPLE + written
+
+
+def _count_rays(request: Request, options: Options) -> int:
+    """Rays of a display's picture, or samples of views, which cost about as much; 0 where the display is refused."""
+    written = options.make_writer_options()
+    try:
+        return count_rays(find_target(cast("DisplayKind", request.format or find_kind(written)), written), options)
+    except InputError:
+        return 0
 
 
 def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
 from ciir.renderer.writers.formats import FileWriter
-from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS
+from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
 from ciir.service.pipeline import run
+from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.pictures import output_names, upscale_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ciir.renderer.displays.pictures import Kind as DisplayKind
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import KindName, Options
@@ -94,5 +96,20 @@ def _render_eia(bundle: Bundle, options: Options, output: Output) -> tuple[str, 
     return name, run.render_eia(bundle, options, keep, max_pixels=output.max_pixels, clock=output.clock)
 
 
-RUNS: dict[KindName, Run] = {"reconstruction": _reconstruct, "upscale": _upscale, "elemental": _render_eia}
+def _show(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    kind = cast("DisplayKind | None", output.format)
+    picture, report = make_picture(
+        bundle, options, kind, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+    )
+    with output.clock.stage("encode"):
+        output.file.write(encode_png(picture.pixels))
+    return report["display"]["kind"], report | {"timings_ms": output.clock.timings_ms()}
+
+
+RUNS: dict[KindName, Run] = {
+    "reconstruction": _reconstruct,
+    "upscale": _upscale,
+    "elemental": _render_eia,
+    "display": _show,
+}
 """By kind."""

@@ -15,6 +15,7 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 
 from ciir.errors import QueueUnavailable
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.writers.options import TEXT_FILES
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator
@@ -25,21 +26,22 @@ if TYPE_CHECKING:
 CHARSETS = ("utf-8", "us-ascii")
 MAX_FIELD_BYTES = 64 * 2**10
 """Maximum bytes of a field other than the file: enough to name thousands of views."""
-MAX_FIELDS = 32
+MAX_FIELDS = 64
+MAX_FILES = 1 + len(TEXT_FILES)
 _TRUNCATED = "The multipart body ends before its closing boundary."
 _REMEDIES = {  # the beginning of a message -> its remedy
     _TRUNCATED: "send the whole body",
     "Invalid multipart data": "send a form as HTTP clients make it, such as curl -F file=@NAME",
     "Missing boundary": "let the HTTP client write the Content-Type with its boundary",
     "The Content-Disposition": "send a form as HTTP clients make it, such as curl -F file=@NAME",
-    "Too many files": "send one file; a zip of several is for reconstructions and elementals",
+    "Too many files": "send one file, or a zip of several, and the files of options once",
     "Too many fields": "send each option once",
     "Part exceeded": "send large content as the file, with a file name, and name fewer views",
 }
 
 
 async def read_form(request: Request) -> FormData:
-    """The parts of the body, of which one may be a file; the caller closes the form. A large file is kept on the disk.
+    """The parts of the body, up to `MAX_FILES` of them files; the caller closes the form. Large ones are on the disk.
 
     Raises `HTTPException` 400 for a broken body or another charset than UTF-8, and `QueueUnavailable` if the disk is
     full.
@@ -55,7 +57,7 @@ async def read_form(request: Request) -> FormData:
             raise MultiPartException(_TRUNCATED)
 
     chunks = check_end()
-    parser = _Parser(request.headers, chunks, max_files=1, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES)
+    parser = _Parser(request.headers, chunks, max_files=MAX_FILES, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES)
     try:
         async with aclosing(chunks):
             return await parser.parse()

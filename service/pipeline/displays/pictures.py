@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.depth_budget import (
-    describe_light_field,
-    describe_row,
-    measure_integral,
-    measure_lenticular,
-    measure_quilt,
-)
+from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
+from ciir.renderer.displays.devices import Quilt
 from ciir.renderer.displays.integral import IntegralDisplay
-from ciir.renderer.displays.lenticular import Calibration, interlace
-from ciir.renderer.displays.light_fields import make_quilt, order_as_cameras, pad_to_aspect, take_row
-from ciir.renderer.displays.panel import Conversion, render_panel, resample_panel
+from ciir.renderer.displays.lenticular import Calibration
+from ciir.renderer.displays.panel import render_panel
+from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_target, show_light_field
 from ciir.renderer.displays.progress import Progress, ignore_progress
 from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
@@ -28,9 +23,9 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers.quilts import find_layout
 from ciir.renderer.readers.view_set.view_files import ViewFiles
-from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
-from ciir.service.pipeline.displays.quilts import Quilt
+from ciir.renderer.writers.formats import check_options
+from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
 from ciir.service.pipeline.options import MESH
 from ciir.service.pipeline.options.options import Options
 from ciir.service.pipeline.report import Clock, find_versions
@@ -38,6 +33,7 @@ from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
+    from ciir.renderer.displays.pictures import Kind, Target
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
@@ -45,77 +41,59 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
 
-SAMPLES = 2
-"""Rays along each side of a pixel; `LENSLET_SAMPLES` with the sampling `lenslet`."""
-NATIVE_VIEWS = 48
-"""Views that a light field with fewer gets for a native picture."""
-
-
-Target = Quilt | Calibration | IntegralDisplay
-
 
 def make_picture(
     source: Source,
     options: Options,
-    target: Target,
+    kind: Kind | None = None,
     *,
-    is_placed: bool = True,
-    conversion: Conversion = "spoc",
-    disparity: float = 0.0,
+    named: QuiltLayout | None = None,
+    max_pixels: int | None = None,
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
-) -> tuple[Pixels, QuiltLayout | None, Report]:
-    """The picture `(height, width, 1 or 3)` for `target`, a quilt's layout as it came to be, and the report.
+) -> tuple[DisplayPicture, Report]:
+    """The picture for the display that `options` describe, and the report.
 
-    A mesh is cast ray by ray; where `is_placed` is False it stands astride the display's plane. `conversion`: of
-    panels. `disparity`: of a light field, what lies in the display's plane, in pixels from view to view, larger where
-    it is nearer.
+    A mesh is cast ray by ray; without `place` it stands astride the display's plane. `kind`: by default the one that
+    the options are for. `named`: the layout in a quilt's name. `max_pixels`: most pixels of the picture, and most rays.
 
     Raises `InputError`.
     """
     clock = clock or Clock()
     given = Input(source)
+    written = options.make_writer_options()
+    kind = kind or find_kind(written)
+    most = given.limits.pixels if max_pixels is None else min(given.limits.pixels, max_pixels)
+    check_options(written, USES[kind], f"format {kind}")
+    target = find_target(kind, written, named=named, max_pixels=most)
     with clock.stage("decode"):
         opened = given.open(options, views="all")
         content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
-    if isinstance(content, Scene) and not is_placed:
-        options = replace(options, place=0.0)
-    _check_options(given.name, content, options, disparity)
-    layout = target.layout if isinstance(target, Quilt) else None
-    notes = [*(() if isinstance(target, IntegralDisplay) else target.notes), *content.notes]
+    _check_options(given.name, content, options)
     matrix = None
     with clock.stage("render" if isinstance(content, Scene) else "map"):
         if isinstance(content, Scene):
+            options = replace(options, place=0.0) if options.place is None else options
+            check_rays(count_rays(target, options), max_pixels)
             matrix = frame_scene(content, _find_array(target), options.placement)
-            picture, found = _render(content.transform(matrix), options, target, conversion, progress)
-        elif isinstance(target, Quilt):
-            picture, layout, found = make_quilt(
-                content,
-                target.layout,
-                own_aspect=_find_aspect(source, content),
-                keeps_aspect=target.keeps_aspect,
-                disparity=disparity,
-                max_pixels=given.limits.pixels,
-            )
+            picture = _render(content.transform(matrix), options, target, progress)
         else:
-            picture, found = _resample(
-                content,
-                target,
-                aspect=_find_aspect(source, content),
-                conversion=conversion,
-                disparity=disparity,
-                progress=progress,
+            own_aspect = _find_aspect(source, content)
+            picture = show_light_field(
+                content, target, written, own_aspect=own_aspect, max_pixels=most, progress=progress
             )
     report: Report = {
         "input": given.describe(opened),
-        "display": _describe(replace(target, layout=layout) if isinstance(target, Quilt) and layout else target),
+        "display": _describe(
+            kind, replace(target, layout=picture.layout) if isinstance(target, Quilt) and picture.layout else target
+        ),
         "scene_transform": None if matrix is None else matrix.tolist(),
         "options": options.as_dict(),
-        "notes": [*notes, *found],
+        "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *content.notes, *picture.notes],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*(("embreex",) if matrix is not None else ())),
     }
-    return picture, layout, report
+    return picture, report
 
 
 def _load_views(views: ViewFiles, target: Target) -> LightField:
@@ -127,14 +105,14 @@ def _load_views(views: ViewFiles, target: Target) -> LightField:
     return views.load()
 
 
-def _check_options(name: str, content: Scene | LightField, options: Options, disparity: float) -> None:
+def _check_options(name: str, content: Scene | LightField, options: Options) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input, or that the display settles."""
     is_mesh = isinstance(content, Scene)
     for option in ("lenses", "pixels", "pitch", "delta", "parallax", "pickup", "order") if is_mesh else MESH:
         if getattr(options, option) != getattr(Options, option):
             why = "the display gives it" if is_mesh else f"this is for meshes and {name} holds pictures"
             raise InvalidOption(f"{option}: {why}; leave it out")
-    if is_mesh and disparity:
+    if is_mesh and options.disparity:
         raise InvalidOption(f"disparity: this is for light fields and {name} is a mesh; give place")
     if options.backend == "raster":
         raise InvalidOption("backend: pictures for displays are cast by rays; leave it out or give raytrace")
@@ -149,28 +127,29 @@ def _find_screen(target: Quilt | Calibration) -> Screen:
     return Screen(target.layout.aspect if isinstance(target, Quilt) else target.aspect, target.cone)
 
 
-def _render(
-    scene: Scene, options: Options, target: Target, conversion: Conversion, progress: Progress
-) -> tuple[Pixels, tuple[str, ...]]:
-    """The picture of a mesh that stands at the display, and notes on its depth."""
+def _render(scene: Scene, options: Options, target: Target, progress: Progress) -> DisplayPicture:
+    """The picture of a mesh that stands at the display, with notes on its depth."""
     check = ObjectCheck(options.background)
     caster = RayCaster(scene, options.background, check.add)
-    samples = LENSLET_SAMPLES if options.sampling == "lenslet" else SAMPLES
+    samples = find_samples(options)
+    layout: QuiltLayout | None = None
+    pixels: Pixels
     if isinstance(target, IntegralDisplay):
-        panel = render_panel(caster, target, conversion=conversion, samples=samples, progress=progress)
-        return panel, (*measure_integral(scene, target).notes(), *caster.notes(), *check.list_notes())
-    screen = _find_screen(target)
-    if isinstance(target, Calibration):
-        native = screen.render_native(caster, target, progress=progress)
+        pixels = render_panel(caster, target, conversion=options.conversion, samples=samples, progress=progress)
+        budget = measure_integral(scene, target)
+    elif isinstance(target, Calibration):
+        screen = _find_screen(target)
+        pixels = screen.render_native(caster, target, progress=progress)
         budget = measure_lenticular(scene, screen, target)
-        return native, (*budget.notes(), *caster.notes(), *check.list_notes())
-    count = target.layout.count
-    views = np.empty((count, *target.tile, 3), np.uint8)
-    for index, view in enumerate(screen.render_views(caster, count, target.tile, samples=samples)):
-        views[index] = view
-        progress(index + 1, count)
-    budget = measure_quilt(scene, screen, count, target.tile[1])
-    return join_views(views, target.layout), (*budget.notes(), *caster.notes(), *check.list_notes())
+    else:
+        screen, layout = _find_screen(target), target.layout
+        views = np.empty((layout.count, *target.tile, 3), np.uint8)
+        for index, view in enumerate(screen.render_views(caster, layout.count, target.tile, samples=samples)):
+            views[index] = view
+            progress(index + 1, layout.count)
+        pixels = join_views(views, layout)
+        budget = measure_quilt(scene, screen, layout.count, target.tile[1])
+    return DisplayPicture(pixels, (*budget.notes(), *caster.notes(), *check.list_notes()), layout)
 
 
 def _find_aspect(source: Source, light_field: LightField) -> float:
@@ -181,29 +160,7 @@ def _find_aspect(source: Source, light_field: LightField) -> float:
     return layout.aspect if layout is not None and is_quilt else width / height
 
 
-def _resample(
-    light_field: LightField,
-    target: Calibration | IntegralDisplay,
-    *,
-    aspect: float,
-    conversion: Conversion,
-    disparity: float,
-    progress: Progress,
-) -> tuple[Pixels, tuple[str, ...]]:
-    """The picture of a light field whose views are shown with `aspect`, and notes."""
-    cameras = order_as_cameras(light_field)
-    if isinstance(target, IntegralDisplay):
-        panel = resample_panel(cameras, target, conversion=conversion, disparity=disparity, progress=progress)
-        return panel, describe_light_field(cameras, target, disparity)
-    count = max(NATIVE_VIEWS, cameras.shape[1])
-    row, notes = take_row(cameras, count, disparity=disparity)
-    notes += describe_row(cameras, count, disparity)
-    row, padded = pad_to_aspect(row, aspect, target.aspect)
-    return interlace(row, target, progress=progress), (*notes, *padded)
-
-
-def _describe(target: Target) -> Report:
+def _describe(kind: Kind, target: Target) -> Report:
     """The report's `display`."""
-    kind = {Quilt: "quilt", Calibration: "lenticular", IntegralDisplay: "panel"}[type(target)]
     numbers = {key: None if value == math.inf else value for key, value in asdict(target).items() if key != "notes"}
     return {"kind": kind, **numbers}

@@ -1,5 +1,6 @@
 """Options and kinds of jobs: one table each, for the command line, HTTP and Python."""
 
+from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.kinds import KINDS, Kind, KindName
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
@@ -12,6 +13,7 @@ from ciir.service.pipeline.options.writing import WRITING
 __all__ = [
     "AUTO",
     "AUTO_MODEL",
+    "DISPLAYS",
     "KINDS",
     "LENSLET",
     "MAX_SCALE",

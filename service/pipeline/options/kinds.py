@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ciir.errors import UnknownModel
 from ciir.models import catalogue
+from ciir.renderer.displays.pictures import USES
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.formats import FORMATS
+from ciir.service.pipeline.options.displays import DISPLAYS
+from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH
 from ciir.service.pipeline.options.options import NAMES, describe
+from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-KindName = Literal["reconstruction", "upscale", "elemental"]
+KindName = Literal["reconstruction", "upscale", "elemental", "display"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
 
 
@@ -66,8 +70,8 @@ KINDS: dict[KindName, Kind] = {
             "reconstruction",
             "Reconstruct views from a mesh, an EIA picture or a zip of views",
             "a mesh, an EIA picture, or a zip of views",
-            NAMES,
-            tuple(FORMATS),
+            tuple(name for name in NAMES if name not in DISPLAYS),
+            tuple(name for name in FORMATS if name not in USES),
             "png for one view, else zip",
         ),
         Kind(
@@ -101,6 +105,15 @@ KINDS: dict[KindName, Kind] = {
                 "delta": "pixel size / gap (default 0.4 / the larger count of pixels)",
                 "parallax": "the whole viewing angle in degrees, in place of --delta (default 22.6)",
             },
+        ),
+        Kind(
+            "display",
+            "Make a picture for a light-field display",
+            "a mesh, an EIA picture, or a zip of views",
+            tuple(name for name in (*DISPLAYS, *READING, *LENSLET, *MESH) if name != "neighbour_time"),
+            tuple(USES),
+            "panel with a display, lenticular with a calibration, else quilt",
+            {"place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
         ),
     )
 }

@@ -31,7 +31,7 @@ MESH = {
     ),
     "place": Option(
         "NUMBER",
-        "where a mesh lies: -1 behind the lens array, 0 astride, 1 before it (default -1)",
+        "where a mesh lies: -1 behind the lens array, 0 astride, 1 before it (default -1; in pictures for displays 0)",
         make_number(-1, 1),
         "0",
     ),
@@ -92,7 +92,8 @@ class MeshOptions:
     rotate: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Degrees."""
     zoom: float = 1.0
-    place: float = -1.0
+    place: float | None = None
+    """None: -1, or 0 in pictures for displays."""
     light: tuple[float, float] | None = None
     """Degrees."""
     backend: Backend = "auto"
@@ -109,4 +110,5 @@ class MeshOptions:
     @property
     def placement(self) -> Placement:
         """What the options say of it."""
-        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=self.place, light=self.light)
+        place = -1.0 if self.place is None else self.place
+        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=place, light=self.light)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.names import clean_text
+from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.lenslet import LENSLET, LensletOptions
 from ciir.service.pipeline.options.mesh import MESH, MeshOptions
 from ciir.service.pipeline.options.reading import READING, ReadingOptions
@@ -16,7 +17,7 @@ from ciir.service.pipeline.options.writing import WRITING, WritingOptions
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-OPTIONS = READING | LENSLET | UPSCALING | MESH | WRITING
+OPTIONS = READING | LENSLET | UPSCALING | MESH | DISPLAYS | WRITING
 """By name, in the order of the help."""
 NAMES = tuple(OPTIONS)
 

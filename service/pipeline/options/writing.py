@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from typing import get_args
 
 from ciir.renderer.writers.options import EpiLine, PathName, WriterOptions
+from ciir.service.pipeline.options.displays import DisplayOptions
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import ValueType, make_integer, make_name, make_number
 
@@ -48,8 +49,8 @@ WRITING = {
 
 
 @dataclass(frozen=True)
-class WritingOptions:
-    """Values of the options in `WRITING`."""
+class WritingOptions(DisplayOptions):
+    """Values of the options in `WRITING`, and of those of pictures for displays."""
 
     path: PathName = "circle"
     frames: int = 60

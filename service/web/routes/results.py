@@ -11,6 +11,7 @@ from fastapi import Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from ciir.errors import ResultExpired
+from ciir.renderer.displays.quilt import QuiltLayout
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.errors import CANCELLED, find_response
 from ciir.service.jobs.job import FINAL
@@ -153,7 +154,7 @@ async def respond_with_result(
     """
     file, start = await to_thread.run_sync(_open_result, jobs, job.id)
     fields = _make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
-    fields["Content-Disposition"] = f'attachment; filename="{job.id}{FORMATS[result.format].suffixes[0]}"'
+    fields["Content-Disposition"] = f'attachment; filename="{_name_file(job.id, result)}"'
     media_type = FORMATS[result.format].media_type
     if len(start) == result.size:
         file.close()
@@ -163,6 +164,12 @@ async def respond_with_result(
         file.close()
         return Response(headers=fields, media_type=media_type)
     return StreamingResponse(_read_chunks(file, start), headers=fields, media_type=media_type)
+
+
+def _name_file(id_: str, result: Result) -> str:
+    """A quilt's name holds its layout: displays read it there."""
+    layout = result.report.get("display", {}).get("layout")
+    return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FORMATS[result.format].suffixes[0]}"
 
 
 def _open_result(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:

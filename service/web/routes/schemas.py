@@ -218,6 +218,19 @@ class ElementalReport(_AnyReport):
     plan: ElementalPlan
 
 
+@_described
+class DisplayReport(_AnyReport):
+    """The report of a picture for a display."""
+
+    input: Input
+    display: dict[str, Any]
+    """Its `kind` and numbers, among them `layout` of a quilt: `cols`, `rows`, `aspect`."""
+    scene_transform: list[list[float]] | None
+    """4x4, row-major: from a mesh's coordinates to those of the display."""
+    options: dict[str, Any]
+    """All options with their values."""
+
+
 class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
     id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="Hash of the input, the options and the format.")]
     state: State
@@ -257,6 +270,14 @@ class Elemental(_Status):
 
 
 @_described
+class Display(_Status):
+    """Status of a picture for a display."""
+
+    report: NotRequired[DisplayReport]
+    """If it is done."""
+
+
+@_described
 class Model(TypedDict):
     """A model of the catalogue."""
 
@@ -272,7 +293,12 @@ class Model(TypedDict):
     """Null for interpolation, which was not trained."""
 
 
-STATUSES: dict[KindName, type] = {"reconstruction": Reconstruction, "upscale": Upscale, "elemental": Elemental}
+STATUSES: dict[KindName, type] = {
+    "reconstruction": Reconstruction,
+    "upscale": Upscale,
+    "elemental": Elemental,
+    "display": Display,
+}
 """The type of a status, by kind of job."""
 TYPES = (Event, Problem, Model, *STATUSES.values())
 """All types that the document has by name."""

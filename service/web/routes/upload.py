@@ -1,4 +1,7 @@
-"""The form of a job: a file, the options by name, and the format of the result."""
+"""The form of a job: a file, the options by name, and the format of the result.
+
+Options whose value is the text of a file may be sent as one.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
-from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.options import KINDS, Options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,7 +61,13 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
                 raise InvalidOption(f"{FILE}: a plain field; send it as a file, with a file name")
             upload = value
         elif isinstance(value, UploadFile):
-            raise InvalidOption(f"{clean_text(name)}: a file; only {FILE!r} may be one, send this as a plain field")
+            files = [each for each in TEXT_FILES if each in kind.options]
+            if name not in files:
+                allowed = " and ".join(map(repr, (FILE, *files)))
+                raise InvalidOption(
+                    f"{clean_text(name)}: a file; only {allowed} may be one, send this as a plain field"
+                )
+            texts[name] = decode_text(value.file.read(MOST_TEXT + 1), name)
         elif value.strip() or name not in (*kind.options, FORMAT):  # web forms send empty fields too
             texts[name] = value
     format_ = texts.pop(FORMAT, None)
@@ -66,7 +76,8 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
         raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *kind.options))}")
     if format_ is not None and format_ not in kind.formats:
-        raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}")
+        others = "".join(f", or POST to /v1/{other.name}s" for other in KINDS.values() if format_ in other.formats)
+        raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}{others}")
     kind.check_model(Options.parse(texts).model)
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}")

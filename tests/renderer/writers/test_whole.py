@@ -1,4 +1,5 @@
 import io
+import json
 
 import numpy as np
 import pytest
@@ -7,9 +8,15 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.formats import FORMATS, FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
+from tests.support.displays import CALIBRATION
 
 WHOLE = [entry.name for entry in FORMATS.values() if entry.is_whole]
 SIDE = 32  # below, the bytes that x264 makes of the same pixels depend on where they lie in memory (its look-ahead)
+NEEDED = {
+    "lenticular": WriterOptions(calibration=json.dumps(CALIBRATION)),
+    "panel": WriterOptions(display="panel = {pixels = [60, 40], pitch = 0.1}\nlenses = {pitch = 1, gap = 3}"),
+}
+"""What must be given for a format."""
 ALL = tuple(np.ndindex(3, 3))
 
 
@@ -48,7 +55,7 @@ def test_views_come_in_any_order(name):
     files = []
     for order in (ALL, ALL[::-1]):
         file = io.BytesIO()
-        with FileWriter(file, name) as writer:
+        with FileWriter(file, name, NEEDED.get(name)) as writer:
             writer.begin(contents(order))
             for view in order:
                 writer.write(view, views[view])

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.lenslet.grid import Known
+from ciir.renderer.writers.options import TEXT_FILES
 from ciir.service.pipeline.options import NAMES, Options, write_texts
 
 
@@ -24,7 +25,9 @@ def test_parses_every_option():
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "light": "-90,45", "epi": "y=3,v=1",
         "time": "0,1.5", "animation": "Run", "camera": " Front left ",
         "lens_pitch": "14.37", "lens_offset": "5.3, 8.8", "lens_rotation": "0.8", "lens_grid": "hexagonal",
-        "path": "spiral", "frame": "7", "frames": "90", "fps": "25",
+        "path": "spiral", "frame": "7", "frames": "90", "fps": "25", "device": " go ", "quilt": "5 X 9",
+        "aspect": "1.6", "calibration": '{"pitch": 1}', "display": "[panel]\n", "conversion": "none",
+        "disparity": "-0.5",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
@@ -36,7 +39,8 @@ def test_parses_every_option():
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, light=(-90.0, 45.0), epi="y=3,v=1",
         time=(0.0, 1.5), animation="Run", camera="Front left",
         lens_pitch=14.37, lens_offset=(5.3, 8.8), lens_rotation=0.8, lens_grid="hexagonal",
-        path="spiral", frame=7, frames=90, fps=25.0,
+        path="spiral", frame=7, frames=90, fps=25.0, device="go", quilt="5x9",
+        aspect=1.6, calibration='{"pitch": 1}', display="[panel]\n", conversion="none", disparity=-0.5,
     )  # fmt: skip
 
 
@@ -58,6 +62,8 @@ def test_parses_every_option():
         ("lens_pitch", "wide"), ("lens_pitch", "4"), ("lens_pitch", "nan"), ("lens_offset", "5"),
         ("lens_offset", "-1,2"), ("lens_rotation", "46"), ("lens_grid", "round"),
         ("path", "square"), ("frames", "0"), ("frames", "1.5"), ("fps", "0"), ("fps", "nan"),
+        ("quilt", "8"), ("quilt", "8x-1"), ("aspect", "0"), ("conversion", "x"), ("disparity", "nan"),
+        ("calibration", "x" * 70_000), ("display", "x" * 70_000),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_in_one_line(name, text):
@@ -71,7 +77,7 @@ def test_a_fault_repeats_only_so_much_of_what_was_given():
     long = "\x81" * 60_000
     for texts in (
         {f"{number}{long}": "1" for number in range(9)},
-        *({name: long} for name in NAMES if name != "model"),  # looked up later
+        *({name: long} for name in NAMES if name not in {"model", *TEXT_FILES}),  # looked up later
     ):
         with pytest.raises(InvalidOption) as caught:
             Options.parse(texts)

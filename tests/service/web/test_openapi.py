@@ -141,6 +141,6 @@ def test_a_form_names_every_option_with_its_values(document, kind):
         assert set(form["model"]["enum"]) - {"auto", "none"} == set(names)
 
 
-def test_every_option_is_one_of_a_reconstruction():
-    assert KINDS["reconstruction"].options == NAMES
+def test_every_option_is_one_of_a_reconstruction_or_of_a_display():
+    assert {*KINDS["reconstruction"].options, *KINDS["display"].options} == set(NAMES)
     assert all(set(kind.options) <= set(NAMES) for kind in KINDS.values())

@@ -10,8 +10,7 @@ from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, check_options, find_whole_format
 from ciir.service.cli import common, output_path
-from ciir.service.cli.display_arguments import find_kind
-from ciir.service.cli.display_pictures import write_picture
+from ciir.service.cli.display_pictures import find_display, write_picture
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import NO_MODEL
 
@@ -25,15 +24,16 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes all views as they are, and prints a line about them."""
-    display = find_kind(args)
+    options = common.parse_options(args)
+    display = find_display(args, options)
     if display is not None:
-        write_picture(args, display)
+        write_picture(args, options, display)
         return
     path = Path(args.out)
     name = _find_format(args.to, args.out)
     output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
     common.check_report(args.report, path)
-    options = replace(common.parse_options(args), views="all", model=NO_MODEL)
+    options = replace(options, views="all", model=NO_MODEL)
     source = common.open_input(args, options)
     report = (
         _to_folder(source, options, path, Path(args.input)) if name is None else _to_file(source, options, path, name)

@@ -1,9 +1,8 @@
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.devices import DEVICES
+from ciir.renderer.displays.devices import DEVICES, resolve_quilt
 from ciir.renderer.displays.quilt import QuiltLayout
-from ciir.service.pipeline.displays.quilts import resolve_quilt
 
 PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
 
@@ -11,7 +10,7 @@ PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
 def test_without_anything_it_is_the_default_devices_with_a_note():
     found = resolve_quilt()
     assert (found.layout, found.tile, found.keeps_aspect) == (PORTRAIT.layout, (560, 420), True)
-    assert found.notes[0].startswith("quilt: for the device portrait; --device NAME gives another: portrait, go,")
+    assert found.notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
 
 
 @pytest.mark.parametrize("given", [{"device": "go"}, {"named": GO.layout}, {"device": "go", "named": GO.layout}])

@@ -1,0 +1,115 @@
+"""Which display a picture is for, and the picture of a light field for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+from ciir.errors import InvalidOption
+from ciir.renderer.displays.depth_budget import describe_light_field, describe_row
+from ciir.renderer.displays.devices import Quilt, resolve_quilt
+from ciir.renderer.displays.integral import IntegralDisplay, parse_display
+from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
+from ciir.renderer.displays.light_fields import make_quilt, order_as_cameras, pad_to_aspect, take_row
+from ciir.renderer.displays.panel import Conversion, resample_panel
+from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.displays.quilt import parse_grid
+from ciir.renderer.limits import DEFAULT_LIMITS
+
+if TYPE_CHECKING:
+    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.writers.options import WriterOptions
+
+Kind = Literal["quilt", "lenticular", "panel"]
+Target = Quilt | Calibration | IntegralDisplay
+USES: dict[Kind, tuple[str, ...]] = {
+    "quilt": ("device", "quilt", "aspect", "disparity"),
+    "lenticular": ("calibration", "disparity"),
+    "panel": ("display", "conversion", "disparity"),
+}
+"""Kinds of pictures for displays, and the names of the `WriterOptions` that each takes."""
+NATIVE_VIEWS = 48
+"""Views that a light field with fewer gets for a native picture."""
+
+
+@dataclass(frozen=True)
+class DisplayPicture:
+    """A picture for a display."""
+
+    pixels: Pixels
+    """`(height, width, 1 or 3)`."""
+    notes: tuple[str, ...]
+    layout: QuiltLayout | None = None
+    """Of a quilt."""
+
+
+def find_kind(options: WriterOptions) -> Kind:
+    """The kind of picture that the options are for."""
+    return "panel" if options.display else "lenticular" if options.calibration else "quilt"
+
+
+def find_target(
+    kind: Kind,
+    options: WriterOptions,
+    *,
+    named: QuiltLayout | None = None,
+    max_pixels: int = DEFAULT_LIMITS.pixels,
+) -> Target:
+    """The display that `options` describe. `named`: the layout in a quilt's name.
+
+    Raises `InvalidOption` where the description is missing or wrong, and as `parse_calibration` and `parse_display`.
+    """
+    if kind == "quilt":
+        grid = parse_grid(options.quilt) if options.quilt else None
+        return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
+    if kind == "lenticular":
+        if not options.calibration:
+            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON file that the display holds")
+        return parse_calibration(options.calibration.encode(), name="calibration", max_pixels=max_pixels)
+    if options.conversion not in get_args(Conversion):
+        raise InvalidOption(
+            f"conversion: {options.conversion[:40]!r} is not known; give {' or '.join(get_args(Conversion))}"
+        )
+    if not options.display:
+        raise InvalidOption("display: a panel's picture needs it; give a TOML file as in docs/displays.md")
+    return parse_display(options.display.encode(), name="display", max_pixels=max_pixels)
+
+
+def show_light_field(
+    light_field: LightField,
+    target: Target,
+    options: WriterOptions,
+    *,
+    own_aspect: float | None = None,
+    max_pixels: int = DEFAULT_LIMITS.pixels,
+    progress: Progress = ignore_progress,
+) -> DisplayPicture:
+    """The picture of a light field for `target`, with notes.
+
+    `own_aspect`: width / height that its views are shown with, where their pixels are not square. `max_pixels`: most
+    pixels of a quilt, whose views are made smaller where they exceed it.
+    """
+    height, width = light_field.views.shape[2:4]
+    own, disparity = own_aspect or width / height, options.disparity
+    if isinstance(target, Quilt):
+        quilt, layout, notes = make_quilt(
+            light_field,
+            target.layout,
+            own_aspect=own,
+            keeps_aspect=target.keeps_aspect,
+            disparity=disparity,
+            max_pixels=max_pixels,
+        )
+        return DisplayPicture(quilt, notes, layout)
+    cameras = order_as_cameras(light_field)
+    if isinstance(target, IntegralDisplay):
+        panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
+        return DisplayPicture(panel, describe_light_field(cameras, target, disparity))
+    count = max(NATIVE_VIEWS, cameras.shape[1])
+    row, notes = take_row(cameras, count, disparity=disparity)
+    notes += describe_row(cameras, count, disparity)
+    row, padded = pad_to_aspect(row, own, target.aspect)
+    return DisplayPicture(interlace(row, target, progress=progress), (*notes, *padded))

@@ -1,0 +1,48 @@
+"""Writes a light field as a picture for a display."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ciir.renderer.displays.integral import IntegralDisplay
+from ciir.renderer.displays.pictures import find_target, show_light_field
+from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.whole import WholeWriter
+
+if TYPE_CHECKING:
+    from ciir.renderer.displays.pictures import Kind
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.writers.writer import Contents
+
+
+class QuiltWriter(WholeWriter):
+    """Writes a quilt of the middle row of views."""
+
+    name: Kind = "quilt"
+
+    def check(self, contents: Contents) -> None:
+        """Refuses a display that is not described, and pixels that the picture format can't hold."""
+        self._target = find_target(self.name, self.options)
+        encode(contents.sample, self.options.suffix or SUFFIXES[0])
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the picture. A note says what to name a quilt."""
+        picture = show_light_field(light_field, self._target, self.options)
+        self.file.write(encode(picture.pixels, self.options.suffix or SUFFIXES[0]))
+        notes = [*(() if isinstance(self._target, IntegralDisplay) else self._target.notes), *picture.notes]
+        if picture.layout is not None:
+            name = f"NAME{picture.layout.suffix}{SUFFIXES[0]}"
+            notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
+        return notes
+
+
+class LenticularWriter(QuiltWriter):
+    """Writes the native picture of a lenticular display."""
+
+    name = "lenticular"
+
+
+class PanelWriter(QuiltWriter):
+    """Writes the picture of a panel under a lens array."""
+
+    name = "panel"

@@ -1,0 +1,40 @@
+"""How many rays the picture of a mesh for a display takes."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ciir.errors import TooLarge
+from ciir.renderer.displays.integral import IntegralDisplay
+from ciir.renderer.displays.lenticular import Calibration
+from ciir.renderer.sampling import LENSLET_SAMPLES
+
+if TYPE_CHECKING:
+    from ciir.renderer.displays.pictures import Target
+    from ciir.service.pipeline.options import Options
+
+SAMPLES = 2
+"""Rays along each side of a pixel; `LENSLET_SAMPLES` with the sampling `lenslet`."""
+
+
+def count_rays(target: Target, options: Options) -> int:
+    """Rays of the picture: one for each subpixel of a native picture, `find_samples` along each side of others'."""
+    if isinstance(target, Calibration):
+        return 3 * target.width * target.height
+    if isinstance(target, IntegralDisplay):
+        return 3 * target.width * target.height * find_samples(options) ** 2
+    return target.layout.count * math.prod(target.tile) * find_samples(options) ** 2
+
+
+def find_samples(options: Options) -> int:
+    """Rays along each side of a pixel of a quilt, or of a subpixel of a panel."""
+    return LENSLET_SAMPLES if options.sampling == "lenslet" else SAMPLES
+
+
+def check_rays(count: int, limit: int | None) -> None:
+    """Raises `TooLarge` for more than `limit`."""
+    if limit is not None and count > limit:
+        raise TooLarge(
+            f"a picture by {count:,} rays is over the limit of {limit:,}; give fewer pixels, or leave sampling out"
+        )

@@ -1,0 +1,87 @@
+"""Options of pictures for displays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+from ciir.errors import InvalidOption
+from ciir.renderer.displays.devices import DEFAULT, DEVICES
+from ciir.renderer.displays.panel import Conversion
+from ciir.renderer.displays.quilt import MAX_ASPECT, parse_grid
+from ciir.renderer.writers.options import MOST_TEXT
+from ciir.service.pipeline.options.option import Option
+from ciir.service.pipeline.options.values import LABEL, ValueType, make_name, make_number
+
+
+def _read_grid(_: str, text: str) -> str:
+    return "{}x{}".format(*parse_grid(text)) if text.strip() else ""
+
+
+def _read_file(name: str, text: str) -> str:
+    if len(text) > MOST_TEXT:
+        raise InvalidOption(f"{name}: over {MOST_TEXT:,} characters; give the file that describes the display")
+    return text
+
+
+GRID = ValueType(
+    {"type": "string", "pattern": "^([0-9]{1,6}x[0-9]{1,6})?$"},
+    _read_grid,
+    lambda pair: "{}x{}".format(*map(int, pair)),
+    "columns and rows, such as (8, 6)",
+)
+TEXT_FILE = ValueType({"type": "string", "maxLength": MOST_TEXT}, _read_file, bytes.decode, "the file's text")
+
+DISPLAYS = {
+    "device": Option(
+        "NAME",
+        f"quilt: the Looking Glass that it is for: {', '.join(DEVICES)} (default {DEFAULT})",
+        LABEL,
+        "go",
+    ),
+    "quilt": Option("CxR", "quilt: columns x rows of views, in place of the device's", GRID, "8x6"),
+    "aspect": Option(
+        "NUMBER",
+        "quilt: width / height of a view as the display shows it, in place of the device's",
+        make_number(1 / MAX_ASPECT, MAX_ASPECT),
+        "0.75",
+    ),
+    "calibration": Option(
+        "FILE",
+        "lenticular: the display's calibration, the JSON file that it holds",
+        TEXT_FILE,
+        '{"pitch": 49.9, "slope": 5.8, "center": 0.3, "DPI": 338, "screenW": 120, "screenH": 80}',
+    ),
+    "display": Option(
+        "FILE",
+        "panel: the panel and its lenses in millimetres, a TOML file as in docs/displays.md",
+        TEXT_FILE,
+        "[panel]\npixels = [60, 40]\npitch = 0.1\n[lenses]\npitch = 1.0\ngap = 3.0\n",
+    ),
+    "conversion": Option(
+        "NAME",
+        "panel: spoc, so that depth is right (orthoscopic); none, as lenses pick up, depth inverted (default spoc)",
+        make_name(get_args(Conversion)),
+        "none",
+    ),
+    "disparity": Option(
+        "PIXELS",
+        "of a light field: the disparity of what is to lie in the display's plane (default 0)",
+        make_number(-1000, 1000),
+        "0.5",
+    ),
+}
+"""By name, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class DisplayOptions:
+    """Values of the options in `DISPLAYS`."""
+
+    device: str = ""
+    quilt: str = ""
+    aspect: float | None = None
+    calibration: str = ""
+    display: str = ""
+    conversion: Conversion = "spoc"
+    disparity: float = 0.0

@@ -1,0 +1,110 @@
+import json
+
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.displays.integral import parse_display
+from ciir.renderer.displays.lenticular import interlace
+from ciir.renderer.displays.panel import resample_panel
+from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.pictures import decode
+from tests.support.displays import CALIBRATION, make_calibration
+from tests.support.light_fields import make_views
+
+FIELD = LightField(make_views((3, 48), disparities=(0, 0), side=8, channels=3), depth_sense="cameras")
+WIDE = LightField(make_views((1, 48), disparities=(0, 1), side=24, channels=3)[..., :16, :, :], depth_sense="cameras")
+PANEL = "[panel]\npixels = [60, 40]\npitch = 0.1\n[lenses]\npitch = 1.0\ngap = 3.0\n"
+
+
+def read(path):
+    return decode(path.read_bytes(), name="a")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
+    notes = FIELD.save(tmp_path / f"a{suffix}", "quilt")
+    quilt = read(tmp_path / f"a{suffix}")
+    assert np.array_equal(split_quilt(quilt, QuiltLayout(8, 6, 1.0), name="a"), FIELD.views[1])
+    assert notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
+    assert notes[1:] == (
+        "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
+        "quilt: name it NAME_qs8x6a1.png; displays read columns, rows and aspect there",
+    )
+
+
+def test_for_a_device_views_get_its_aspect(tmp_path):
+    notes = FIELD.save(tmp_path / "a.png", "quilt", device="65")
+    assert read(tmp_path / "a.png").shape == (9 * 8, 8 * 14, 3)
+    assert notes[0] == "72 views are interpolated from the 48 of the middle row"
+
+
+def test_columns_rows_and_aspect_are_options(tmp_path):
+    notes = FIELD.save(tmp_path / "a.png", "quilt", quilt="12x4", aspect=1.5)
+    assert read(tmp_path / "a.png").shape == (4 * 8, 12 * 12, 3)
+    assert "NAME_qs12x4a1.5.png" in notes[-1]
+
+
+def test_a_calibration_makes_a_native_picture(tmp_path):
+    (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
+    assert WIDE.save(tmp_path / "a.png", "lenticular", calibration=tmp_path / "c.json") == ()
+    assert np.array_equal(read(tmp_path / "a.png"), interlace(WIDE.views[0], make_calibration()))
+
+
+def test_a_description_of_a_panel_makes_its_picture(tmp_path):
+    (tmp_path / "p.toml").write_text(PANEL)
+    notes = FIELD.save(tmp_path / "a.png", "panel", display=str(tmp_path / "p.toml"), conversion="none", disparity=0.5)
+    display = parse_display(PANEL.encode(), name="p")
+    expected = resample_panel(FIELD.views, display, conversion="none", disparity=0.5)
+    assert np.array_equal(read(tmp_path / "a.png"), expected)
+    assert notes[0].startswith("depth: the display is sharp for disparities from")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The current folder, with a panel's file and two that are none."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "p.toml").write_text(PANEL)
+    (tmp_path / "p.bin").write_bytes(b"\xff\xfe")
+    (tmp_path / "long.toml").write_text("#" * 70_000)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "error", "message"),
+    [
+        ("quilt", {"device": "phone"}, InvalidOption, "device: 'phone' is not known"),
+        ("quilt", {"quilt": "8"}, InvalidOption, "quilt: '8' is not understood"),
+        ("quilt", {"quilt": (8, 6)}, InvalidOption, r"quilt: '\(8, 6\)' is not taken; give a text"),
+        ("quilt", {"aspect": "wide"}, InvalidOption, "aspect: 'wide' is not taken; give a number"),
+        ("quilt", {"disparity": float("nan")}, InvalidOption, "disparity: nan is not taken; give a finite number"),
+        (
+            "quilt",
+            {"display": "p.toml"},
+            InvalidOption,
+            "display: format quilt has no use for it; .*format panel",
+        ),
+        ("lenticular", {}, InvalidOption, "calibration: a lenticular picture needs it"),
+        ("panel", {}, InvalidOption, "display: a panel's picture needs it"),
+        (
+            "panel",
+            {"display": "p.toml", "conversion": "x"},
+            InvalidOption,
+            "conversion: 'x' is not known; give spoc",
+        ),
+        ("panel", {"display": "none.toml"}, Unreadable, "none.toml: No such file"),
+        ("panel", {"display": "p.bin"}, Unreadable, "p.bin: no text in UTF-8"),
+        ("panel", {"display": "long.toml"}, TooLarge, "long.toml: over 65,536 bytes"),
+    ],
+)
+def test_mistakes_are_refused_before_any_work(folder, name, options, error, message):
+    with pytest.raises(error, match=message):
+        FIELD.save("a.png", name, **options)
+    assert not (folder / "a.png").exists()
+
+
+@pytest.mark.parametrize("name", ["lenticular", "panel"])
+def test_subpixels_are_not_written_as_jpeg(tmp_path, name):
+    with pytest.raises(InvalidOption, match=f"{name} is written as .png or .tif or .tiff"):
+        FIELD.save(tmp_path / "a.jpg", name)
