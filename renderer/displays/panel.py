@@ -132,4 +132,4 @@ def _fill_directions(views: Pixels, count: int) -> Pixels:
 def _find_factor(size: tuple[int, int], display: IntegralDisplay) -> int:
     """How many pixels along a side of views of `size` (height, width) share a lens, a whole number, at least 1."""
     scale = min(display.size[0] / size[1], display.size[1] / size[0])
-    return max(1, int(display.lens_pitch / scale + 1e-9))
+    return max(1, min(int(display.lens_pitch / scale + 1e-9), *size))

@@ -12,7 +12,7 @@ import json
 import struct
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from starlette.exceptions import HTTPException
@@ -31,6 +31,7 @@ from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.options import KINDS, NAMES, Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
@@ -44,8 +45,11 @@ if TYPE_CHECKING:
 
     from starlette.types import Message
 
+    from ciir.renderer.displays.pictures import Kind as DisplayKind
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.scene import Scene
+    from ciir.service.jobs.job import Request as Job
+    from ciir.service.pipeline.options import KindName
 
 LIMITS = Limits(files=64, bytes=2**24, pixels=2**20, set_bytes=2**22, triangles=20_000, views=64)
 """Under the service's own, so that inputs at a limit are found, and cost little."""
@@ -157,6 +161,7 @@ def view_set(data: bytes) -> None:
 
 _EIA = encode_png(seeds.noise(24, 36, 3))
 _OFF = seeds.off()[0]
+_VIEWS = LightField(seeds.noise(60, 16, 3).reshape(1, 5, 12, 16, 3), is_ordered=True, depth_sense="cameras")
 
 
 def asked(name: str, file: bytes) -> Callable[[bytes], None]:
@@ -175,8 +180,19 @@ def asked(name: str, file: bytes) -> Callable[[bytes], None]:
 
 def form(data: bytes) -> None:
     """A multipart form, in pieces as a network gives it."""
+    _read_form(data, "reconstruction")
 
-    async def read() -> None:
+
+def display_form(data: bytes) -> None:
+    """The form of a picture for a display, and that picture of a few views."""
+    job = _read_form(data, "display")
+    options = Options.parse(job.options)
+    picture, _ = make_picture(_VIEWS, options, cast("DisplayKind | None", job.format), max_pixels=20_000)
+    _check_pixels(picture.pixels)
+
+
+def _read_form(data: bytes, kind: KindName) -> Job:
+    async def read() -> Job:
         pieces = [data[i : i + 61] for i in range(0, len(data), 61)] or [b""]
 
         async def receive() -> Message:
@@ -186,11 +202,11 @@ def form(data: bytes) -> None:
         request = Request({"type": "http", "method": "POST", "path": "/", "headers": headers}, receive)
         given = await multipart.read_form(request)
         try:
-            upload.parse_form(given.multi_items(), KINDS["reconstruction"])
+            return upload.parse_form(given.multi_items(), KINDS[kind]).request
         finally:
             await given.close()
 
-    asyncio.run(read())
+    return asyncio.run(read())
 
 
 def _check_content(content: Scene | LightField) -> None:
@@ -283,5 +299,6 @@ TARGETS: dict[str, Target] = {
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
     "multipart": Target(form, seeds.multipart),
+    "display-form": Target(display_form, displays.forms),
 }
 """Name -> entry point."""

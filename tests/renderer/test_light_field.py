@@ -101,8 +101,8 @@ def test_near_content_moves_as_the_depth_sense_says_after_a_flip():
 
 def test_options_that_are_not_known_are_refused(tmp_path):
     field = LightField(np.zeros((1, 2, 3, 4, 3), np.uint8))
-    message = "'display': no such option; known are device, path, frames, fps, epi"
-    for options in ({"display": "p.toml"}, {"device": "go", "display": "p.toml"}):
+    message = "'screen': no such option; known are device, quilt, aspect, .*, path, frames, fps, epi"
+    for options in ({"screen": "p.toml"}, {"device": "go", "screen": "p.toml"}):
         with pytest.raises(InvalidOption, match=message):
             field.save(tmp_path / "a.png", "quilt", **options)
     with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels a view"):

@@ -169,6 +169,11 @@ def test_the_whole_of_a_view_fits_into_the_panel():
     assert (panel[:, 200] == 200).all()
 
 
+def test_a_panel_smaller_than_a_lens_shows_one_pixel_of_each_view():
+    display = IntegralDisplay(6, 4, pixel_pitch=0.1, lens_pitch=1.0, gap=3.0)
+    assert (resample_panel(np.full((1, 3, 12, 16, 3), 90, np.uint8), display) == 90).all()
+
+
 def test_16_bit_views_make_a_16_bit_panel():
     panel = resample_panel(np.full((2, 2, 60, 80, 3), 50000, np.uint16), make_display(), background=(255, 0, 0))
     assert panel.dtype == np.uint16

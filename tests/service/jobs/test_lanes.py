@@ -16,6 +16,8 @@ RAYS_OF_2_MEGAPIXELS = {
     "sampling": "lenslet",
 }
 
+PANEL = "panel = {{pixels = [{}, {}], pitch = 0.1}}\nlenses = {{pitch = 1, gap = 3}}"
+
 
 def choose(options, data=b""):
     return choose_lane(Request("upload.glb", options, None), io.BytesIO(data))
@@ -100,6 +102,21 @@ def test_videos_count_by_their_frames():
     for frames, expected in (("10", "small"), ("1000", "large")):
         request = Request("upload.png", options | {"frames": frames}, "mp4")
         assert choose_lane(request, io.BytesIO(data)) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"display": PANEL.format(300, 200)}, "small"),
+        ({"display": PANEL.format(1920, 1080)}, "large"),
+        ({"device": "go"}, "large"),
+        ({"device": "phone"}, "small"),  # refused at once
+        ({"display": "["}, "small"),
+    ],
+)
+def test_pictures_for_displays_count_by_their_rays(options, expected):
+    request = Request("upload.glb", options, None, "display")
+    assert choose_lane(request, io.BytesIO(CUBE)) == expected
 
 
 def test_a_picture_whose_start_does_not_say_its_size_is_a_large_job():
