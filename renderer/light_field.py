@@ -91,6 +91,9 @@ class LightField:
 
     depth_sense: DepthSense = "lenses"
 
+    lens_pitch: float | None = None
+    """Of a raw lenslet picture: its pixels from lens to lens."""
+
     def __post_init__(self) -> None:
         views = self.views
         if not isinstance(views, np.ndarray) or views.dtype not in (np.uint8, np.uint16):

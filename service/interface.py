@@ -18,7 +18,7 @@ from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia
-from ciir.service.pipeline.source import Input, add_frames, open_source, save_grid
+from ciir.service.pipeline.source import Input, add_frames, draw_grid_at, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -137,7 +137,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     )
     source = add_frames(_open_path(path), white=white, dark=dark)
     if show_grid is not None:
-        save_grid(source, asked, show_grid)
+        source = draw_grid_at(source, asked, show_grid)
     content = Input(source).read(asked)
     if isinstance(content, Scene):
         raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")

@@ -10,16 +10,21 @@ import io
 import os
 import stat
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.readers.registry import ZIP, identify
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,8 @@ class Bundle:
     files: Mapping[str, bytes]
     limits: Limits = DEFAULT_LIMITS
     """Limits for everything that is read of the files."""
+    keep_grid: Callable[[NDArray[np.uint8]], object] | None = None
+    """Given a raw lenslet picture, `(H, W, 3)`, with its lens grid over it."""
 
     @classmethod
     def from_path(cls, path: Path, limits: Limits = DEFAULT_LIMITS) -> Bundle:

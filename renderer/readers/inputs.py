@@ -74,7 +74,7 @@ def open_input(
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
     """
-    found = find_main(bundle)
+    found = find_main(bundle, is_raw=layout.lens_grid is not None)
     name = clean_text(bundle.name)
     if layout.frame and (found is None or found[0].name not in VIDEOS or layout.lenses is None):
         raise InvalidOption(
@@ -127,8 +127,10 @@ def holds_views(bundle: Bundle, layout: Layout) -> bool:
     return isinstance(format_, PictureFormat) and _find_quilt(bundle, found[1], layout) is not None
 
 
-def find_main(bundle: Bundle) -> tuple[Format, str] | None:
+def find_main(bundle: Bundle, *, is_raw: bool = False) -> tuple[Format, str] | None:
     """The format and the key of the mesh, picture or container that `read` reads; None for a set of views.
+
+    `is_raw`: whether a picture alone in a set is a raw lenslet picture, as one with frames is.
 
     Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh.
     """
@@ -151,7 +153,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]
     frames = find_frames(views)
-    if frames and len(views) == len(frames) + 1:
+    if (frames or is_raw) and len(views) == len(frames) + 1:
         raw = next(key for key in views if key not in frames.values())
         return identify(raw, bundle.files[raw]), raw
     containers = [key for key in names if is_container(key)]

@@ -13,7 +13,7 @@ from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.source import add_frames, open_source, save_grid
+from ciir.service.pipeline.source import add_frames, draw_grid_at, open_source
 
 if TYPE_CHECKING:
     import argparse
@@ -33,13 +33,13 @@ def parse_options(args: argparse.Namespace) -> Options:
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:
-    """The input with the frames that the command line gives it; writes the picture of its lens grid if asked to.
+    """The input with the frames that the command line gives it; if asked to, it writes its lens grid when it is read.
 
     Raises `InputError`.
     """
     source = add_frames(open_source(args.input), white=args.white, dark=args.dark)
     if args.show_grid is not None:
-        save_grid(source, options, args.show_grid)
+        source = draw_grid_at(source, options, args.show_grid)
     return source
 
 

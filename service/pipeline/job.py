@@ -113,7 +113,8 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
         delta: float | None = array.delta
     else:
         views_v, views_u, rows, cols, _ = content.shape
-        lenses, grid, pitch = (rows, cols), (views_v, views_u), options.pitch
+        lenses, grid = (rows, cols), (views_v, views_u)
+        pitch = options.pitch or (content.lens_pitch if isinstance(content, LightField) else None)
         delta = _resolve_delta(options, grid)
     check_view_count(options.views, grid, max_views)
     wanted = _parse_views(content, options, grid)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
@@ -61,22 +65,28 @@ def add_frames(source: Source, *, white: str | None, dark: str | None) -> Source
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
 
 
-def save_grid(source: Source, options: Options, path: str) -> None:
-    """Writes the lens grid of the raw lenslet picture `source`, drawn over it, as a PNG. Raises `InputError`."""
+def draw_grid_at(source: Source, options: Options, path: str) -> Source:
+    """`source`, a raw lenslet picture, whose lens grid is written over it as a PNG when it is read.
+
+    Raises `InvalidOption`.
+    """
     if Path(path).suffix.lower() != ".png":
         raise InvalidOption(f"show_grid: {path!r} doesn't end with .png, and a PNG is written; rename it")
-    known = options.known_grid
     from ciir.renderer.readers.inputs import find_main
 
-    found = find_main(source) if isinstance(source, Bundle) else None
-    if known is None or not isinstance(source, Bundle) or found is None or not isinstance(found[0], PictureFormat):
+    is_raw = options.known_grid is not None
+    found = find_main(source, is_raw=is_raw) if isinstance(source, Bundle) else None
+    if not is_raw or not isinstance(source, Bundle) or found is None or not isinstance(found[0], PictureFormat):
         raise InvalidOption("show_grid: this is for a raw lenslet picture; give one, with lens_pitch")
-    from ciir.renderer.readers.lenslet.reader import draw
-    from ciir.renderer.writers.atomic_write import replacing
-    from ciir.renderer.writers.pictures import encode_png
 
-    with replacing(Path(path)) as file:
-        file.write(encode_png(draw(source, found[1], known)))
+    def keep(drawn: NDArray[np.uint8]) -> None:
+        from ciir.renderer.writers.atomic_write import replacing
+        from ciir.renderer.writers.pictures import encode_png
+
+        with replacing(Path(path)) as file:
+            file.write(encode_png(drawn))
+
+    return replace(source, keep_grid=keep)
 
 
 class Input:
@@ -177,7 +187,8 @@ class Input:
 
     def describe(self, content: Content) -> Report:
         """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
-        described: Report = {"name": self.name, "kind": self._kind()}
+        is_raw = isinstance(content, LightField) and content.lens_pitch is not None
+        described: Report = {"name": self.name, "kind": self._kind(is_raw=is_raw)}
         if isinstance(self._source, Bundle):
             described |= {"bytes": sum(self._files.sizes.values()), "files": len(self._files.sizes)}
         if isinstance(content, Scene):
@@ -190,12 +201,12 @@ class Input:
             "bits": content.dtype.itemsize * 8,
         }
 
-    def _kind(self) -> str:
+    def _kind(self, *, is_raw: bool) -> str:
         if not isinstance(self._source, Bundle):
             return "array" if isinstance(self._source, LightField) else "scene"
         from ciir.renderer.readers.inputs import find_main
 
-        found = find_main(self._source)
+        found = find_main(self._source, is_raw=is_raw)
         return "views" if found is None else found[0].extension
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     Pair = tuple[int, int]
 
+SAME_PITCH = 0.003
+"""Of the pitch: of 200 lenses the last would be off by 0.6 of its pixels."""
 RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
 
 
@@ -48,7 +50,25 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     if found == "mosaic":
         return _read_mosaic(eia, grid, is_sure=layout.arrangement == "mosaic")
     light_field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=layout.pickup)
-    return replace(light_field, notes=_describe_unclear(periods, eia, grid) if found == "auto" else ())
+    if layout.arrangement == "auto":
+        notes = _describe_raw(eia, grid) or (_describe_unclear(periods, eia, grid) if found == "auto" else ())
+        light_field = replace(light_field, notes=notes)
+    return light_field
+
+
+def _describe_raw(eia: Pixels, grid: Pair) -> tuple[str, ...]:
+    """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels."""
+    from ciir.renderer.readers.lenslet.calibration import detect_grid
+
+    lenses = detect_grid(eia, max(grid))
+    if lenses is None or (lenses.shape == "square" and all(abs(lenses.pitch / side - 1) < SAME_PITCH for side in grid)):
+        return ()
+    layout = "" if lenses.shape == "square" else " in a hexagonal grid"
+    note = (
+        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but its lenses are {lenses.pitch:.2f} pixels "
+        f"apart{layout}, so that views mix places under the lenses; lens_pitch auto reads it as a raw lenslet picture"
+    )
+    return (note,)
 
 
 def _describe_unclear(periods: Periods, eia: Pixels, grid: Pair) -> tuple[str, ...]:

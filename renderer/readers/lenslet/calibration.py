@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _LEAST_CONTRAST = {"borders": 3.0, "edges": 4.0}  # photographs and noise reach 2.3
 _DISTINCT = 0.8
 _DARKER = 0.05  # of the logarithm of brightness, from middle to border: less is the scene's own
+_CLEARLY_DARKER = 0.2  # elemental image arrays without darker borders reach 0.09
+_LOOK = 320, 1024  # pixels
 _MOST_TURNED = 15.0  # degrees: half way from rows to columns
 _MOST_SCATTER = {"borders": 0.04, "edges": 0.03}  # pitches
 
@@ -38,12 +40,14 @@ class Calibration:
 
     grid: LensGrid
     """Its offset is that of the lens nearest to the picture's upper left corner."""
-    cue: Cue | None
+    cue: Cue | None = None
     """What showed it; None where everything was given."""
     share: float = 0.0
     """Of the picture's lenses: those that counted."""
     scatter: float = 0.0
     """Median distance of their own places from the grid's, in pixels."""
+    in_columns: bool = False
+    """Whether the grid is that of the transposed picture, since every other column of lenses is shifted."""
 
 
 def calibrate(
@@ -56,31 +60,47 @@ def calibrate(
 
     A first estimate from the Fourier transform, as in Dansereau, Pizarro and Williams, "Decoding, calibration and
     rectification for lenselet-based plenoptic cameras" (CVPR 2013), then phases in blocks, then least squares over
-    lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the least is found.
+    lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the least is found,
+    with rows or with columns.
 
     Raises `Unreadable` where the picture shows no grid, or more than one. `name` is for messages.
     """
+    if known.shape == "hexagonal-columns":
+        return replace(calibrate(picture.swapaxes(0, 1), known.transpose(), name=name), in_columns=True)
     if known.pitch is not None and known.offset is not None and known.rotation is not None and known.shape is not None:
-        return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape), None)
+        return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape))
     luma = scale_luma(picture)
     for cue in get_args(Cue):
         estimate = _estimate(luma, cue, known, name)
         if estimate is None:
             continue
+        if estimate.shape == "hexagonal" and known.rotation is None and abs(estimate.rotation) > _MOST_TURNED:
+            return calibrate(picture, replace(known, shape="hexagonal-columns"), name=name)
         found = _refine(luma, cue, estimate, known)
         if found is None:
             continue
-        if found.grid.shape == "hexagonal" and abs(found.grid.rotation) > _MOST_TURNED:
-            raise Unreadable(
-                f"{name}: has a hexagonal grid with columns of lenses, not rows, {found.grid.pitch:.2f} pixels apart; "
-                "rotate the picture by 90 degrees"
-            )
         return replace(found, grid=_move_to_corner(found.grid))
     given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
     raise Unreadable(
         f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
         f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
     )
+
+
+def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> LensGrid | None:
+    """The grid of lenses that clearly darken towards their borders, as those of a raw lenslet picture do; else None.
+
+    A quick look, 0.05 s where there are none, at some 24 lenses of `about` pixels in the middle of the picture.
+    """
+    side = int(np.clip(24 * about, *_LOOK))
+    top, left = (max(0, (length - side) // 2) for length in picture.shape[:2])
+    luma = scale_luma(picture[top : top + side, left : left + side])
+    try:
+        estimate = _estimate(luma, "borders", Known(), "")
+    except Unreadable:
+        return None
+    found = None if estimate is None else _refine(luma, "borders", estimate, Known(), least_depth=_CLEARLY_DARKER)
+    return None if found is None else found.grid
 
 
 def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> Estimate | None:
@@ -98,8 +118,10 @@ def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> E
     return best
 
 
-def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known) -> Calibration | None:
-    """The exact grid; None where lenses don't agree with one."""
+def _refine(
+    luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known, *, least_depth: float = _DARKER
+) -> Calibration | None:
+    """The exact grid; None where lenses don't agree with one, or don't darken by `least_depth` (see `_DARKER`)."""
     signal, blurred = show_lenses(luma, cue), blur_lenses(luma, estimate.pitch)
     keep_pitch, keep_rotation = known.pitch is not None, known.rotation is not None
     grid = search_grid(
@@ -115,6 +137,8 @@ def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Know
         return None
     if known.offset is None:
         grid = center_grid(signal, lenses, grid)
+    if cue == "borders" and measure_depth(luma, lenses, grid) <= least_depth:
+        return None
     found = refine_grid(
         signal,
         blurred,
@@ -126,9 +150,8 @@ def _refine(luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Know
     )
     if known.offset is None and cue == "edges":
         found = replace(found, grid=center_grid(signal, lenses, found.grid))
-    is_dark = cue == "edges" or measure_depth(luma, lenses, found.grid) > _DARKER
     agrees = found.scatter <= _MOST_SCATTER[cue] * found.grid.pitch
-    return Calibration(found.grid, cue, found.share, found.scatter) if is_dark and agrees else None
+    return Calibration(found.grid, cue=cue, share=found.share, scatter=found.scatter) if agrees else None
 
 
 def _move_to_corner(grid: LensGrid) -> LensGrid:

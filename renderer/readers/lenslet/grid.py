@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Shape = Literal["square", "hexagonal"]
 """Rows and columns of lenses, or rows of which every other one is shifted by half a pitch."""
+KnownShape = Literal["square", "hexagonal", "hexagonal-columns"]
+"""A shape, or columns of which every other one is shifted: a hexagonal grid of the transposed picture."""
 
 ROW_STEP = {"square": 1.0, "hexagonal": 3**0.5 / 2}
 """Distance between neighbouring rows, in pitches."""
@@ -84,7 +86,12 @@ class Known:
     pitch: float | None = None
     offset: tuple[float, float] | None = None
     rotation: float | None = None
-    shape: Shape | None = None
+    shape: KnownShape | None = None
+
+    def transpose(self) -> Known:
+        """Of a grid of shape `hexagonal-columns`: as a `hexagonal` one of the transposed picture."""
+        offset = None if self.offset is None else (self.offset[1], self.offset[0])
+        return Known(self.pitch, offset, None if self.rotation is None else -self.rotation, "hexagonal")
 
 
 def make_axes(rotation: float) -> NDArray[np.float64]:

@@ -16,9 +16,6 @@ from ciir.renderer.readers.lenslet.resampling import fit_pixels, resample_views
 from ciir.renderer.readers.names import clean_text, find_frames
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.lenslet.grid import Known
     from ciir.renderer.readers.pictures import Pixels
@@ -30,13 +27,15 @@ _FEW = 0.1
 @dataclass(frozen=True)
 class _Raw:
     picture: Pixels
-    """Less its dark frame, over its white one."""
+    """Less its dark frame, over its white one; transposed where the grid has columns."""
     calibration: Calibration
     has_white: bool
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     """The light field of the picture `key`, with `white` and `dark` pictures of the same set as its frames.
+
+    `bundle.keep_grid` is given its lens grid, drawn over it.
 
     Its views have a pixel for each lens, and `layout.pixels` say how many pixels under a lens become views; by default
     as many as every lens has. Raises `InputError`.
@@ -48,7 +47,10 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
                 f"{option}: this is for elemental image arrays, and lens_pitch says that {name} is none"
             )
     raw = _load(bundle, key, known)
-    grid = raw.calibration.grid
+    grid, in_columns = raw.calibration.grid, raw.calibration.in_columns
+    if bundle.keep_grid is not None:
+        drawn = draw_grid(raw.picture, grid)
+        bundle.keep_grid(drawn.swapaxes(0, 1) if in_columns else drawn)
     fits = fit_pixels(grid)
     pixels = layout.pixels or (fits, fits)
     if max(pixels) > grid.pitch + 1:
@@ -64,7 +66,9 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
             "give fewer pixels",
             "set_bytes",
         )
-    views = resample_views(raw.picture, grid, pixels, pickup=layout.pickup)
+    views = resample_views(raw.picture, grid, pixels[::-1] if in_columns else pixels, pickup=layout.pickup)
+    if in_columns:
+        views = views.transpose(1, 0, 3, 2, 4)
     notes = [_describe_grid(raw.calibration)]
     if max(pixels) > fits:
         notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
@@ -72,13 +76,7 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
         notes.append("views of pixels at lenses' borders stay as dark as these are: there was no white picture")
     if grid.shape == "hexagonal":
         notes.append(f"the hexagonal grid was resampled to {views.shape[2]}x{views.shape[3]} pixels of a square one")
-    return LightField(views, tuple(notes))
-
-
-def draw(bundle: Bundle, key: str, known: Known) -> NDArray[np.uint8]:
-    """The lens grid of the picture `key` over the picture, `(H, W, 3)`. Raises `InputError`."""
-    raw = _load(bundle, key, known)
-    return draw_grid(raw.picture, raw.calibration.grid)
+    return LightField(views, tuple(notes), lens_pitch=grid.pitch)
 
 
 def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
@@ -93,7 +91,9 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
         picture = subtract_dark(picture, dark)
         white = None if white is None else subtract_dark(white, dark)
     calibration = calibrate(picture if white is None else white, known, name=name)
-    return _Raw(picture if white is None else divide_by_white(picture, white), calibration, white is not None)
+    if white is not None:
+        picture = divide_by_white(picture, white)
+    return _Raw(picture.swapaxes(0, 1) if calibration.in_columns else picture, calibration, white is not None)
 
 
 def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixels:
@@ -109,9 +109,12 @@ def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixe
 
 def _describe_grid(found: Calibration) -> str:
     grid = found.grid
+    shape, (y, x), rotation = f"{grid.shape}", grid.offset, grid.rotation
+    if found.in_columns:
+        shape, (y, x), rotation = "hexagonal-columns", (x, y), -rotation
     text = (
-        f"lens grid: {grid.shape}, pitch {grid.pitch:.3f} pixels, first lens at {grid.offset[0]:.2f},"
-        f"{grid.offset[1]:.2f} (y, x), rotation {grid.rotation:.3f} degrees"
+        f"lens grid: {shape}, pitch {grid.pitch:.3f} pixels, first lens at {y:.2f},{x:.2f} (y, x), "
+        f"rotation {rotation:.3f} degrees"
     )
     if found.cue is None:
         return f"{text}, as given"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from ciir.errors import InvalidOption
-from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known
+from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known, KnownShape
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import ValueType, make_name, make_number
 
 Pitch = float | Literal["auto"]
-GridShape = Literal["auto", "square", "hexagonal"]
+GridShape = Literal["auto", KnownShape]
 _NUMBER = r"[0-9]{1,6}(\.[0-9]{1,6})?"
 
 
@@ -80,7 +80,7 @@ LENSLET = {
     ),
     "lens_grid": Option(
         "NAME",
-        "with --lens-pitch: square, hexagonal or auto (default auto)",
+        "with --lens-pitch: square, hexagonal (every other row shifted), hexagonal-columns or auto (default auto)",
         make_name(get_args(GridShape)),
         "hexagonal",
     ),

@@ -100,7 +100,7 @@ class LensArray(TypedDict):
     rows: int
     cols: int
     pitch: float | None
-    """Distance between lenses, in scene units."""
+    """Distance between lenses, in scene units; of a raw lenslet picture in its pixels."""
     pixels_v: int
     pixels_u: int
     delta: float | None

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from ciir.errors import Unreadable
-from ciir.renderer.readers.lenslet.calibration import calibrate
+from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid
 from ciir.renderer.readers.lenslet.resampling import fit_pixels, place_views, resample_views
 from tests.support.lenslet.camera import dim, make_camera, take_picture
@@ -100,9 +100,13 @@ def test_a_large_rotation_is_found(rotation):
     assert (found.pitch, found.rotation) == pytest.approx((14.37, rotation), abs=0.005)
 
 
-def test_hexagonal_lenses_in_columns_are_refused():
-    with pytest.raises(Unreadable, match=r"columns of lenses, not rows, 14\.37 pixels apart; rotate the picture by 90"):
-        calibrate(np.rot90(take("hexagonal")[1]))
+def test_hexagonal_lenses_in_columns_are_those_of_the_transposed_picture():
+    camera, picture = take("hexagonal")
+    found = calibrate(picture.swapaxes(0, 1))
+    assert found.in_columns
+    assert found.grid == calibrate(picture).grid
+    asked = Known(14.37, (8.8, 5.3), -0.8, "hexagonal-columns")
+    assert calibrate(picture.swapaxes(0, 1), asked) == Calibration(camera.grid, in_columns=True)
 
 
 def test_a_picture_without_lenses_is_refused():

@@ -1,5 +1,7 @@
 """Raw lenslet pictures as inputs: with frames, with a part of the grid given, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,22 @@ def test_files_beside_a_picture_are_no_frames():
 
 
 @pytest.mark.parametrize(
+    ("pitch", "shape", "noted"),
+    [
+        (14.37, "square", "lenses are 14.37 pixels apart, so that views mix"),
+        (15.0, "hexagonal", "lenses are 15.00 pixels apart in a hexagonal grid"),
+        (15.0, "square", None),
+    ],
+)
+def test_a_raw_picture_that_is_read_as_elemental_images_is_noted(pitch, shape, noted):
+    grid = LensGrid(pitch, (7, 7), 0.0 if pitch == 15 else 0.8, shape)
+    picture = take_picture(make_camera("vase", grid, (360, 390), (90, 120, 150)))
+    notes = " ".join(read(make_bundle(raw=picture), Layout(pixels=(15, 15))).notes)
+    assert noted in notes if noted else "lenses are" not in notes
+    assert "lenses are" not in " ".join(read(make_bundle(raw=RAW), Layout(pixels=(5, 5), arrangement="eia")).notes)
+
+
+@pytest.mark.parametrize(
     ("files", "layout", "message"),
     [
         ({"raw": RAW}, {"lenses": (3, 3)}, "lenses: this is for elemental image arrays, and lens_pitch says"),
@@ -117,11 +135,35 @@ def test_views_over_the_limit_are_refused_before_they_are_made():
         read(Bundle("raw.png", "raw.png", files.files, Limits(set_bytes=1000)), Layout(lens_grid=KNOWN))
 
 
+def draw(bundle, known):
+    kept = []
+    read(replace(bundle, keep_grid=kept.append), Layout(lens_grid=known))
+    (drawn,) = kept
+    return drawn
+
+
+def test_columns_of_lenses_are_rows_of_the_transposed_picture():
+    known = Known(9.3, (4.2, 5.1), 0.5, "hexagonal")
+    rows = read(make_bundle(raw=RAW), Layout(lens_grid=known, pixels=(5, 7)))
+    bundle, columns = make_bundle(raw=RAW.swapaxes(0, 1)), Known(9.3, (5.1, 4.2), -0.5, "hexagonal-columns")
+    found = read(bundle, Layout(lens_grid=columns, pixels=(7, 5)))
+    assert np.array_equal(found.views, rows.views.transpose(1, 0, 3, 2, 4))
+    assert "hexagonal-columns, pitch 9.300 pixels, first lens at 5.10,4.20 (y, x), rotation -0.500" in found.notes[0]
+    assert np.array_equal(draw(bundle, columns), draw(make_bundle(raw=RAW), known).swapaxes(0, 1))
+
+
+def test_a_picture_alone_in_a_set_is_the_raw_one():
+    bundle = Bundle("a.zip", None, {"raw.png": encode_png(RAW), "read.me": b"by us"})
+    light_field = read(bundle, Layout(lens_grid=KNOWN))
+    assert np.array_equal(light_field.views, read(make_bundle(raw=RAW), Layout(lens_grid=KNOWN)).views)
+    assert light_field.lens_pitch == KNOWN.pitch
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_the_grid_is_drawn_over_the_picture(dtype):
     picture = make_picture(60, 80, 1, dtype)
     known = Known(20.0, (9.9, 9.9), 0.0, "square")
-    drawn = reader.draw(make_bundle(raw=picture), "raw.png", known)
+    drawn = draw(make_bundle(raw=picture), known)
     assert drawn.shape == (60, 80, 3)
     assert tuple(drawn[10, 10]) == tuple(drawn[30, 70]) == (0, 255, 255)
     grey = picture[5, 5, 0] >> (8 if dtype == np.uint16 else 0)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import ciir
+from ciir.renderer.readers.lenslet import reader
+from ciir.renderer.readers.lenslet.calibration import calibrate
 from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
@@ -25,9 +27,15 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_grid_is_found_and_drawn(folder, capsys):
-    words = ["raw.png", "--lens-pitch", "auto", "--model", "none", "-o", "out", "--show-grid", "grid.png"]
-    assert main(["reconstruct", *words]) == 0
+def test_the_grid_is_found_once_reported_and_drawn(folder, capsys, monkeypatch):
+    words = ["raw.png", "--lens-pitch", "auto", "--model", "none", "-o", "out", "--report", "report.json"]
+    calls = []
+    monkeypatch.setattr(reader, "calibrate", lambda *given, **words: calls.append(0) or calibrate(*given, **words))
+    assert main(["reconstruct", *words, "--show-grid", "grid.png"]) == 0
+    assert len(calls) == 1
+    report = json.loads((folder / "report.json").read_text())
+    assert report["input"]["kind"] == "png"
+    assert report["lens_array"]["pitch"] == pytest.approx(9.3, abs=0.01)  # pixels
     assert "note: lens grid: square, pitch 9.3" in capsys.readouterr().err
     grid = decode((folder / "grid.png").read_bytes(), name="grid")
     assert grid.shape == (150, 180, 3)
