@@ -19,28 +19,28 @@ EDGE = 8.0
 
 def match(
     cost: NDArray[np.float32], guide: NDArray[np.float32], planes: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The disparity of each pixel and its confidence, 0 to 1; both `(H, W)`.
 
-    `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(H, W, C)`, the
-    picture, whose edges may be edges of depth.
+    `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(C, H, W)`, the
+    view, whose edges may be edges of depth.
     """
     total = np.zeros_like(cost)
     _add_paths(total, cost, guide)
-    _add_paths(total.transpose(0, 2, 1), cost.transpose(0, 2, 1), guide.transpose(1, 0, 2))
+    _add_paths(total.transpose(0, 2, 1), cost.transpose(0, 2, 1), guide.transpose(0, 2, 1))
     best = total.argmin(axis=0)
     middle = np.clip(best, 1, len(planes) - 2)
     before, at, after = (np.take_along_axis(total, (middle + step)[np.newaxis], 0)[0] for step in (-1, 0, 1))
-    curve = before - 2 * at + after
-    fraction = np.clip((before - after) / np.maximum(2 * curve, 1e-6), -1, 1)
-    usual = np.median(total, axis=0)
+    steepest = np.maximum(np.maximum(before, after) - at, 1e-6)
+    fraction = np.clip((before - after) / (2 * steepest), -1, 1)
+    usual = total.mean(axis=0)
     confidence = 1 - np.take_along_axis(total, best[np.newaxis], 0)[0] / np.maximum(usual, 1e-6)
-    return planes[0] + (planes[1] - planes[0]) * (middle + fraction), confidence.astype(np.float32)
+    return (planes[0] + (planes[1] - planes[0]) * (middle + fraction)).astype(np.float32), confidence
 
 
 def _add_paths(total: NDArray[np.float32], cost: NDArray[np.float32], guide: NDArray[np.float32]) -> None:
     """Adds the costs of the paths from the top and from the bottom to `total`."""
-    edges = np.abs(np.diff(guide, axis=0)).max(axis=2)  # (H - 1, W)
+    edges = np.abs(np.diff(guide, axis=1)).max(axis=0)  # (H - 1, W)
     jumps = np.maximum(LARGE_STEP / (1 + edges / EDGE), 1.5 * SMALL_STEP).astype(np.float32)
     count = cost.shape[1]
     _add_path(total, cost, jumps, range(count))

@@ -156,7 +156,7 @@ class _Shifts:
     def __init__(self, shifts: NDArray[np.float64], window: NDArray[np.float32], padded: int) -> None:
         self.length = length = len(window)
         whole = np.floor(shifts)
-        taps = _make_taps(shifts - whole)  # (planes, views, 4), for offsets -1 to 2
+        taps = make_taps(shifts - whole)  # (planes, views, 4), for offsets -1 to 2
         turns = np.exp(-2j * np.pi * (whole[..., np.newaxis] + np.arange(-1, 3))[..., np.newaxis] * fft.fftfreq(padded))
         self.factors = np.einsum("pkt,pktf->pkf", taps, turns).astype(np.complex64)
         """`(planes, views, frequencies)`."""
@@ -165,7 +165,7 @@ class _Shifts:
         """`(planes, views, length)`: the share of the kernel that lies inside the view, times the window."""
 
 
-def _make_taps(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+def make_taps(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weights of Keys's kernel (IEEE ASSP 29, 1981, equation 15) for a shift by `fraction`, 0 to 1, of a pixel."""
     distance = np.abs(fraction[..., np.newaxis] - np.arange(-1, 3))
     near = (1.5 * distance - 2.5) * distance**2 + 1

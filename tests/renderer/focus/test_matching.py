@@ -24,7 +24,7 @@ def test_fits_between_planes():
     planes = np.linspace(-1, 1, 9)
     true = 0.3
     cost = np.broadcast_to(np.square(planes - true)[:, np.newaxis, np.newaxis] * 50, (9, 8, 7)).astype(np.float32)
-    disparity, confidence = match(cost, np.zeros((8, 7, 3), np.float32), planes)
+    disparity, confidence = match(cost, np.zeros((3, 8, 7), np.float32), planes)
     np.testing.assert_allclose(disparity, true, atol=0.03)  # steps between neighbours bend the parabola a little
     assert confidence.min() > 0.9
 
@@ -33,5 +33,5 @@ def test_a_pixel_without_a_difference_takes_its_neighbours():
     planes = np.linspace(0, 4, 5)
     cost = np.broadcast_to(4 * np.abs(planes - 3)[:, np.newaxis, np.newaxis], (5, 9, 9)).astype(np.float32).copy()
     cost[:, 4, 4] = 0
-    disparity, _ = match(cost, np.zeros((9, 9, 1), np.float32), planes)
+    disparity, _ = match(cost, np.zeros((1, 9, 9), np.float32), planes)
     np.testing.assert_allclose(disparity, 3, atol=1e-5)

@@ -1,0 +1,131 @@
+"""A plane sweep: how badly each of some disparities fits each pixel of a view.
+
+The view is compared with others in its row and its column of the grid, up to half the grid away: each of them moves
+along one axis only, by a multiple of a fraction of a pixel, so that few interpolated pictures serve all planes.
+Something in front may hide a pixel from the views on one side. So those on the left, on the right, above and below are
+compared by themselves, and the side that agrees best counts, beside all of them together, which keep outlines sharp.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import ceil, gcd
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import ndimage
+
+from ciir.renderer.focus.planes import make_taps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.views import View
+
+MOST_DIFFERENCE = 8.0
+"""8-bit levels: larger differences are as wrong as this one."""
+MOST_SHIFT = 0.35
+"""Pixels: differences as a shift by this much makes count too, so that fine texture fits one plane better than others.
+"""
+_AXES = (1, 2)
+"""Down and across, in a picture `(C, H, W)`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A view that is compared, and where it stands."""
+
+    axis: int
+    """Of `_AXES`: the one along which it lies from the view that is swept."""
+    distance: int
+    """How many views away, with its sign."""
+    phases: Mapping[int, NDArray[np.float32]]
+    """`(C, H, W)` each: sampled so many nths of a pixel further on."""
+
+
+class Sweep:
+    """The views around one view."""
+
+    def __init__(self, views: NDArray[Any], view: View, *, parts: int, farthest: int) -> None:
+        """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n, planes are whole multiples of 1/n pixels a view.
+        `farthest`: views further away are not compared.
+        """
+        self._parts = parts
+        self.own = read_levels(views[view])
+        """`(C, H, W)`: the view itself, in 8-bit levels."""
+        gradient = np.sqrt(np.mean(np.square(np.gradient(self.own, axis=_AXES)), axis=1)).max(axis=0)
+        self._most = MOST_DIFFERENCE + MOST_SHIFT * gradient  # (H, W)
+        self._sides: list[list[Picture]] = []
+        for axis, count, at in zip(_AXES, views.shape[:2], view, strict=True):
+            for sign, reach in ((-1, at), (1, count - 1 - at)):
+                most = min(reach, farthest)
+                side = []
+                for distance in sorted({ceil(most / 2), most} - {0}):
+                    place = list(view)
+                    place[axis - 1] += sign * distance
+                    picture = read_levels(views[tuple(place)])
+                    phases = range(0, parts, gcd(parts, distance))
+                    moved = {phase: _interpolate(picture, axis, phase / parts) for phase in phases}
+                    side.append(Picture(axis, sign * distance, moved))
+                if side:
+                    self._sides.append(side)
+
+    def compare(self, planes: Sequence[int]) -> NDArray[np.float32]:
+        """The cost of each of `planes`, in parts of a pixel a view: `(planes, H, W)` in 8-bit levels.
+
+        A plane in which no other view reaches a pixel costs half as much as one that fits badly.
+        """
+        cost = np.empty((len(planes), *self.own.shape[1:]), np.float32)
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(self._compare, planes, cost))
+        return cost
+
+    def _compare(self, plane: int, cost: NDArray[np.float32]) -> None:
+        """Fills `cost` `(H, W)`."""
+        least, every = np.full_like(cost, np.inf), np.zeros_like(cost)
+        reached = np.zeros_like(cost)
+        for side in self._sides:
+            total, count = np.zeros_like(cost), np.zeros_like(cost)
+            for picture in side:
+                whole, phase = divmod(-picture.distance * plane, self._parts)
+                here, there = _overlap(cost.shape[picture.axis - 1], whole, picture.axis)
+                difference = self.own[here] - picture.phases[phase][there]
+                total[here[1:]] += np.einsum("chw,chw->hw", difference, difference)
+                count[here[1:]] += len(difference)
+            every += total
+            reached += count
+            with np.errstate(divide="ignore", invalid="ignore"):
+                np.fmin(least, total / count, out=least)  # not a number where no view of this side reaches
+        np.maximum(reached, 1, out=reached)
+        np.divide(every, reached, out=every)
+        np.minimum(np.sqrt(least), self._most, out=cost)
+        cost += np.minimum(np.sqrt(every), self._most)
+
+
+def read_levels(view: NDArray[Any]) -> NDArray[np.float32]:
+    """`(C, H, W)` in 8-bit levels, without alpha, of a view `(H, W, C)`."""
+    colors = 1 if view.shape[2] < 3 else 3
+    levels = view[..., :colors].transpose(2, 0, 1).astype(np.float32, order="C")
+    if np.issubdtype(view.dtype, np.integer):
+        levels *= np.float32(255 / np.iinfo(view.dtype).max)
+    return levels
+
+
+def _overlap(length: int, by: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Where a picture that is looked up `by` pixels further along `axis` has pixels: in the view, and in itself."""
+    low, high = max(0, -by), max(0, -by, min(length, length - by))
+    before = (slice(None),) * axis
+    return (*before, slice(low, high)), (*before, slice(low + by, high + by))
+
+
+def _interpolate(picture: NDArray[np.float32], axis: int, fraction: float) -> NDArray[np.float32]:
+    """`picture`, sampled `fraction` of a pixel further along `axis` by Keys's cubic convolution."""
+    if fraction == 0:
+        return picture
+    shifted: NDArray[np.float32] = ndimage.correlate1d(
+        picture, [0, *make_taps(np.array(fraction))], axis, mode="nearest"
+    )
+    return shifted
