@@ -16,9 +16,11 @@ from scipy import ndimage
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.matching import match
 from ciir.renderer.focus.sweep import Sweep
-from ciir.renderer.views import center_view
+from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.light_field import DepthSense, LightField
@@ -81,6 +83,20 @@ def estimate_disparity(
     disparity, confidence = match(sweep.compare(numbers), sweep.own, planes)
     disparity = ndimage.median_filter(disparity, 3, mode="nearest")
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
+
+
+def estimate_disparities(
+    light_field: LightField, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
+) -> Iterator[DisparityMap]:
+    """The disparity of each of `views`, by default of all, row by row: one after the other, as they are made.
+
+    `limits`: as in `estimate_disparity`; by default those of the centre view, for all. Raises as it does.
+    """
+    grid = light_field.views.shape[:2]
+    if limits is None and max(grid) > 1:
+        limits = _find_limits(light_field.views, center_view(*grid))
+    for view in parse_views("all", *grid) if views is None else views:
+        yield estimate_disparity(light_field, view, limits=limits)
 
 
 def _list_planes(limits: tuple[float, float], parts: int) -> range:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +26,13 @@ def match(
     `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(C, H, W)`, the
     view, whose edges may be edges of depth.
     """
-    total = np.zeros_like(cost)
-    _add_paths(total, cost, guide)
-    _add_paths(total.transpose(0, 2, 1), cost.transpose(0, 2, 1), guide.transpose(0, 2, 1))
+    total, across = np.zeros_like(cost), np.zeros_like(cost)
+    with ThreadPoolExecutor(2) as pool:
+        turned = (volume.transpose(0, 2, 1) for volume in (across, cost, guide))
+        waits = pool.submit(_add_paths, total, cost, guide), pool.submit(_add_paths, *turned)
+    for wait in waits:
+        wait.result()
+    total += across
     best = total.argmin(axis=0)
     middle = np.clip(best, 1, len(planes) - 2)
     before, at, after = (np.take_along_axis(total, (middle + step)[np.newaxis], 0)[0] for step in (-1, 0, 1))

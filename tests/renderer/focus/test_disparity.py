@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.focus.disparity import estimate_disparities, estimate_disparity
 from ciir.renderer.light_field import LightField
 
 NEAR, FAR = 1.6, 0.4
@@ -61,6 +61,18 @@ def test_reversed_views_reverse_the_sign(axes):
     found = estimate_disparity(light_field, limits=(-2, 2)).disparity
     flipped = estimate_disparity(light_field.flip(axes), limits=(-2, 2)).disparity
     assert np.median(np.abs(flipped + found)) < 1e-3
+
+
+def test_every_view_has_the_planes_of_the_centre():
+    light_field, _ = make_light_field((3, 3))
+    centre = estimate_disparity(light_field)
+    found = list(estimate_disparities(light_field))
+    assert [one.view for one in found] == [(v, u) for v in range(3) for u in range(3)]
+    np.testing.assert_array_equal(found[4].disparity, centre.disparity)
+    for one in found:
+        np.testing.assert_array_equal(one.planes, centre.planes)
+        moved = np.roll(one.disparity, [round(NEAR * (at - 1)) for at in one.view], (0, 1))
+        assert (np.abs(moved - centre.disparity)[8:-8, 8:-8] > 0.1).mean() < 0.12  # outlines, and what they hide
 
 
 def test_one_view_is_refused():

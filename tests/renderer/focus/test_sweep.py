@@ -22,7 +22,7 @@ def look_up(line, at):
 
 
 def compare_slowly(views, view, disparity, distances):
-    """Pixel by pixel: root mean squares on the side that agrees best, plus those of all views; NaN where there are none."""
+    """Pixel by pixel: root mean squares on the side that agrees best, plus those of all views; NaN where none are."""
     height, width = views.shape[2:4]
     own = views[view]
     cost = np.zeros((height, width))
