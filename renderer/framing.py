@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.placement import Placement
+    from ciir.renderer.scene import Window
 
 FILL = 0.94
 """Share of the array's width or height that the object takes up, over all views, with a zoom of 1."""
@@ -28,11 +29,15 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     """The 4x4 matrix that places `scene` at `array`, oriented as `placement` says, as large as fits into every view,
     times the placement's zoom.
 
-    The bounding box is centred on the array's axis. A point at distance d from the array, negative before it, appears
-    displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and the outermost
-    view's t, likewise for y.
+    A scene with a window is turned about the subject, and what the window shows fits into the centre view exactly.
+
+    Else the bounding box is centred on the array's axis. A point at distance d from the array, negative before it,
+    appears displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and the
+    outermost view's t, likewise for y.
     """
     scene = scene.framed or scene
+    if scene.window is not None:
+        return _frame_window(scene.window, array, placement)
     rotation = np.eye(4)
     rotation[:3, :3] = placement.rotation()
     if not np.array_equal(rotation, np.eye(4)):  # a copy of all vertices
@@ -40,8 +45,7 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     low, high = scene.bounds()
     middle = (low + high) / 2
     gap = CLEARANCE * float((high - low).max())
-    # The array's plane among the object's own z: in front of its nearest point, behind its farthest, or between them.
-    plane = (high[2] + gap) * (1 - placement.place) / 2 + (low[2] - gap) * (1 + placement.place) / 2
+    plane = _find_plane(low[2] - gap, high[2] + gap, placement)
     reach_x = np.abs(array.tangent_x()).max()
     reach_y = np.abs(array.tangent_y()).max()
     swept_x = swept_y = 0.0
@@ -55,6 +59,26 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     scale = placement.zoom * FILL / 2 * min(limits, default=min(array.width, array.height) / (2 * gap))
     matrix = np.diag([scale, scale, scale, 1.0]) @ rotation
     matrix[:3, 3] = -scale * np.array([middle[0], middle[1], plane])
+    return matrix
+
+
+def _find_plane(low: float, high: float, placement: Placement) -> float:
+    """The array's plane among the object's own z: before its nearest point, behind its farthest, or between them."""
+    return high * (1 - placement.place) / 2 + low * (1 + placement.place) / 2
+
+
+def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDArray[np.float64]:
+    """As `frame_scene`, for what a camera sees."""
+    ratios = [array.height / window.half_height]
+    if window.half_width is not None:
+        ratios.append(array.width / window.half_width)
+    scale = placement.zoom / 2 * min(ratios)
+    gap = CLEARANCE * max(window.farthest - window.nearest, 2 * window.half_height)
+    plane = _find_plane(-window.farthest - gap, -window.nearest + gap, placement)
+    subject = np.array([0.0, 0.0, -window.distance])
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * placement.rotation()
+    matrix[:3, 3] = scale * (subject - (0.0, 0.0, plane)) - matrix[:3, :3] @ subject
     return matrix
 
 

@@ -52,6 +52,21 @@ class Part:
         return np.compress(is_used, self.vertices, axis=0)  # faster than indexing
 
 
+@dataclass(frozen=True)
+class Window:
+    """What a camera of the file sees, in the scene's coordinates: the camera at the origin, looking along -z."""
+
+    nearest: float
+    """Distance along -z, as of the others."""
+    distance: float
+    """Of the subject: half of the picture shows what is nearer."""
+    farthest: float
+    half_height: float
+    """Of the picture at the subject's distance."""
+    half_width: float | None
+    """None where the camera leaves it to the view's shape."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Parts in one right-handed coordinate system, y up."""
@@ -63,6 +78,8 @@ class Scene:
     """The bounds before culling; None for a scene that was not culled."""
     framed: Scene | None = None
     """What is framed in its place: of an animation, the extremes of all times; None for itself."""
+    window: Window | None = None
+    """What is framed of it; None for all."""
 
     @property
     def triangles(self) -> int:

@@ -177,8 +177,7 @@ def render(
     factor on the size at which every view holds the object. `place`: -1 behind the array, 0 astride, 1 before it.
     `light`: azimuth and elevation in degrees. `renderer.placement.Placement` says more of the last five.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
-    the name, or the number from 0, of a camera in a glTF file whose direction the lens array takes; what lies before it
-    is framed as without one.
+    the name, or the number from 0, of a camera in a glTF file whose picture the centre view shows, by parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.

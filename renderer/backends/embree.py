@@ -41,7 +41,8 @@ PASSED = (
 class PreparedScene:
     """All parts of a scene in one Embree scene, with the colours of their surfaces."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, whole_lines: bool = True) -> None:
+        """`whole_lines`: whether rays also meet what lies before their origins; they then begin before the array."""
         parts = scene.parts
         first = np.cumsum([0] + [len(part.vertices) for part in parts])
         self.textures = [part.texture for part in parts]
@@ -50,7 +51,7 @@ class PreparedScene:
         low, high = scene.bounds()
         self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
         self._radius = float(np.linalg.norm(high - low)) / 2
-        self._first = 0.0 if high[2] < 0 else -np.inf  # rays start at the array, or before it where the scene reaches
+        self._first = 0.0 if high[2] < 0 or not whole_lines else -np.inf
         self.passed = 0
         """Rays that ended at `MAX_LAYERS`."""
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)

@@ -84,7 +84,7 @@ class MeshFormat(Format):
     """A mesh format."""
 
     is_posed: bool = False
-    """Whether its reader takes a `MeshPose`, as `pose`."""
+    """Whether its reader takes a `MeshPose`, as `pose`, and returns the surfaces and a `Lens` or None."""
 
     folder = "readers.meshes"
 

@@ -94,13 +94,14 @@ def _reconstruct_times(
                 f"time: {len(times)} times make a video of one view, and {len(job.wanted)} views are asked for; give "
                 "one of them with views, or one time"
             )
-        extremes, kept, triangles = [], [], 0
+        extremes, windows, kept, triangles = [], [], [], 0
         for moment in moments:
             scene = given.read_mesh(moment)
             triangles += scene.triangles
             kept.append(scene if triangles <= given.limits.triangles else None)  # else it is read again
             extremes.append(find_extremes(scene, job.array, job.placement))
-        framed = make_frame(extremes)
+            windows.append(scene.window)
+        framed = replace(make_frame(extremes), window=windows[0])
     frames, reports, plan = FrameWriter(writer, times), [], None
     for number, moment in enumerate(moments):
         if progress is not None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
-from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose, select_before
+from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose, see_through
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import MeshFormat
@@ -18,7 +17,7 @@ from ciir.renderer.surface import assemble_scene
 if TYPE_CHECKING:
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.renderer.readers.registry import Format, MeshReader
+    from ciir.renderer.readers.registry import Format
     from ciir.renderer.scene import Scene
 
 
@@ -41,10 +40,13 @@ def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose:
         )
     data = bundle.files[bundle.main]
     resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
-    reader: MeshReader = partial(format_.load_reader(), pose=pose) if format_.is_posed else format_.load_reader()
+    reader, lens = format_.load_reader(), None
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
-            surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
+            if format_.is_posed:
+                surfaces, lens = reader(data, name=name, resolver=resolver, limits=bundle.limits, pose=pose)
+            else:
+                surfaces = reader(data, name=name, resolver=resolver, limits=bundle.limits)
     except (ImportError, InputError):
         raise
     except MemoryError as error:
@@ -60,6 +62,6 @@ def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose:
             max_triangles=bundle.limits.triangles,
             light=placement.light_direction(),
         )
-        return scene if pose.camera is None else select_before(scene, name)
+        return scene if lens is None else see_through(scene, lens, name)
     except MemoryError as error:
         raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

@@ -70,7 +70,7 @@ MESH = {
     ),
     "camera": Option(
         "NAME",
-        "camera of a glTF mesh whose direction the lens array takes: its name, or its number from 0",
+        "camera of a glTF mesh whose picture is framed: its name, or its number from 0",
         values.LABEL,
         "0",
     ),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import Unreadable
+from ciir.renderer.readers.meshes.pose import Lens
 from ciir.renderer.readers.names import find_numbered
 from ciir.renderer.shading import normalize
 
@@ -18,23 +19,22 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 
-def find_view_matrix(
+def find_camera(
     document: Document, nodes: Iterable[tuple[int, dict[str, Any], NDArray[np.float64]]], camera: str
-) -> NDArray[np.float64]:
-    """The 4x4 matrix from the scene to the camera's coordinates: the camera at the origin, x to its right, y up.
-
-    The lens array then looks the camera's way, and `pose.select_before` takes what does not lie behind the camera.
+) -> tuple[NDArray[np.float64], Lens]:
+    """The 4x4 matrix from the scene to the camera's coordinates: the camera at the origin, x to its right, y up; and
+    its lens.
 
     `camera`: a number, counted from 0 in the order of the scene's `nodes`, or the name of a camera or of its node.
     Raises `InvalidOption` where there is no such camera.
     """
-    found: list[tuple[tuple[str, str], NDArray[np.float64]]] = []
+    found: list[tuple[tuple[str, str], NDArray[np.float64], dict[str, Any]]] = []
     for _, node, matrix in nodes:
         if "camera" in node:
             entry = document.item("cameras", node["camera"])
-            found.append(((str(node.get("name", "")), str(entry.get("name", ""))), matrix))
-    number = find_numbered("camera", camera, [titles for titles, _ in found], document.name)
-    matrix = found[number][1]
+            found.append(((str(node.get("name", "")), str(entry.get("name", ""))), matrix, entry))
+    number = find_numbered("camera", camera, [titles for titles, *_ in found], document.name)
+    _, matrix, entry = found[number]
     backward = normalize(matrix[:3, 2])
     up = normalize(matrix[:3, 1] - backward * (matrix[:3, 1] @ backward))
     view = np.eye(4)
@@ -42,5 +42,23 @@ def find_view_matrix(
     view[:3, 3] = -view[:3, :3] @ matrix[:3, 3]
     if not np.isfinite(view).all() or abs(float(np.linalg.det(view)) - 1) > 1e-6:  # a zero axis has no direction
         raise Unreadable(f"{document.name}: camera {number} has no orientation; export it again")
-    document.resolver.add_note(f"camera {number}: the lens array looks its way; its angle of view plays no part")
-    return view
+    lens = _read_lens(entry)
+    if not (np.isfinite([*lens.base, *lens.slope]).all() and lens.base[1] + lens.slope[1] > 0):
+        raise Unreadable(f"{document.name}: camera {number} has no field of view; export it again")
+    document.resolver.add_note(
+        f"camera {number}: its picture fits into the centre view at the subject's distance; what is nearer looks "
+        "smaller than to the camera and what is farther larger, as rays of a view are parallel"
+    )
+    return view, lens
+
+
+def _read_lens(entry: dict[str, Any]) -> Lens:
+    """The lens of a perspective or orthographic camera (sections 3.10.3.2 and 3.10.3.3)."""
+    if entry["type"] == "orthographic":
+        values = entry["orthographic"]
+        base = abs(float(values["xmag"])), abs(float(values["ymag"]))
+        return Lens(base, (0.0, 0.0), float(values["znear"]), float(values["zfar"]))
+    values = entry["perspective"]
+    slope = float(np.tan(float(values["yfov"]) / 2))
+    aspect = float(values.get("aspectRatio", 0.0))
+    return Lens((0.0, 0.0), (aspect * slope, slope), float(values["znear"]), float(values.get("zfar", np.inf)))

@@ -9,7 +9,7 @@ import numpy as np
 from ciir.errors import TooLarge
 from ciir.renderer.readers.meshes.geometry import place_surfaces
 from ciir.renderer.readers.meshes.gltf.animations import sample_nodes
-from ciir.renderer.readers.meshes.gltf.cameras import find_view_matrix
+from ciir.renderer.readers.meshes.gltf.cameras import find_camera
 from ciir.renderer.readers.meshes.gltf.document import parse
 from ciir.renderer.readers.meshes.gltf.nodes import place_instances, walk_nodes
 from ciir.renderer.readers.meshes.gltf.primitives import read_primitive
@@ -17,12 +17,13 @@ from ciir.renderer.readers.meshes.gltf.skins import find_joint_matrices
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.gltf.document import Document
+    from ciir.renderer.readers.meshes.pose import Lens
     from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.surface import Surface
 
@@ -30,26 +31,32 @@ MAX_PRIMITIVES = 200_000
 """Most primitives in all nodes and instances together: many can share one mesh of many primitives."""
 
 
-def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits, pose: MeshPose = AS_STORED) -> list[Surface]:
-    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, or a camera's, material by material.
+def read(
+    data: bytes, *, name: str, resolver: Resolver, limits: Limits, pose: MeshPose = AS_STORED
+) -> tuple[list[Surface], Lens | None]:
+    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, material by material; or in a
+    camera's coordinates, with its lens.
 
     Raises what `document.parse` does; `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` for
     references to nothing; `TooLarge` over `limits`, `MAX_NODES` or `MAX_PRIMITIVES`; an error of Python's where the
     JSON does not have the shape of glTF.
     """
     document = parse(data, name=name, resolver=resolver, max_triangles=limits.triangles)
-    surfaces = find_surfaces(document, pose)
-    return place_surfaces(surfaces, name=name, max_triangles=limits.triangles, max_parts=MAX_PRIMITIVES)
+    moved = {} if pose.time is None else sample_nodes(document, pose.time, pose.animation)
+    root, lens = np.eye(4), None
+    if pose.camera is not None:
+        root, lens = find_camera(document, walk_nodes(document, moved, root), pose.camera)
+    surfaces = find_surfaces(document, moved, root)
+    return place_surfaces(surfaces, name=name, max_triangles=limits.triangles, max_parts=MAX_PRIMITIVES), lens
 
 
 def find_surfaces(
-    document: Document, pose: MeshPose = AS_STORED
+    document: Document, moved: Mapping[int, dict[str, Any]], root: NDArray[np.float64]
 ) -> Iterator[tuple[Surface | None, NDArray[np.float64]]]:
-    """The surface of each primitive and the matrices `(k, 4, 4)` of its instances; raises as `read` does."""
-    moved = {} if pose.time is None else sample_nodes(document, pose.time, pose.animation)
-    root = np.eye(4)
-    if pose.camera is not None:
-        root = find_view_matrix(document, walk_nodes(document, moved, root), pose.camera)
+    """The surface of each primitive and the matrices `(k, 4, 4)` of its instances; raises as `read` does.
+
+    `moved` and `root`: as for `nodes.walk_nodes`.
+    """
     nodes = list(walk_nodes(document, moved, root))
     world = {index: matrix for index, _, matrix in nodes}
     primitives: dict[tuple[int, int | None, int | None, int], Surface | None] = {}
