@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.focus.apertures import Shape
     from ciir.renderer.focus.disparity import DisparityMap
+    from ciir.renderer.focus.occluders import Occluders
     from ciir.renderer.focus.planes import Method
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.views import View
@@ -201,6 +202,7 @@ class LightField:
         method: Method = "mapping",
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
+        occluders: Occluders = "keep",
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """The depth plane of `disparity`, `(H, W, C)`: what has it is sharp, as the middle of the grid sees it.
 
@@ -209,7 +211,8 @@ class LightField:
         """
         if not isinstance(disparity, Real):
             raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
-        (plane,) = self.planes([float(disparity)], method=method, aperture=aperture, shape=shape)
+        disparities = [float(disparity)]
+        (plane,) = self.planes(disparities, method=method, aperture=aperture, shape=shape, occluders=occluders)
         return plane
 
     def planes(
@@ -219,22 +222,42 @@ class LightField:
         method: Method = "mapping",
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
+        occluders: Occluders = "keep",
     ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16]]:
         """The depth plane of each of `disparities`, `(H, W, C)`, one after the other.
 
         `method`: `mapping`, `window` or `delta`, of `renderer.focus.planes`, which has the planes as floats too.
         `aperture`: radius in views around the middle of those that count, by default all, or a weight for each view,
-        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `renderer.focus.apertures`.
+        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `renderer.focus.apertures`. `occluders`: with `remove` what
+        stands before a plane is removed (`renderer.focus.occluders`), by the method `mapping`.
 
-        Raises `InvalidOption` for disparities that are not finite, for an unknown method or shape, and for an aperture
-        that lets no view through.
+        Raises `InvalidOption` for disparities that are not finite, for an unknown method, shape or way with occluders,
+        for one that doesn't go with the method, and for an aperture that lets no view through.
         """
         from ciir.renderer.focus.apertures import read_aperture
-        from ciir.renderer.focus.planes import refocus
+        from ciir.renderer.focus.occluders import make_planes
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
-        planes = refocus(self.views, disparities, method=method, weights=weights)
+        planes = make_planes(self.views, disparities, weights, method, occluders)
         return (_round_levels(plane, self.views.dtype) for plane in planes)
+
+    def all_in_focus(
+        self,
+        found: DisparityMap | None = None,
+        *,
+        aperture: float | NDArray[Any] | None = None,
+        shape: Shape = "disc",
+    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """A view in which everything is sharp, with less noise, `(H, W, C)`: the views at each pixel's disparity.
+
+        `found`: the disparity of the view, by default that of the centre view, which is estimated. `aperture` and
+        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes`.
+        """
+        from ciir.renderer.focus.all_in_focus import focus_everywhere
+        from ciir.renderer.focus.apertures import read_aperture
+
+        weights = read_aperture(aperture, self.views.shape[:2], shape)
+        return _round_levels(focus_everywhere(self.views, found or self.disparity(), weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.

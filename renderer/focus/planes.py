@@ -77,13 +77,18 @@ def refocus(
     """
     if method not in get_args(Method):
         raise InvalidOption(f"method: {method!r} is not known; give {', '.join(get_args(Method))}")
-    if not np.isfinite(disparities).all():
-        raise InvalidOption("disparities: some are not finite; give numbers, in pixels a view")
+    check_disparities(disparities)
     weights = check_weights(weights, views.shape[:2])
     along = tuple(np.arange(count) - (count - 1) / 2 for count in views.shape[:2])
     most = float(np.abs(disparities).max(initial=0))
     planes = Spectra(views, along, most, method).add_planes(disparities, weights)
     return (np.ascontiguousarray(plane.transpose(1, 2, 0)) for plane in planes)
+
+
+def check_disparities(disparities: Numbers) -> None:
+    """Raises `InvalidOption` for disparities that are not finite."""
+    if not np.isfinite(disparities).all():
+        raise InvalidOption("disparities: some are not finite; give numbers, in pixels a view")
 
 
 class Spectra:
@@ -95,7 +100,7 @@ class Spectra:
         """`views`: `(V, U, H, W, C)`. `along`: the place of each row `(V,)` and column `(U,)` of views, counted from
         the view that planes line up with. `most`: the largest disparity, without its sign, that planes will have.
         """
-        self._views, self._along, self._workers = views, along, _count_cores()
+        self._views, self._along, self._workers = views, along, count_cores()
         self._padded = [
             fft.next_fast_len(length + int(np.ceil(most * np.abs(places).max())) + 4, real=True)
             for length, places in zip(views.shape[2:4], along, strict=True)
@@ -165,7 +170,7 @@ class _Shifts:
         """`(planes, views, length)`: the share of the kernel that lies inside the view, times the window."""
 
 
-def make_taps(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+def make_taps(fraction: NDArray[Any]) -> NDArray[Any]:
     """Weights of Keys's kernel (IEEE ASSP 29, 1981, equation 15) for a shift by `fraction`, 0 to 1, of a pixel."""
     distance = np.abs(fraction[..., np.newaxis] - np.arange(-1, 3))
     near = (1.5 * distance - 2.5) * distance**2 + 1
@@ -180,5 +185,6 @@ def _make_window(length: int) -> NDArray[np.float64]:
     return window
 
 
-def _count_cores() -> int:
+def count_cores() -> int:
+    """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,72 @@
+"""A view made of all others: each pixel from the plane of its own disparity."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import ndimage
+
+from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
+from ciir.renderer.focus.planes import count_cores, make_taps
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.focus.disparity import DisparityMap
+
+
+MARGIN = 0.25
+"""How much more than noise does two views may differ, as a share of it. Measured with noise of 10 and 20 levels: higher
+lets views of wrong disparities count, lower gains nothing where disparities are right."""
+
+
+def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The view of `found`, `(H, W, C)`, in the units of `views`, `(V, U, H, W, C)`: sharp everywhere, with less noise.
+
+    The mean of all views with their `weights`, `(V, U)`, at each pixel's disparity. A view counts less where it differs
+    from the view itself in the 3x3 pixels around: it sees something in front there, or the disparity is wrong.
+    """
+    own = views[found.view].astype(np.float32)
+    noise = 2 * estimate_noise(views[found.view]) ** 2  # of a difference, squared
+    tolerance = (DIFFERENCE * np.iinfo(views.dtype).max / 255) ** 2 + MARGIN * noise
+
+    def add_row(v: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The sum of a row of views and of their shares, `(H, W, C)` and `(H, W)`."""
+        total, count = np.zeros_like(own), np.zeros(own.shape[:2], np.float32)
+        for u in np.flatnonzero(weights[v]):
+            down, across = v - found.view[0], int(u) - found.view[1]
+            samples, reached = _sample(views[v, u], down * found.disparity, across * found.disparity)
+            squares = ndimage.uniform_filter(np.square(samples - own).mean(axis=2), 3, mode="nearest")
+            share = weights[v, u] * reached * np.exp(-np.maximum(squares - noise, 0) / tolerance)
+            total += share[..., np.newaxis] * samples
+            count += share
+        return total, count
+
+    with ThreadPoolExecutor(count_cores()) as pool:
+        totals, counts = zip(*pool.map(add_row, range(len(weights))), strict=True)
+    count = np.add.reduce(counts)[..., np.newaxis]
+    result: NDArray[np.float32] = np.where(count > 0, np.add.reduce(totals) / np.where(count > 0, count, 1), own)
+    return result
+
+
+def _sample(
+    view: NDArray[Any], up: NDArray[np.float32], left: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """`view` at `up` and `left` of each pixel, by Keys's kernel, `(H, W, C)`, and whether that is inside, `(H, W)`."""
+    height, width, channels = view.shape
+    rows, cols = np.arange(height)[:, np.newaxis] - up, np.arange(width) - left
+    is_inside = (rows >= 0) & (rows <= height - 1) & (cols >= 0) & (cols <= width - 1)
+    top, start = np.floor(rows), np.floor(cols)
+    down, across = (make_taps(part).astype(np.float32) for part in (rows - top, cols - start))  # (H, W, 4)
+    pixels = view.reshape(-1, channels)
+    samples = np.zeros(view.shape, np.float32)
+    for row in range(4):
+        lines = (top + (row - 1)).clip(0, height - 1).astype(np.int32) * width
+        line = np.zeros_like(samples)
+        for col in range(4):
+            places = lines + (start + (col - 1)).clip(0, width - 1).astype(np.int32)
+            line += across[..., col, np.newaxis] * pixels[places]
+        samples += down[..., row, np.newaxis] * line
+    return samples, is_inside

@@ -1,0 +1,128 @@
+"""Depth planes without what stands before them.
+
+Along a line of the light field that meets the plane, the views that see the plane agree, and those that see something
+before it differ, from each other too where that is textured. So the plane's colour is the mode of the line, where the
+mean mixes both and the median needs most views to see the plane (Vaish et al., CVPR 2006, compare such measures): the
+pixel that most others agree with, and then the mean with weights that fall with the difference from it.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
+from ciir.renderer.focus.planes import check_disparities, count_cores, make_taps, refocus
+from ciir.renderer.views import center_view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.focus.planes import Method, Numbers
+
+Occluders = Literal["keep", "remove"]
+
+CANDIDATES = 16
+"""Views whose pixels may be the mode. They lie anywhere in the grid: in a regular pattern a fence might hide all."""
+_BLOCK = 2**21
+"""Samples that are compared at a time: few enough for the processor's cache."""
+
+
+def make_planes(
+    views: NDArray[Any],
+    disparities: Numbers,
+    weights: NDArray[np.float32],
+    method: Method,
+    occluders: Occluders,
+) -> Iterator[NDArray[np.float32]]:
+    """As `planes.refocus`; with `remove` what stands before a plane does not count.
+
+    Where fewer views see the plane than see one colour before it, that colour remains. Raises `InvalidOption` as
+    `planes.refocus`, for unknown `occluders`, and for `remove` with another method than `mapping`.
+    """
+    if occluders not in get_args(Occluders):
+        raise InvalidOption(f"occluders: {occluders!r} is not known; give {' or '.join(get_args(Occluders))}")
+    if occluders == "keep":
+        return refocus(views, disparities, method=method, weights=weights)
+    if method != "mapping":
+        raise InvalidOption(f"occluders: they are not removed with the method {method}; give mapping")
+    check_disparities(disparities)
+    return (_make_plane(views, float(disparity), weights) for disparity in disparities)
+
+
+def _make_plane(views: NDArray[Any], disparity: float, weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """One plane, `(H, W, C)`, in blocks of rows."""
+    height = views.shape[2]
+    scale = np.iinfo(views.dtype).max / 255
+    tolerance = (DIFFERENCE * scale) ** 2 + 2 * estimate_noise(views[center_view(*views.shape[:2])]) ** 2
+    step = max(1, _BLOCK * height // views.size)
+    blocks = [np.arange(start, min(start + step, height)) for start in range(0, height, step)]
+    with ThreadPoolExecutor(count_cores()) as pool:
+        return np.concatenate(list(pool.map(partial(_make_rows, views, disparity, weights, tolerance), blocks)))
+
+
+def _make_rows(
+    views: NDArray[Any],
+    disparity: float,
+    weights: NDArray[np.float32],
+    tolerance: float,
+    rows: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    """The rows `rows` of a plane, `(h, W, C)`."""
+    samples, reached = _line_up(views, disparity, weights, rows)
+    counting = np.flatnonzero(weights)
+    candidates = np.random.default_rng(0).permutation(counting)[:CANDIDATES]
+    most = np.zeros(samples.shape[1:3], np.float32)
+    mode = np.zeros(samples.shape[1:], np.float32)
+    for candidate in candidates:
+        agreeing = _compare(samples, samples[candidate], tolerance, reached).sum(axis=0)
+        is_more = (agreeing > most) & (reached[candidate] > 0)
+        np.copyto(most, agreeing, where=is_more)
+        np.copyto(mode, samples[candidate], where=is_more[..., np.newaxis])
+    for _ in range(2):
+        shares = _compare(samples, mode, tolerance, reached)
+        mode = np.einsum("khwc,khw->hwc", samples, shares) / np.maximum(shares.sum(axis=0), 1e-9)[..., np.newaxis]
+    return mode
+
+
+def _compare(
+    samples: NDArray[np.float32], colours: NDArray[np.float32], tolerance: float, reached: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """How much each sample counts for these colours, `(views, h, W)`."""
+    differences = samples - colours
+    squares = np.einsum("khwc,khwc->khw", differences, differences)
+    shares: NDArray[np.float32] = np.exp(squares * np.float32(-1 / (tolerance * samples.shape[3]))) * reached
+    return shares
+
+
+def _line_up(
+    views: NDArray[Any], disparity: float, weights: NDArray[np.float32], rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The views, shifted so that the plane lines up, `(views, h, W, C)`, and their weights where they reach, else 0."""
+    count_v, count_u, height, width, channels = views.shape
+    samples = np.empty((count_v, count_u, len(rows), width, channels), np.float32)
+    reached = np.empty(samples.shape[:4], np.float32)
+    for v in range(count_v):
+        down, is_row = _find_sources(rows, disparity * (v - (count_v - 1) / 2), height)
+        strip = sum(tap * views[v][:, source] for tap, source in down)  # (U, h, W, C)
+        for u in range(count_u):
+            across, is_col = _find_sources(np.arange(width), disparity * (u - (count_u - 1) / 2), width)
+            samples[v, u] = sum(tap * strip[u][:, source] for tap, source in across)
+            reached[v, u] = weights[v, u] * is_row[:, np.newaxis] * is_col
+    return samples.reshape(-1, *samples.shape[2:]), reached.reshape(-1, *reached.shape[2:])
+
+
+def _find_sources(
+    places: NDArray[np.int64], shift: float, length: int
+) -> tuple[list[tuple[np.float32, NDArray[np.int64]]], NDArray[np.bool_]]:
+    """The four weights and indices of the samples that make up a signal shifted by `shift`, and where it is inside."""
+    whole = int(np.floor(-shift))
+    taps = make_taps(np.asarray(-shift - whole)).astype(np.float32)
+    sources = [(places + whole + offset).clip(0, length - 1) for offset in range(-1, 3)]
+    return list(zip(taps, sources, strict=True)), (places - shift >= 0) & (places - shift <= length - 1)
