@@ -29,17 +29,20 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     """The 4x4 matrix that places `scene` at `array`, oriented as `placement` says, as large as fits into every view,
     times the placement's zoom.
 
-    A scene with a window is turned about the subject, and what the window shows fits into the centre view exactly.
+    A placement that fits it to nothing turns and zooms it alone. A scene with a window is turned about the subject, and
+    what the window shows fits into the centre view exactly.
 
     Else the bounding box is centred on the array's axis. A point at distance d from the array, negative before it,
     appears displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and the
     outermost view's t, likewise for y.
     """
+    rotation = np.eye(4)
+    rotation[:3, :3] = placement.rotation()
+    if placement.fit == "none":
+        return np.diag([placement.zoom] * 3 + [1.0]) @ rotation
     scene = scene.framed or scene
     if scene.window is not None:
         return _frame_window(scene.window, array, placement)
-    rotation = np.eye(4)
-    rotation[:3, :3] = placement.rotation()
     if not np.array_equal(rotation, np.eye(4)):  # a copy of all vertices
         scene = scene.transform(rotation)
     low, high = scene.bounds()

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.views import center_view, parse_views
+from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import NDArray
 
     from ciir.renderer.focus.apertures import Shape
     from ciir.renderer.focus.disparity import DisparityMap
+    from ciir.renderer.focus.model import Model
     from ciir.renderer.focus.occluders import Occluders
     from ciir.renderer.focus.planes import Method
-    from ciir.renderer.lens_array import LensArray
     from ciir.renderer.views import View
 
 Pickup = Literal["virtual", "optical"]
@@ -56,18 +56,6 @@ def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[
     if axes in ("u", "uv"):
         return flipped, "lenses" if depth_sense == "cameras" else "cameras"
     return flipped, depth_sense
-
-
-def interleave_views(views: Iterable[NDArray[np.uint8]], array: LensArray) -> NDArray[np.uint8]:
-    """The elemental image array `(rows*Kv, cols*Ku, 4)` of all `Kv*Ku` views, `(rows, cols, 4)` each, row by row.
-
-    Views are taken one at a time. Raises `ValueError` for any other number of them.
-    """
-    pixels_v, pixels_u = array.pixels_v, array.pixels_u
-    eia = np.empty((array.rows * pixels_v, array.cols * pixels_u, 4), np.uint8)
-    for (v, u), view in zip(parse_views("all", pixels_v, pixels_u), views, strict=True):
-        eia[v::pixels_v, u::pixels_u] = view
-    return eia
 
 
 def is_turned(pickup: Pickup) -> bool:
@@ -269,6 +257,18 @@ class LightField:
         from ciir.renderer.focus.disparity import estimate_disparity
 
         return estimate_disparity(self, view, limits=limits)
+
+    def model(self, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False) -> Model:
+        """What the views show as coloured triangles, in the coordinates of the lens array; `save` writes GLB and PLY.
+
+        `pitch`, `delta`: of the lens array, where they are known. Black or transparent pixels that are joined to the
+        border of a view are left out, unless `keeps_background`. `renderer.focus.model` has the method and the units.
+
+        Raises `InvalidOption` as `renderer.focus.model.make_model`.
+        """
+        from ciir.renderer.focus.model import make_model
+
+        return make_model(self, pitch=pitch, delta=delta, keeps_background=keeps_background)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
         """The same light field with that depth sense: where it is the other one, views are reversed in v and in u."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Up = Literal["y", "z"]
+Fit = Literal["views", "none"]
 _UPRIGHT: dict[Up, NDArray[np.float64]] = {
     "y": np.eye(3),
     "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),  # its -y side, the front in CAD and Blender, to the array
@@ -39,6 +40,10 @@ class Placement:
     light: tuple[float, float] | None = None
     """Where the light comes from, in degrees: the azimuth from the front to the right, and the elevation; None for
     `renderer.shading.LIGHT`, upper left front."""
+    fit: Fit = "views"
+    """`views`: as large as fits into every view, where `place` says. `none`: the mesh's coordinates are those of the
+    lens array (`renderer.lens_array`), as those of a captured model are; `place` does nothing, and turns and zoom are
+    about the array's middle."""
 
     def rotation(self) -> NDArray[np.float64]:
         """The rotation from the mesh's own axes to those of the array, `(3, 3)`."""

@@ -26,6 +26,12 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
+def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.float32]:
+    """The inverse of `encode_srgb`: display-referred values in [0, 1] to linear ones, any shape."""
+    x = np.asarray(encoded, np.float64)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
 def shade(normals: NDArray[np.floating], light: NDArray[np.float64] = LIGHT) -> NDArray[np.float32]:
     """Light on unit normals `(n, 3)`, from all directions alike: `0.6 + 0.4 (n . light)` in [0, 1], `(n,)`.
 

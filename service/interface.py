@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
-    from ciir.renderer.placement import Up
+    from ciir.renderer.placement import Fit, Up
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling
@@ -160,7 +160,8 @@ def render(
     up: Up = "y",
     rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
     zoom: float = 1.0,
-    place: float = -1.0,
+    place: float | None = None,
+    fit: Fit = "views",
     light: tuple[float, float] | None = None,
     time: float | None = None,
     animation: str | int | None = None,
@@ -174,8 +175,9 @@ def render(
     `raytrace` (Embree) or `auto`. `background`: RGB, 0 to 255. `pitch`: distance between lenses in scene units.
     `delta`: tangent from one pixel to the next, by default 0.4 / the larger count of `pixels`; or `parallax`: the whole
     viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
-    factor on the size at which every view holds the object. `place`: -1 behind the array, 0 astride, 1 before it.
-    `light`: azimuth and elevation in degrees. `renderer.placement.Placement` says more of the last five.
+    factor on the size at which every view holds the object. `place`: -1, the default, behind the array, 0 astride, 1
+    before it. `fit`: `none` for a mesh in the array's own coordinates, such as a captured model. `light`: azimuth and
+    elevation in degrees. `renderer.placement.Placement` says more of the last six.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
     the name, or the number from 0, of a camera in a glTF file whose picture the centre view shows, by parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
@@ -196,6 +198,7 @@ def render(
             "rotate": rotate,
             "zoom": zoom,
             "place": place,
+            "fit": fit,
             "light": light,
             "time": time,
             "animation": animation,
@@ -260,7 +263,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
 
     `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`: names;
+    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
     `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
     seconds; `time`: seconds, several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`, `camera`: a

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.light_field import interleave_views
 from ciir.renderer.sampling import average_cells, check_samples
 from ciir.renderer.views import parse_views
 
@@ -81,10 +80,16 @@ class Backend(ABC):
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
     ) -> NDArray[np.uint8]:
-        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest."""
+        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest.
+
+        Views are taken one at a time.
+        """
         every = parse_views("all", array.pixels_v, array.pixels_u)
         views = self.render_views(scene, array, every, samples=samples, background=background, notes=notes)
-        return interleave_views(views, array)
+        eia = np.empty((array.rows * array.pixels_v, array.cols * array.pixels_u, 4), np.uint8)
+        for (v, u), view in zip(every, views, strict=True):
+            eia[v :: array.pixels_v, u :: array.pixels_u] = view
+        return eia
 
 
 def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:

@@ -105,5 +105,6 @@ def _predict_share(mesh: Scene, array: LensArray, placement: Placement, card: Ca
     reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
     middle = abs(placement.place) * (sides[2] / 2 + CLEARANCE * sides.max())  # its distance, as `frame_scene` has it
     swept = sides[:2] + 2 * reach * middle
-    scale = (placement.zoom * FILL * lenses / np.maximum(swept, 1e-300)).min()
+    fitted = 1 / array.pitch if placement.fit == "none" else (FILL * lenses / np.maximum(swept, 1e-300)).min()
+    scale = placement.zoom * fitted
     return float(np.minimum(1.0, (scale * sides[:2] + 4 * card.radius) / lenses).prod())

@@ -66,7 +66,9 @@ def test_python_page(folder, capsys):
     printed = capsys.readouterr().out
     for line in re.findall(r"print\(\w+\) +# (.+)", "".join(blocks)):
         assert line.removesuffix("...").rstrip() in printed
-    assert {path.name for path in folder.iterdir()} == {"eia.png", "epi.png", "views.npy", "views.zip", "cross.zip"}
+    assert {path.name for path in folder.iterdir()} == {
+        "eia.png", "epi.png", "views.npy", "views.zip", "cross.zip", "captured.glb",
+    }  # fmt: skip
 
 
 def test_notebook(folder):

@@ -85,3 +85,10 @@ def test_scenes_are_framed_together_by_their_extremes(seed, angles, place):
     both = Scene(scenes[0].parts + scenes[1].parts)
     together = frame_scene(replace(scenes[0], framed=framed), array, placement)
     assert together == pytest.approx(frame_scene(both, array, placement), rel=1e-12)
+
+
+def test_a_scene_that_is_not_fitted_is_only_turned_and_zoomed():
+    matrix = frame_scene(cloud(5, (1, 2, 3)), LensArray(10, 10, 3, 3), Placement(fit="none"))
+    assert np.array_equal(matrix, np.eye(4))
+    turned = frame_scene(cloud(5, (1, 2, 3)), LensArray(10, 10, 3, 3), Placement("z", zoom=2.0, fit="none"))
+    assert turned @ [1, 2, 3, 1] == pytest.approx([2, 6, -4, 1])

@@ -1,7 +1,8 @@
 """PLY, ASCII and binary, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
 
 It casts 16-bit colours modulo 256, takes binary faces of different lengths for one length, and accepts files that
-are cut short. Format: Turk, "The PLY Polygon File Format", 1994.
+are cut short. Format: Turk, "The PLY Polygon File Format", 1994. A line `comment unlit` in the header is ours
+(`renderer.focus.model.files`): the colours hold the light of what was captured.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.scene import Texture
 
+UNLIT = "comment unlit"
+"""The line of a header that says that colours are not to be lit."""
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
 
@@ -38,6 +41,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 
     file = io.BytesIO(_with_plain_header(data, name))
     elements, is_ascii, picture = _parse_header(file)
+    header = file.getvalue()[: file.tell()].splitlines()
     for kind, element in elements.items():
         _check_count(name, kind, element["length"], limits.triangles)
     (_parse_ascii if is_ascii else _parse_binary)(elements, file, name)
@@ -57,6 +61,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         faces=corners.astype(np.int64)[triangles],
         normals=_stack(vertex, "nx", "ny", "nz").astype(np.float64) if "nx" in vertex["properties"] else None,
         color=DEFAULT_COLOR,
+        lit=UNLIT.encode() not in header,
     )
     texture = None if picture is None else resolver.load_texture(picture, opaque=True)
     colored = _add_colors(surface, vertex, face, face_of, texture)

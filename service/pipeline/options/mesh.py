@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ciir.renderer.placement import Placement, Up
+from ciir.errors import InvalidOption
+from ciir.renderer.placement import Fit, Placement, Up
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import make_angles, make_name, make_number
@@ -34,6 +35,13 @@ MESH = {
         "where a mesh lies: -1 behind the lens array, 0 astride, 1 before it (default -1; in pictures for displays 0)",
         make_number(-1, 1),
         "0",
+    ),
+    "fit": Option(
+        "NAME",
+        "views: a mesh is made as large as fits into every view; none: its coordinates are those of the lens array, "
+        "as those of a captured model (default views)",
+        make_name(get_args(Fit)),
+        "none",
     ),
     "light": Option(
         "AZIMUTH,ELEVATION",
@@ -94,6 +102,7 @@ class MeshOptions:
     zoom: float = 1.0
     place: float | None = None
     """None: -1, or 0 in pictures for displays."""
+    fit: Fit = "views"
     light: tuple[float, float] | None = None
     """Degrees."""
     backend: Backend = "auto"
@@ -109,6 +118,8 @@ class MeshOptions:
 
     @property
     def placement(self) -> Placement:
-        """What the options say of it."""
+        """What the options say of it. Raises `InvalidOption` where they contradict each other."""
+        if self.fit == "none" and self.place is not None:
+            raise InvalidOption("fit, place: with fit none a mesh stays at its own place; leave one of them out")
         place = -1.0 if self.place is None else self.place
-        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=place, light=self.light)
+        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=place, light=self.light, fit=self.fit)

@@ -72,7 +72,7 @@ def test_an_elemental_image_array_is_placed_as_its_views(cube):
 
 
 def test_the_defaults_are_as_without_the_options(cube):
-    stated = {"up": "y", "rotate": (0.0, 0.0, 0.0), "zoom": 1.0, "place": -1.0}
+    stated = {"up": "y", "rotate": (0.0, 0.0, 0.0), "zoom": 1.0, "place": -1.0, "fit": "views"}
     (one, report), (other, again) = run(cube), run(cube, **stated)
     assert np.array_equal(one[1, 2], other[1, 2])
     assert report["scene_transform"] == again["scene_transform"]
@@ -81,6 +81,13 @@ def test_the_defaults_are_as_without_the_options(cube):
 def test_delta_and_parallax_exclude_each_other(cube):
     with pytest.raises(InvalidOption, match="delta, parallax: both"):
         run(cube, delta=0.1, parallax=20.0)
+
+
+def test_a_mesh_that_is_not_fitted_stays_where_it_is(cube):
+    _, report = run(cube, fit="none")
+    assert np.array_equal(report["scene_transform"], np.eye(4))
+    with pytest.raises(InvalidOption, match="fit, place: with fit none"):
+        run(cube, fit="none", place=0.0)
 
 
 def test_pictures_may_have_a_parallax_but_no_place():
