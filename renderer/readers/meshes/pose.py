@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _RAYS = 64
 """Rays along each side of a camera's picture that measure its distances."""
+_LEAST_DISTANCE = 1e-6  # of a subject, times the scene's longest side
 
 
 @dataclass(frozen=True)
@@ -94,4 +95,6 @@ def _sample_depths(scene: Scene, lens: Lens) -> NDArray[np.float64]:
     origins = np.stack([base_x * across, base_y * down, 0 * far], axis=1) + max(lens.near, 0.0) * directions
     _, depths = PreparedScene(scene, whole_lines=False).cast(origins, directions)
     depths = depths + max(lens.near, 0.0)
-    return depths[np.isfinite(depths) & (depths <= lens.far)]
+    low, high = scene.bounds()
+    least = _LEAST_DISTANCE * float((high - low).max())
+    return depths[np.isfinite(depths) & (depths > least) & (depths <= lens.far)]

@@ -96,6 +96,12 @@ def test_elemental_image_arrays_count_by_their_views(options, side, expected):
     assert choose(options, make_png_header(side, side)) == expected
 
 
+def test_meshes_count_at_each_time():
+    file, options = io.BytesIO(b"glTF" + bytes(9000)), {"lenses": "50x50", "model": "none"}
+    lanes = [choose_lane(Request("upload.glb", options | more, "mp4"), file) for more in ({}, {"time": "0:1:600"})]
+    assert lanes == ["small", "large"]
+
+
 def test_videos_count_by_their_frames():
     data = make_png_header(3000, 3000)
     options = {"pixels": "15x15", "model": "none"}

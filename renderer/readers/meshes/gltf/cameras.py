@@ -10,6 +10,7 @@ from ciir.errors import Unreadable
 from ciir.renderer.readers.meshes.pose import Lens
 from ciir.renderer.readers.names import find_numbered
 from ciir.renderer.shading import normalize
+from ciir.renderer.surface import MAX_COORDINATE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.meshes.gltf.document import Document
+
+_LEAST = 1e-6
+"""Least half extent of a camera's picture: of an orthographic one, or at distance 1."""
 
 
 def find_camera(
@@ -43,7 +47,8 @@ def find_camera(
     if not np.isfinite(view).all() or abs(float(np.linalg.det(view)) - 1) > 1e-6:  # a zero axis has no direction
         raise Unreadable(f"{document.name}: camera {number} has no orientation; export it again")
     lens = _read_lens(entry)
-    if not (np.isfinite([*lens.base, *lens.slope]).all() and lens.base[1] + lens.slope[1] > 0):
+    extents = lens.base[1] + lens.slope[1], lens.base[0] + lens.slope[0]
+    if not (_LEAST <= extents[0] <= MAX_COORDINATE and (extents[1] == 0 or _LEAST <= extents[1] <= MAX_COORDINATE)):
         raise Unreadable(f"{document.name}: camera {number} has no field of view; export it again")
     document.resolver.add_note(
         f"camera {number}: its picture fits into the centre view at the subject's distance; what is nearer looks "

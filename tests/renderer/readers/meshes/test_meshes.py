@@ -225,6 +225,11 @@ def test_poses_are_for_formats_that_have_them(pose: MeshPose) -> None:
         Input("vase").read(Options(time=None if pose.time is None else (pose.time,), camera=pose.camera))
 
 
+def test_a_camera_has_an_up_of_its_own() -> None:
+    with pytest.raises(InvalidOption, match="up, camera: a camera has an up of its own; leave one of them out"):
+        Input("vase").read(Options(up="z", camera="0"))
+
+
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 def test_the_wheels_of_a_real_truck_turn_and_a_real_camera_looks_down() -> None:
     truck = (MESHES / "milk-truck.glb").read_bytes()

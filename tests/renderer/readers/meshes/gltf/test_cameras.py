@@ -92,10 +92,26 @@ def test_cameras_that_are_not_there() -> None:
     model.json["nodes"][1]["scale"] = [1, 1, 0]
     with pytest.raises(Unreadable, match="camera 0 has no orientation"):
         model.read(MeshPose(camera="0"))
+    for yfov, aspect in ((0, 1), (4, 1), (float("nan"), 1), (1e400, 1), (1, 1e300), (1, -1)):
+        model = filmed_model()
+        model.json["cameras"][0]["perspective"] |= {"yfov": yfov, "aspectRatio": aspect}
+        with pytest.raises(Unreadable, match="camera 0 has no field of view"):
+            model.read(MeshPose(camera="0"))
+
+
+@pytest.mark.parametrize(("near", "far"), [(float("nan"), 1.0), (0.1, float("nan")), (1e300, 1.0), (3.0, 2.0)])
+def test_a_camera_without_a_range(near: float, far: float) -> None:
     model = filmed_model()
-    model.json["cameras"][0]["perspective"]["yfov"] = 0
-    with pytest.raises(Unreadable, match="camera 0 has no field of view"):
+    model.json["cameras"][0]["perspective"] |= {"znear": near, "zfar": far}
+    with pytest.raises(InvalidGeometry, match="all of it lies behind the camera"):
         model.read(MeshPose(camera="0"))
+
+
+def test_a_subject_at_the_camera_itself_is_none() -> None:
+    model = filmed_model()
+    model.json["cameras"][0]["perspective"]["znear"] = 0
+    model.json["nodes"][1]["translation"] = [0.5, 0.5, 1e-9]
+    assert model.read(MeshPose(camera="0")).window is None
 
 
 DISTANCE = 4.0
