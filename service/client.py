@@ -24,6 +24,7 @@ from anyio import to_thread
 from ciir.errors import ConnectionFailed
 from ciir.service import client_messages as messages
 from ciir.service.client_messages import Event, Result
+from ciir.service.pipeline.options import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
@@ -88,6 +89,14 @@ class Client(httpx2.Client):
         """
         return self._run("display", source, options)
 
+    def refocus(self, source: str | Path, **options: object) -> Result:
+        """Sends a light field or a mesh and waits for depth planes."""
+        return self._run("plane", source, options)
+
+    def disparity(self, source: str | Path, **options: object) -> Result:
+        """Sends a light field or a mesh and waits for the disparity of a view."""
+        return self._run("disparity", source, options)
+
     def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
         """Sends `source` and returns its job without waiting."""
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
@@ -108,7 +117,7 @@ class Client(httpx2.Client):
         fields = messages.write_fields(options)
         name, file = messages.open_source(Path(source))
         with file:
-            return self.post(f"/v1/{kind}s", files={"file": (name, file)}, data=fields, headers=headers)
+            return self.post(f"/v1/{KINDS[kind].plural}", files={"file": (name, file)}, data=fields, headers=headers)
 
 
 class AsyncClient(httpx2.AsyncClient):
@@ -156,6 +165,14 @@ class AsyncClient(httpx2.AsyncClient):
         """As `Client.make_display_picture`."""
         return await self._run("display", source, options)
 
+    async def refocus(self, source: str | Path, **options: object) -> Result:
+        """As `Client.refocus`."""
+        return await self._run("plane", source, options)
+
+    async def disparity(self, source: str | Path, **options: object) -> Result:
+        """As `Client.disparity`."""
+        return await self._run("disparity", source, options)
+
     async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
         """As `Client.submit`."""
         return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
@@ -176,7 +193,9 @@ class AsyncClient(httpx2.AsyncClient):
         fields = messages.write_fields(options)
         name, file = await to_thread.run_sync(messages.open_source, Path(source))
         with file:
-            return await self.post(f"/v1/{kind}s", files={"file": (name, file)}, data=fields, headers=headers)
+            return await self.post(
+                f"/v1/{KINDS[kind].plural}", files={"file": (name, file)}, data=fields, headers=headers
+            )
 
 
 class _Path:

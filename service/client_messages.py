@@ -20,10 +20,9 @@ from ciir.errors import (
     Unauthorized,
     Unreadable,
 )
-from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
-from ciir.service.pipeline.options import write_texts
+from ciir.service.pipeline.options import FILE_TYPES, write_texts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -202,6 +201,5 @@ def read_result(response: httpx2.Response) -> Result:
     parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
     suffix = "." + response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
     timings = {stage: float(ms) for stage, ms in parts}
-    return Result(
-        response.headers["etag"].removeprefix("W/").strip('"'), response.content, BY_SUFFIX[suffix].name, timings
-    )
+    name = next(name for name, file_type in FILE_TYPES.items() if file_type.suffix == suffix)
+    return Result(response.headers["etag"].removeprefix("W/").strip('"'), response.content, name, timings)

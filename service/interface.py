@@ -15,7 +15,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
-from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia
 from ciir.service.pipeline.source import Input, add_frames, draw_grid_at, open_source
@@ -274,7 +274,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     """
     writer = MemoryWriter()
     given = source if isinstance(source, LightField) else _open_path(source)
-    report = run_reconstruction(given, Options.convert(options), writer, progress=progress)
+    report = run_reconstruction(given, Options.convert(options, RECONSTRUCTION), writer, progress=progress)
     return Reconstruction(writer.views, report)
 
 

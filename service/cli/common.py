@@ -12,13 +12,14 @@ from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
-from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.source import add_frames, draw_grid_at, open_source
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
+    from ciir.service.pipeline.options import KindName, Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
@@ -26,10 +27,10 @@ if TYPE_CHECKING:
 _PREFIX = "option_"
 
 
-def parse_options(args: argparse.Namespace) -> Options:
-    """The options on the command line. Raises `InvalidOption`."""
+def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -> Options:
+    """The options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
-    return Options.parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
+    return KINDS[kind].parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from ciir.renderer.writers.depth import maps
 from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
-from ciir.service.pipeline.options import DISPLAYS, KINDS, LENSLET, MESH, OPTIONS, READING, UPSCALING, WRITING
+from ciir.renderer.writers.stacks import PLANE_BY_SUFFIX, STACK_BY_SUFFIX
+from ciir.service.pipeline.options import DISPLAYS, FOCUS, KINDS, LENSLET, MESH, OPTIONS, READING, UPSCALING, WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING, *DISPLAYS) if name != "neighbour_time")
 """Options of `ciir convert`."""
 _GROUPS = {
+    "planes and disparity": FOCUS,
     "the lens array, and how a light field lies in its file": READING,
     "raw lenslet pictures": LENSLET,
     "what is made": UPSCALING,
@@ -87,6 +90,36 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--to", metavar="FORMAT", help=f"one of {', '.join(WHOLE)} (default: what the name of OUT asks for)"
     )
     add_options(command, CONVERSION)
+    _add_raw_files(command)
+    command.add_argument("--report", metavar="FILE", help=report)
+
+    command = add_command(
+        "refocus", "make depth planes of a light field or a mesh, or a picture sharp at all depths", "pictures.refocus"
+    )
+    command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
+    command.add_argument(
+        "-o",
+        "--out",
+        required=True,
+        metavar="OUT",
+        help=f"one plane: {', '.join(PLANE_BY_SUFFIX)}; a stack: a folder, or {', '.join(STACK_BY_SUFFIX)}",
+    )
+    add_options(command, KINDS["plane"].options, "plane")
+    _add_raw_files(command)
+    command.add_argument("--report", metavar="FILE", help=report)
+
+    command = add_command(
+        "depth", "estimate the disparity of a view of a light field; that of a mesh is exact", "pictures.depth"
+    )
+    command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
+    suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in maps.FORMATS.values()))
+    command.add_argument(
+        "-o", "--out", required=True, metavar="OUT", help=f"{suffixes}; the confidence is written beside it"
+    )
+    command.add_argument(
+        "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: what the name of OUT asks for)"
+    )
+    add_options(command, KINDS["disparity"].options, "disparity")
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)
 

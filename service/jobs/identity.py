@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.options import KINDS, NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,7 +47,7 @@ def compute_id(request: Request, content: str, limits: Mapping[str, int]) -> str
     inputs = [
         hash_installation(),
         os.path.splitext(request.name)[1],  # noqa: PTH122 - a name, no path
-        Options.parse(request.options).as_dict(),
+        KINDS[request.kind].parse(request.options).as_dict(NAMES),
         request.kind,
         request.format,
         dict(limits),

@@ -64,7 +64,7 @@ class Event:
 
     kind: Literal["queued", "running", "progress", "done", "failed", "cancelled"]
     data: dict[str, Any] = field(default_factory=dict)
-    """`progress`: `{"stage": "decode|plan|render|map|upscale|encode", "views_done": int, "views": int}`."""
+    """`progress`: `{"stage": "decode|plan|render|map|upscale|focus|encode", "views_done": int, "views": int}`."""
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.pipeline.displays.rays import count_rays
 from ciir.service.pipeline.job import LENSES, PIXELS
-from ciir.service.pipeline.options import NO_MODEL, Options
+from ciir.service.pipeline.options import KINDS, NO_MODEL
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind as DisplayKind
     from ciir.service.jobs.job import Lane, Request
+    from ciir.service.pipeline.options import Options
 
 LANES: tuple[Lane, ...] = ("small", "large")
 SMALL_ESTIMATE = 2.0
@@ -37,6 +38,8 @@ _DECODE, _RESAMPLE = 3e-8, 3e-7
 """Typical seconds of a pixel of a picture, and of a raw lenslet picture's beside that."""
 _MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 2e-7
 """Typical seconds of a network's multiply-add, of a pixel that is written, and of a pixel of a video's frame."""
+_SHIFT, _MATCH = 1e-8, 2e-5
+"""Typical seconds of a view's pixel in a depth plane, and of a pixel of a disparity map."""
 _TRIANGLE_BYTES = 12
 """Least bytes in usual files: three indices of 4 bytes."""
 _WINDOW = 25
@@ -59,7 +62,7 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
 
     What only the rest of the file's content shows, such as instances, is not looked at.
     """
-    options = Options.parse(request.options)
+    options = KINDS[request.kind].parse(request.options)
     if options.time is not None and len(options.time) > 1:
         single = {name: text for name, text in request.options.items() if name != "time"}
         return len(options.time) * estimate_seconds(replace(request, options=single, format=None), size, pixels)
@@ -70,11 +73,17 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
         return read + _count_rays(request, options) * _SAMPLE
     if request.kind == "elemental":
         options = replace(options, views="all", model=NO_MODEL)
+    if request.kind in ("plane", "disparity"):
+        options = replace(options, views="all")
     lenses, grid = _find_array(options, pixels)
     wanted = {"center": 1, "cross": 5, "all": grid}.get(options.views, options.views.count(";") + 1)
     larger = 1 if options.model == NO_MODEL else options.scale**2
     written = lenses * wanted * larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
-    if request.format is not None and "frames" in FORMATS[request.format].uses:
+    if request.kind == "plane":
+        written += lenses * larger * (_MATCH + grid * _SHIFT * (options.stack[2] if options.stack else 1))
+    elif request.kind == "disparity":
+        written += lenses * larger * _MATCH
+    elif request.format is not None and "frames" in FORMATS[request.format].uses:
         written += lenses * larger * options.frames * _FRAME
     if pixels is not None:
         return read + (0 if options.lens_pitch is None else pixels * _RESAMPLE) + written

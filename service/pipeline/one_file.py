@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
+from functools import partial
 from typing import IO, TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
+from ciir.renderer.writers.depth import encode_disparity
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
+from ciir.renderer.writers.stacks import PLANE, STACK
+from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
 from ciir.service.pipeline.displays.pictures import make_picture
+from ciir.service.pipeline.focus.disparities import find_disparity
+from ciir.service.pipeline.focus.planes import count_planes, make_planes
 from ciir.service.pipeline.pictures import output_names, upscale_files
 
 if TYPE_CHECKING:
@@ -106,10 +113,48 @@ def _show(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report
     return report["display"]["kind"], report | {"timings_ms": output.clock.timings_ms()}
 
 
+def _refocus(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    is_one = count_planes(options) == 1
+    name, writers = output.format or ("png" if is_one else "zip"), PLANE if is_one else STACK
+    if name not in writers:
+        what = "one plane" if is_one else "a stack of planes"
+        raise InvalidOption(f"format: {name} can't hold {what}; give {', '.join(writers)}")
+    report = make_planes(
+        bundle,
+        options,
+        partial(writers[name], output.file),
+        max_pixels=output.max_pixels,
+        progress=output.progress,
+        clock=output.clock,
+    )
+    return name, report
+
+
+def _find_disparity(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    found, report = find_disparity(
+        bundle, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+    )
+    name = output.format or "pfm"
+    with output.clock.stage("encode"):
+        data, confidence, reading = encode_disparity(found, "pfm" if name == "zip" else name)
+        report["disparity"] |= reading
+        if name != "zip":
+            output.file.write(data)
+            return name, report
+        picture, _, _ = encode_disparity(found, "viridis")
+        files = {"disparity.pfm": data, "confidence.pfm": confidence, "disparity.png": picture}
+        with zipfile.ZipFile(output.file, "w") as archive:
+            for each, content in {**files, REPORT: report_json(report)}.items():
+                archive.writestr(zipfile.ZipInfo(each, ZIP_DATE), content, zipfile.ZIP_DEFLATED)
+    return name, report
+
+
 RUNS: dict[KindName, Run] = {
     "reconstruction": _reconstruct,
     "upscale": _upscale,
     "elemental": _render_eia,
     "display": _show,
+    "plane": _refocus,
+    "disparity": _find_disparity,
 }
 """By kind."""

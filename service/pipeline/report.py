@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import version
 from typing import Any
 
-STAGES = ("decode", "plan", "render", "map", "upscale", "encode")
+STAGES = ("decode", "plan", "render", "map", "upscale", "focus", "encode")
 """In the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto` needs."""
 
 Report = dict[str, Any]

@@ -15,7 +15,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Contents
 from ciir.service.pipeline.job import Job, resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
-from ciir.service.pipeline.options import NO_MODEL
+from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.report import Clock, Report, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
@@ -166,7 +166,7 @@ def _reconstruct(
     skipped = ({} if upscale is None else describe_skipped(statistics)) | described["skipped"] or None
     report: Report = {
         "input": given.describe(content),
-        "lens_array": _describe_array(job),
+        "lens_array": describe_array(job),
         "scene_transform": described["transform"],
         "views": written,
         "plan": {
@@ -180,7 +180,7 @@ def _reconstruct(
             "skipped": skipped,
         },
         "model": describe_model(plan.model, plan.scale) if upscale is not None else None,
-        "options": options.as_dict(),
+        "options": options.as_dict(RECONSTRUCTION),
         "notes": [*described["notes"], *([plan.note] if plan.note else []), *fallback_notes(fallback)],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
@@ -221,7 +221,7 @@ def render_eia(
     described = views.describe()
     return {
         "input": given.describe(scene),
-        "lens_array": _describe_array(job),
+        "lens_array": describe_array(job),
         "scene_transform": described["transform"],
         "plan": {
             "backend": described["backend"],
@@ -291,7 +291,7 @@ def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
     )
 
 
-def _describe_array(job: Job) -> Report:
+def describe_array(job: Job) -> Report:
     """The report's `lens_array`; pitch and delta are null where nothing is known of them."""
     rows, cols, pixels_v, pixels_u = *job.lenses, *job.grid
     counts = {"rows": rows, "cols": cols, "pitch": job.pitch, "pixels_v": pixels_v, "pixels_u": pixels_u}

@@ -59,6 +59,17 @@ def test_tutorial(folder, capsys):
     assert scores["bicubic"] < scores["fast"] < scores["field"]
 
 
+def test_focus_page(folder, capsys):
+    commands = find_commands(read_page("docs/focus.md"))
+    assert len(commands) > 8
+    for words in commands:
+        assert main(words) == 0, (words, capsys.readouterr().err)
+    assert len(list((folder / "planes").iterdir())) == 10
+    estimated, exact = (np.fromfile(folder / f"{name}.pfm", "<f4", offset=14) for name in ("depth", "exact"))
+    seen = np.fromfile(folder / "exact_confidence.pfm", "<f4", offset=14) == 1
+    assert np.median(np.abs(estimated - exact)[seen]) < 0.07  # BadPix's threshold
+
+
 def test_python_page(folder, capsys):
     blocks = find_code(read_page("docs/python.md"))
     assert len(blocks) > 5

@@ -108,6 +108,12 @@ def test_the_other_kinds(client, eia_file, cube_file):
     assert decode(large.content, name="x").shape == (3 * height, 3 * width, 3)
     eia = client.render_eia(cube_file, lenses=(6, 9), pixels=(4, 4), background=(255, 255, 255), format="tiff")
     assert (decode(eia.content, name="x").shape, eia.format) == ((24, 36, 3), "tiff")
+    planes = client.refocus(eia_file, lenses=(6, 9), stack=(-1, 1, 3), format="npy")
+    assert np.load(io.BytesIO(planes.content)).shape == (3, 6, 9, 3)
+    disparity = client.disparity(eia_file, lenses=(6, 9), view=(0, 1))
+    assert (disparity.content[:2], disparity.format) == (b"Pf", "pfm")
+    with pytest.raises(InvalidOption, match="format: mp4 can't hold one plane"):
+        client.refocus(eia_file, lenses=(6, 9), disparity=0, format="mp4")
     job = client.submit(eia_file, "upscale", model="nearest")
     assert (job.result().format, job.path) == ("png", f"/v1/upscales/{job.id}")
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
-from ciir.renderer.writers.formats import FORMATS
 from ciir.service.jobs.job import Problem, Result
+from ciir.service.pipeline.options import FILE_TYPES
 from ciir.service.pipeline.report import STAGES
 
 LIMIT = 1 << 20
@@ -38,7 +38,7 @@ def _check_outcome(outcome: Result | Problem) -> Result | Problem:
         return Problem(outcome.status, _clean(outcome.title), _clean(outcome.detail))
     if not 0 <= outcome.size <= _MOST:
         raise ValueError("no size")
-    if outcome.format not in FORMATS:
+    if outcome.format not in FILE_TYPES:
         raise ValueError("no format")
     timings = outcome.report.get("timings_ms")
     if not isinstance(timings, dict) or not timings.keys() <= {*STAGES, "total"} or not _are_numbers(timings):

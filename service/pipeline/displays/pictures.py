@@ -26,7 +26,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
 from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
-from ciir.service.pipeline.options import MESH
+from ciir.service.pipeline.options import KINDS, MESH
 from ciir.service.pipeline.options.options import Options
 from ciir.service.pipeline.report import Clock, find_versions
 from ciir.service.pipeline.source import Input
@@ -88,7 +88,7 @@ def make_picture(
             kind, replace(target, layout=picture.layout) if isinstance(target, Quilt) and picture.layout else target
         ),
         "scene_transform": None if matrix is None else matrix.tolist(),
-        "options": options.as_dict(),
+        "options": options.as_dict(KINDS["display"].options),
         "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *content.notes, *picture.notes],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*(("embreex",) if matrix is not None else ())),

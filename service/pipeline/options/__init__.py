@@ -1,10 +1,11 @@
 """Options and kinds of jobs: one table each, for the command line, HTTP and Python."""
 
 from ciir.service.pipeline.options.displays import DISPLAYS
-from ciir.service.pipeline.options.kinds import KINDS, Kind, KindName
+from ciir.service.pipeline.options.focus import FOCUS
+from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, Kind, KindName
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
-from ciir.service.pipeline.options.options import NAMES, OPTIONS, Options, write_texts
+from ciir.service.pipeline.options.options import NAMES, OPTIONS, RECONSTRUCTION, Options, write_texts
 from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, UPSCALING, Strategy
 from ciir.service.pipeline.options.values import read_pair
@@ -14,6 +15,8 @@ __all__ = [
     "AUTO",
     "AUTO_MODEL",
     "DISPLAYS",
+    "FILE_TYPES",
+    "FOCUS",
     "KINDS",
     "LENSLET",
     "MAX_SCALE",
@@ -22,6 +25,7 @@ __all__ = [
     "NO_MODEL",
     "OPTIONS",
     "READING",
+    "RECONSTRUCTION",
     "UPSCALING",
     "WRITING",
     "Backend",

@@ -84,4 +84,5 @@ class DisplayOptions:
     calibration: str = ""
     display: str = ""
     conversion: Conversion = "spoc"
-    disparity: float = 0.0
+    disparity: float | None = None
+    """Pixels."""

@@ -3,26 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from ciir.errors import UnknownModel
 from ciir.models import catalogue
 from ciir.renderer.displays.pictures import USES
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
+from ciir.renderer.writers.depth import maps
 from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.stacks import PLANE, STACK
 from ciir.service.pipeline.options.displays import DISPLAYS
+from ciir.service.pipeline.options.focus import FOCUS
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH
-from ciir.service.pipeline.options.options import NAMES, describe
+from ciir.service.pipeline.options.options import RECONSTRUCTION, Options, describe
 from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-KindName = Literal["reconstruction", "upscale", "elemental", "display"]
+KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
+_INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbour_time")
+"""Options of what is made of all views."""
+_MODEL = "a model that upscales the views first: a name that `ciir models` lists, or auto; or none (default none)"
+
+
+class FileType(NamedTuple):
+    """What a result is as a file."""
+
+    suffix: str
+    media_type: str
+    holds_report: bool = False
+    """Whether the report, and with it the times of that run, is in the file."""
+
+
+FILE_TYPES = {
+    **{entry.name: FileType(entry.suffix, entry.media_type) for entry in maps.FORMATS.values()},
+    **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
+}
+"""By the name of a format."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +52,6 @@ class Kind:
     """A kind of job."""
 
     name: KindName
-    """`POST /v1/NAMEs` makes one."""
     summary: str
     takes: str
     """The file."""
@@ -42,6 +63,17 @@ class Kind:
     """A rule in words."""
     help: Mapping[str, str] = field(default_factory=dict)
     """Lines of help that differ from those in `OPTIONS`."""
+    defaults: Mapping[str, str] = field(default_factory=dict)
+    """Texts of defaults that differ from those of `Options`."""
+
+    @property
+    def plural(self) -> str:
+        """`POST /v1/PLURAL` makes one."""
+        return "disparities" if self.name == "disparity" else f"{self.name}s"
+
+    def parse(self, texts: Mapping[str, str]) -> Options:
+        """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`."""
+        return Options.parse({**self.defaults, **texts})
 
     def list_models(self) -> list[str]:
         """The values of the option `model`."""
@@ -60,6 +92,8 @@ class Kind:
         schema = describe(name)
         if name in self.help:
             schema["description"] = self.help[name]
+        if name in self.defaults:
+            schema["default"] = self.defaults[name]
         return schema | ({"enum": self.list_models()} if name == "model" else {})
 
 
@@ -70,7 +104,7 @@ KINDS: dict[KindName, Kind] = {
             "reconstruction",
             "Reconstruct views from a mesh, an EIA picture or a zip of views",
             "a mesh, an EIA picture, or a zip of views",
-            tuple(name for name in NAMES if name not in DISPLAYS),
+            RECONSTRUCTION,
             tuple(name for name in FORMATS if name not in USES),
             "png for one view, else zip",
         ),
@@ -110,10 +144,40 @@ KINDS: dict[KindName, Kind] = {
             "display",
             "Make a picture for a light-field display",
             "a mesh, an EIA picture, or a zip of views",
-            tuple(name for name in (*DISPLAYS, *READING, *LENSLET, *MESH) if name != "neighbour_time"),
+            (*DISPLAYS, *_INPUT),
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
             {"place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
+        ),
+        Kind(
+            "plane",
+            "Refocus a light field: depth planes, or a picture that is in focus everywhere",
+            "a mesh, an EIA picture, a zip of views, or a light field in one file",
+            (
+                "disparity",
+                *(name for name in FOCUS if name not in ("view", "limits")),
+                *("model", "scale", "fps"),
+                *_INPUT,
+            ),
+            tuple(dict.fromkeys((*PLANE, *STACK))),
+            "png for one plane, else zip",
+            {
+                "model": _MODEL,
+                "disparity": "the plane of what moves by so many pixels from view to view, in pixels of the views that "
+                "are read; as in `ciir depth` larger is nearer, and 0 the lens array's plane or, for parallel cameras, "
+                "infinity",
+            },
+            {"model": NO_MODEL},
+        ),
+        Kind(
+            "disparity",
+            "Estimate the disparity of a view",
+            "an EIA picture, a zip of views, a light field in one file, or a mesh",
+            ("view", "limits", "model", "scale", *_INPUT),
+            (*maps.FORMATS, "zip"),
+            "pfm",
+            {"model": _MODEL},
+            {"model": NO_MODEL},
         ),
     )
 }

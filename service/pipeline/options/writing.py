@@ -59,4 +59,5 @@ class WritingOptions(DisplayOptions):
 
     def make_writer_options(self, suffix: str = "") -> WriterOptions:
         """What a writer gets. `suffix`: of the output's name."""
-        return WriterOptions(suffix, **{field.name: getattr(self, field.name) for field in fields(WritingOptions)})
+        given = {field.name: getattr(self, field.name) for field in fields(WritingOptions)}
+        return WriterOptions(suffix, **{name: value for name, value in given.items() if value is not None})

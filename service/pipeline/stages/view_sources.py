@@ -94,6 +94,12 @@ class MeshViews:
             )
             return np.ascontiguousarray(self._drop_alpha(eia))
 
+    def render_depth(self, view: View) -> NDArray[np.float32]:
+        """The depth of a view, `(rows, cols)`, as `Backend.render_depth`."""
+        with self._clock.stage("render"):
+            (depth,) = self._backend.render_depth(self._placed, self._array, [view])
+            return depth
+
     def describe(self) -> Report:
         """What the report says of the views."""
         return {

@@ -172,7 +172,7 @@ async def read_events(start: Start, state: State, _counted: Annotated[None, Depe
 def make_router(kind: Kind) -> APIRouter:
     """The routes of one kind of job."""
     title = kind.name.title()
-    router = APIRouter(prefix=results.find_root(kind.name), tags=[f"{kind.name}s"], default_response_class=Response)
+    router = APIRouter(prefix=results.find_root(kind.name), tags=[kind.plural], default_response_class=Response)
     status = openapi.describe_errors(401, 404, 503)
     router.post(
         "",

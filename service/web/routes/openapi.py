@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ciir.renderer.writers.formats import FORMATS
+from ciir.service.pipeline.options import FILE_TYPES
 from ciir.service.web import problems
 from ciir.service.web.routes import results, schemas
 from ciir.service.web.routes.document import make_schemas, to_openapi_3_0
@@ -70,7 +70,7 @@ def describe_result(kind: Kind) -> Responses:
     return {
         200: {
             "description": f"the result, in one of the formats {', '.join(kind.formats)}",
-            "content": {FORMATS[name].media_type: _BINARY for name in kind.formats},
+            "content": {FILE_TYPES[name].media_type: _BINARY for name in kind.formats},
             "headers": headers,
         },
         304: {"description": "the client has the result that If-None-Match names", "headers": headers},

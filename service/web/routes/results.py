@@ -12,9 +12,9 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from ciir.errors import ResultExpired
 from ciir.renderer.displays.quilt import QuiltLayout
-from ciir.renderer.writers.formats import FORMATS
 from ciir.service.errors import CANCELLED, find_response
 from ciir.service.jobs.job import FINAL
+from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ FAILED_RETRY_SECONDS = "10"
 
 def find_root(kind: KindName) -> str:
     """The path of all jobs of that kind."""
-    return f"/v1/{kind}s"
+    return f"/v1/{KINDS[kind].plural}"
 
 
 def make_url(job: Job) -> str:
@@ -127,7 +127,7 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
 
 def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
     # A report holds timings, which differ between two runs of one job: a weak tag.
-    tag = f'W/"{job.id}"' if FORMATS[result.format].holds_report else f'"{job.id}"'
+    tag = f'W/"{job.id}"' if FILE_TYPES[result.format].holds_report else f'"{job.id}"'
     return {
         "ETag": tag,
         "Cache-Control": CACHE,
@@ -155,7 +155,7 @@ async def respond_with_result(
     file, start = await to_thread.run_sync(_open_result, jobs, job.id)
     fields = _make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
     fields["Content-Disposition"] = f'attachment; filename="{_name_file(job.id, result)}"'
-    media_type = FORMATS[result.format].media_type
+    media_type = FILE_TYPES[result.format].media_type
     if len(start) == result.size:
         file.close()
         return Response(start, headers=fields, media_type=media_type)
@@ -169,7 +169,7 @@ async def respond_with_result(
 def _name_file(id_: str, result: Result) -> str:
     """A quilt's name holds its layout: displays read it there."""
     layout = result.report.get("display", {}).get("layout")
-    return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FORMATS[result.format].suffixes[0]}"
+    return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FILE_TYPES[result.format].suffix}"
 
 
 def _open_result(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:

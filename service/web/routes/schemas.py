@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NotRequired, TypeVar
+from typing import Annotated, Literal, NotRequired
 
-from pydantic import ConfigDict, Field, with_config
+from pydantic import Field
 from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
 
 from ciir.models.cards import Card  # noqa: TC001 - pydantic evaluates the annotations
-from ciir.renderer.light_field import DepthSense  # noqa: TC001
 from ciir.service.jobs.job import State  # noqa: TC001
 from ciir.service.pipeline.options import KindName  # noqa: TC001
+from ciir.service.web.routes.reports import (
+    DisparityReport,
+    DisplayReport,
+    ElementalReport,
+    PlaneReport,
+    ReconstructionReport,
+    UpscaleReport,
+    described,
+)
 
 REF = "#/components/schemas/{model}"
 """Where the document has a schema."""
-_Class = TypeVar("_Class", bound=type)
 
 
-def _described(kind: _Class) -> _Class:
-    """Has pydantic take the docstrings of attributes as descriptions."""
-    return with_config(ConfigDict(use_attribute_docstrings=True))(kind)
-
-
-@_described
+@described
 class Problem(TypedDict):
     """An error (RFC 9457)."""
 
@@ -37,18 +39,18 @@ class Problem(TypedDict):
     """The path of the request."""
 
 
-@_described
+@described
 class Progress(TypedDict):
     """The last progress of the current run."""
 
-    stage: Literal["decode", "plan", "render", "map", "upscale", "encode"]
+    stage: Literal["decode", "plan", "render", "map", "upscale", "focus", "encode"]
     """The earliest at work, for which the others wait; stages overlap."""
     views_done: int
     views: int
     """0 until it is known."""
 
 
-@_described
+@described
 class ResultFile(TypedDict):
     """The result of a job that is done."""
 
@@ -59,7 +61,7 @@ class ResultFile(TypedDict):
     """Bytes."""
 
 
-@_described
+@described
 class Event(TypedDict, total=False):
     """A server-sent event of a job."""
 
@@ -70,165 +72,6 @@ class Event(TypedDict, total=False):
     """JSON."""
     retry: int
     """Milliseconds after which to reconnect."""
-
-
-@_described
-class Input(TypedDict):
-    """What was read."""
-
-    name: str
-    kind: str
-    """A file type, or `views` for a set of pictures."""
-    bytes: int
-    files: int
-    triangles: NotRequired[int]
-    """Of a mesh."""
-    parts: NotRequired[int]
-    """Of a mesh."""
-    height: NotRequired[int]
-    """Pixels of all views side by side, of a light field."""
-    width: NotRequired[int]
-    channels: NotRequired[int]
-    bits: NotRequired[int]
-    """Of a channel."""
-
-
-@_described
-class LensArray(TypedDict):
-    """The lens array. `pitch` and `delta` are null where nothing is known of them."""
-
-    rows: int
-    cols: int
-    pitch: float | None
-    """Distance between lenses, in scene units; of a raw lenslet picture in its pixels."""
-    pixels_v: int
-    pixels_u: int
-    delta: float | None
-    """Tangent from one pixel under a lens to the next."""
-    depth_sense: DepthSense
-    """`lenses`: what is farther moves further to the left from one view to the next on the right; `cameras`: what is
-    nearer does."""
-
-
-@_described
-class Skipped(TypedDict):
-    """What needed no computation."""
-
-    pixels: NotRequired[int]
-    """Input pixels of the model."""
-    uniform: NotRequired[float]
-    """Share of `pixels` in regions of one colour."""
-    repeated: NotRequired[float]
-    """Share of `pixels` whose neighbourhood had been computed."""
-    saved_ms: NotRequired[float | None]
-    """Null where all were skipped."""
-    culled: NotRequired[float]
-    """Share of a mesh's triangles."""
-
-
-@_described
-class UsedModel(TypedDict):
-    """The model that ran."""
-
-    name: str
-    scale: int
-    sha256: str | None
-    """Of its file; null for interpolation."""
-    fallback: NotRequired[UsedModel]
-    """What made the pixels of low confidence, with a light-field network."""
-
-
-@_described
-class Plan(TypedDict):
-    """How views were made, and why."""
-
-    strategy: Literal["upscale", "direct"]
-    backend: str | None
-    """Null for a light field."""
-    sampling: Literal["pinhole", "lenslet"] | None
-    samples: int
-    """Along each side of a lens's cell, of a mesh."""
-    model: str
-    scale: int
-    reasons: list[str]
-    skipped: Skipped | None
-
-
-@_described
-class ElementalPlan(TypedDict):
-    """How an elemental image array was made, and why."""
-
-    backend: str
-    sampling: Literal["pinhole", "lenslet"]
-    samples: int
-    """Along each side of a lens's cell."""
-    pickup: Literal["virtual", "optical"]
-    reasons: list[str]
-
-
-class _AnyReport(TypedDict):
-    notes: list[str]
-    timings_ms: Annotated[dict[str, float], Field(description="Milliseconds of each stage that ran, and `total`.")]
-    versions: Annotated[dict[str, str], Field(description="Of the packages that took part.")]
-
-
-@_described
-class ReconstructionReport(_AnyReport):
-    """`report.json` without its list of views."""
-
-    input: Input
-    lens_array: LensArray
-    scene_transform: list[list[float]] | None
-    """4x4, row-major: from a mesh's coordinates to those of the lens array."""
-    plan: Plan
-    model: UsedModel | None
-    options: dict[str, Any]
-    """All options with their values."""
-
-
-@_described
-class UpscaledPicture(TypedDict):
-    """A picture that was upscaled, and its size then."""
-
-    input: str
-    file: str
-    height: int
-    width: int
-    channels: int
-    bits: int
-
-
-@_described
-class UpscaleReport(_AnyReport):
-    """The report of an upscaled picture."""
-
-    pictures: list[UpscaledPicture]
-    model: UsedModel
-    skipped: Skipped
-
-
-@_described
-class ElementalReport(_AnyReport):
-    """The report of an elemental image array."""
-
-    input: Input
-    lens_array: LensArray
-    scene_transform: list[list[float]]
-    """4x4, row-major: from the mesh's coordinates to those of the lens array."""
-    plan: ElementalPlan
-
-
-@_described
-class DisplayReport(_AnyReport):
-    """The report of a picture for a display."""
-
-    input: Input
-    display: dict[str, Any]
-    """Its `kind` and numbers, among them `layout` of a quilt: `cols`, `rows`, `aspect`."""
-    scene_transform: list[list[float]] | None
-    """4x4, row-major: from a mesh's coordinates to those of the display."""
-    options: dict[str, Any]
-    """All options with their values."""
 
 
 class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
@@ -245,7 +88,7 @@ class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
     problem: NotRequired[Annotated[Problem, Field(description="Why it failed, if it has; 410 if its result is lost.")]]
 
 
-@_described
+@described
 class Reconstruction(_Status):
     """Status of a reconstruction."""
 
@@ -253,7 +96,7 @@ class Reconstruction(_Status):
     """If it is done."""
 
 
-@_described
+@described
 class Upscale(_Status):
     """Status of an upscaling."""
 
@@ -261,7 +104,7 @@ class Upscale(_Status):
     """If it is done."""
 
 
-@_described
+@described
 class Elemental(_Status):
     """Status of an elemental image array."""
 
@@ -269,7 +112,7 @@ class Elemental(_Status):
     """If it is done."""
 
 
-@_described
+@described
 class Display(_Status):
     """Status of a picture for a display."""
 
@@ -277,7 +120,23 @@ class Display(_Status):
     """If it is done."""
 
 
-@_described
+@described
+class Planes(_Status):
+    """Status of a job that makes depth planes."""
+
+    report: NotRequired[PlaneReport]
+    """If it is done."""
+
+
+@described
+class Disparity(_Status):
+    """Status of a disparity map."""
+
+    report: NotRequired[DisparityReport]
+    """If it is done."""
+
+
+@described
 class Model(TypedDict):
     """A model of the catalogue."""
 
@@ -298,6 +157,8 @@ STATUSES: dict[KindName, type] = {
     "upscale": Upscale,
     "elemental": Elemental,
     "display": Display,
+    "plane": Planes,
+    "disparity": Disparity,
 }
 """The type of a status, by kind of job."""
 TYPES = (Event, Problem, Model, *STATUSES.values())

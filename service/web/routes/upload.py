@@ -16,7 +16,7 @@ from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
-from ciir.service.pipeline.options import KINDS, Options
+from ciir.service.pipeline.options import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -76,9 +76,9 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
         raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *kind.options))}")
     if format_ is not None and format_ not in kind.formats:
-        others = "".join(f", or POST to /v1/{other.name}s" for other in KINDS.values() if format_ in other.formats)
+        others = "".join(f", or POST to /v1/{other.plural}" for other in KINDS.values() if format_ in other.formats)
         raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}{others}")
-    kind.check_model(Options.parse(texts).model)
+    kind.check_model(kind.parse(texts).model)
     if upload is None:
         raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}")
     request = Request("upload" + _find_suffix(upload.filename or ""), texts, format_, kind.name)

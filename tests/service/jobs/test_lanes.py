@@ -57,6 +57,21 @@ def test_the_lane_depends_on_the_work(options, size, expected):
     assert choose(options, bytes(size)) == expected
 
 
+@pytest.mark.parametrize(
+    ("kind", "options", "side", "expected"),
+    [
+        ("plane", {"disparity": "1"}, 1000, "small"),
+        ("plane", {"stack": "0:1:999"}, 1000, "large"),
+        ("plane", {"disparity": "1", "model": "quality"}, 1000, "large"),
+        ("disparity", {}, 1000, "small"),
+        ("disparity", {}, 7000, "large"),
+    ],
+)
+def test_the_lane_of_planes_and_disparities(kind, options, side, expected):
+    request = Request("upload.png", {"pixels": "9x9", **options}, None, kind)
+    assert choose_lane(request, io.BytesIO(make_png_header(side, side))) == expected
+
+
 @pytest.mark.parametrize(("options", "expected"), [({}, "small"), ({"sampling": "lenslet"}, "large")])
 def test_the_lane_of_elemental_images(options, expected):
     assert choose_lane(Request("upload.x", options, None, "elemental"), io.BytesIO(bytes(1000))) == expected

@@ -1,14 +1,17 @@
 import json
 from dataclasses import fields
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
+from ciir.renderer.focus import planes
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.options import TEXT_FILES
 from ciir.service.pipeline.options import NAMES, Options, write_texts
+from ciir.service.pipeline.options.focus import Method
 
 
 def test_every_option_is_described():
@@ -27,7 +30,9 @@ def test_parses_every_option():
         "lens_pitch": "14.37", "lens_offset": "5.3, 8.8", "lens_rotation": "0.8", "lens_grid": "hexagonal",
         "path": "spiral", "frame": "7", "frames": "90", "fps": "25", "device": " go ", "quilt": "5 X 9",
         "aspect": "1.6", "calibration": '{"pitch": 1}', "display": "[panel]\n", "conversion": "none",
-        "disparity": "-0.5",
+        "disparity": "-0.5", "depth": "120", "stack": "-1:1.5:16", "stack_of": "depths", "method": "window",
+        "aperture": "2.5", "aperture_shape": "gauss", "camera_pitch": "2", "focal_length": "35", "sensor": "36",
+        "convergence": "500", "view": " 0, 4", "limits": "-2:2",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
@@ -41,6 +46,9 @@ def test_parses_every_option():
         lens_pitch=14.37, lens_offset=(5.3, 8.8), lens_rotation=0.8, lens_grid="hexagonal",
         path="spiral", frame=7, frames=90, fps=25.0, device="go", quilt="5x9",
         aspect=1.6, calibration='{"pitch": 1}', display="[panel]\n", conversion="none", disparity=-0.5,
+        depth=120.0, stack=(-1.0, 1.5, 16.0), stack_of="depths", method="window", aperture=2.5,
+        aperture_shape="gauss", camera_pitch=2.0, focal_length=35.0, sensor=36.0, convergence=500.0, view=(0, 4),
+        limits=(-2.0, 2.0),
     )  # fmt: skip
 
 
@@ -50,7 +58,7 @@ def test_parses_every_option():
         ("lenses", "50"), ("lenses", "0x5"), ("lenses", "-1x5"), ("lenses", "5x5x5"), ("pixels", "axb"),
         ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
         ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
-        ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "1"),
+        ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "far"),
         ("skip", "all"), ("order", "diagonal"), ("flip", "x"), ("transpose", "maybe"),
         ("crop", "1,2,3"), ("crop", "1,2,3,-4"), ("arrangement", "quilt"),
         ("neighbour_time", "-1"), ("neighbour_time", "nan"),
@@ -61,8 +69,11 @@ def test_parses_every_option():
         ("time", "-1"), ("camera", "x" * 201),
         ("lens_pitch", "wide"), ("lens_pitch", "4"), ("lens_pitch", "nan"), ("lens_offset", "5"),
         ("lens_offset", "-1,2"), ("lens_rotation", "46"), ("lens_grid", "round"),
+        ("disparity", "near"), ("disparity", "nan"), ("depth", "inf"), ("stack", "1:2"), ("stack", "1:2:3.5"),
+        ("stack", "1:nan:3"), ("stack_of", "views"), ("method", "shift"), ("aperture", "0"), ("aperture_shape", "star"),
+        ("camera_pitch", "0"), ("view", "4"), ("view", "-1,2"), ("limits", "1"), ("limits", "a:b"),
         ("path", "square"), ("frames", "0"), ("frames", "1.5"), ("fps", "0"), ("fps", "nan"),
-        ("quilt", "8"), ("quilt", "8x-1"), ("aspect", "0"), ("conversion", "x"), ("disparity", "nan"),
+        ("quilt", "8"), ("quilt", "8x-1"), ("aspect", "0"), ("conversion", "x"),
         ("calibration", "x" * 70_000), ("display", "x" * 70_000),
     ],
 )  # fmt: skip
@@ -81,7 +92,7 @@ def test_a_fault_repeats_only_so_much_of_what_was_given():
     ):
         with pytest.raises(InvalidOption) as caught:
             Options.parse(texts)
-        assert len(str(caught.value)) < 700
+        assert len(str(caught.value)) < 1000
         assert str(caught.value).isprintable()
 
 
@@ -96,6 +107,20 @@ def test_angles_are_written_as_they_are_read(angles):
 def test_other_angles_are_refused(value):
     with pytest.raises(InvalidOption, match="YAW,PITCH,ROLL"):
         Options.convert({"rotate": value})
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.floats(-1e8, 1e8), st.floats(-1e8, 1e8), st.integers(2, 999))
+def test_stacks_and_views_are_written_as_they_are_read(first, last, count):
+    given = {"stack": (first, last, count), "limits": (first, last), "view": (count, 0)}
+    read, converted = Options.parse(write_texts(given)), Options.convert(given)
+    assert read == converted
+    assert read.stack == pytest.approx(given["stack"], rel=1e-12, abs=1e-9)
+    assert (read.limits, read.view) == (read.stack[:2], (count, 0))
+
+
+def test_names_of_methods_are_those_of_the_planes():
+    assert get_args(Method) == get_args(planes.Method)
 
 
 @pytest.mark.parametrize("space", [" ", "\t", "\x1f", "\u2003"])

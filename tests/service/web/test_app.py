@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.service.pipeline.options import KINDS
+from ciir.service.web.routes.results import find_root
 from tests.support.web import check_problem, run_app
 
 POST = "/v1/reconstructions"
 ROUTES = (
     *(
-        (method, f"/v1/{kind}s{path}")
+        (method, f"{find_root(kind)}{path}")
         for kind in KINDS
         for method, path in (
             ("POST", ""),

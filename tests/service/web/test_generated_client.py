@@ -70,6 +70,11 @@ def test_the_other_kinds_and_problems(generated):
     made = generated.create_upscale.sync(client=generated.client, body=models.UpscaleForm(file=make_file(generated)))
     height, width = EIA.shape[:2]
     assert decode(made.payload.getvalue(), name="x").shape == (2 * height, 2 * width, 3)  # all options by default
+    body = models.DisparityForm(file=make_file(generated), lenses="6x9")
+    assert generated.create_disparity.sync(client=generated.client, body=body).payload.getvalue()[:2] == b"Pf"
+    body = models.PlaneForm(file=make_file(generated), lenses="6x9", stack="-1:1:3", format_=models.PlaneFormFormat.NPY)
+    planes = generated.create_plane.sync(client=generated.client, body=body).payload
+    assert np.load(io.BytesIO(planes.getvalue())).shape == (3, 6, 9, 3)
     body = models.ElementalForm(file=make_file(generated))
     problem = generated.create_elemental.sync(client=generated.client, body=body)
     assert isinstance(problem, models.Problem)

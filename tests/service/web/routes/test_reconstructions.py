@@ -298,7 +298,7 @@ def test_only_the_suffix_of_a_file_name_is_used(client):
     ("kind", "taken", "others"), [("upscale", ".webp", (".glb", ".mp4")), ("elemental", ".glb", (".png", ".mp4"))]
 )
 def test_a_type_that_is_not_read_names_those_that_the_kind_takes(client, kind, taken, others):
-    detail = check_problem(client.post(f"/v1/{kind}s", files={"file": ("a.md", b"# hello")}), 415, taken)
+    detail = check_problem(client.post(results.find_root(kind), files={"file": ("a.md", b"# hello")}), 415, taken)
     assert not any(other in detail for other in others)
 
 

@@ -1,0 +1,212 @@
+"""Writes a stack of depth planes: pictures in a folder or a zip, a TIFF, arrays, or a video that moves through them.
+
+Planes are made while they are written, one after the other: none is kept.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import zipfile
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.renderer.writers import pictures
+from ciir.renderer.writers.atomic_write import Staged
+from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import REPORT, ZIP_DATE, Contents, report_json
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
+
+    Planes = Iterator[NDArray[np.float32]]
+    WriteStack = Callable[[IO[bytes], "Stack"], list[str]]
+
+
+KEPT = 2**28
+"""Most bytes of frames that are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Depth planes to write."""
+
+    names: tuple[str, ...]
+    """Of each plane, as a file without a suffix."""
+    kind: str
+    """What `values` are: `disparities` or `depths`."""
+    values: tuple[float, ...]
+    shape: tuple[int, int, int]
+    """`(H, W, C)` of a plane."""
+    dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
+    """Of the views, in whose units planes are."""
+    make: Callable[[Sequence[int]], Planes]
+    """Makes planes by their numbers, in that order."""
+    describe: Callable[[], dict[str, Any]]
+    """The report so far."""
+    fps: float | None = None
+    """Frames per second of a video, by default the writer's."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def read(self) -> Planes:
+        """All planes in their order."""
+        return self.make(range(len(self)))
+
+
+def round_plane(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
+    """A plane as a picture of `dtype`."""
+    levels: Pixels = np.rint(plane).clip(0, np.iinfo(dtype).max).astype(dtype)
+    return levels
+
+
+def write_pictures(stack: Stack, write: Callable[[str, bytes], object]) -> list[str]:
+    """Gives `NAME.png` of each plane to `write`, and `report.json`; returns no notes, as all of these."""
+    for name, plane in zip(stack.names, stack.read(), strict=True):
+        write(f"{name}.png", encode_png(round_plane(plane, stack.dtype)))
+    write(REPORT, report_json(stack.describe()))
+    return []
+
+
+def write_folder(path: Path, stack: Stack) -> list[str]:
+    """Writes a PNG of each plane and `report.json`; the planes that an earlier report there lists are removed."""
+    staged, earlier = Staged(path), _list_earlier(path)
+    try:
+        write_pictures(stack, staged.write)
+        stale = earlier - {f"{name}.png" for name in stack.names}
+        staged.commit(remove=stale)
+    finally:
+        staged.discard()
+    return [f"planes of an earlier run removed from the output folder: {len(stale)}"] if stale else []
+
+
+def _list_earlier(folder: Path) -> set[str]:
+    try:
+        names = [f"{plane['name']}.png" for plane in json.loads((folder / REPORT).read_bytes())["planes"]]
+    except (OSError, LookupError, TypeError, ValueError):  # none, or a report.json of another program
+        return set()
+    return {name for name in names if re.fullmatch(r"plane_\d+_[dz][-+.\w]+\.png", name)}
+
+
+def _write_zip(file: IO[bytes], stack: Stack) -> list[str]:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        return write_pictures(stack, lambda name, data: archive.writestr(zipfile.ZipInfo(name, ZIP_DATE), data))
+
+
+def _write_picture(file: IO[bytes], stack: Stack, picture: pictures.PictureFormat) -> list[str]:
+    (plane,) = stack.read()
+    file.write(picture.encode(round_plane(plane, stack.dtype)))
+    return []
+
+
+def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
+    """A page for each plane, whose name is its `PageName` (TIFF 6.0, tag 285)."""
+    import tifffile
+
+    height, width, channels = stack.shape
+    colours = 3 if channels >= 3 else 1
+    size = len(stack) * height * width * channels * stack.dtype.itemsize
+    with tifffile.TiffWriter(file, bigtiff=size > 2**31) as tiff:
+        for name, plane in zip(stack.names, stack.read(), strict=True):
+            picture = round_plane(plane, stack.dtype)
+            tiff.write(
+                picture if channels > 1 else picture[..., 0],
+                photometric="rgb" if colours == 3 else "minisblack",
+                planarconfig="contig" if channels > 1 else None,
+                extrasamples=["unassalpha"] if channels > colours else None,
+                compression="deflate",
+                predictor=True,
+                metadata=None,
+                software=False,
+                extratags=[(285, 2, 0, name, True)],
+            )
+    return []
+
+
+def _write_npy(file: IO[bytes], stack: Stack) -> list[str]:
+    """`(n, H, W, C)` float32, in the units of the views, not rounded."""
+    header = {"descr": "<f4", "fortran_order": False, "shape": (len(stack), *stack.shape)}
+    np.lib.format.write_array_header_1_0(file, header)
+    for plane in stack.read():
+        file.write(np.ascontiguousarray(plane, "<f4").data)
+    return []
+
+
+def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
+    """`planes` as in an npy file, their `disparities` or `depths`, and `report` (JSON text)."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        with archive.open(zipfile.ZipInfo("planes.npy", ZIP_DATE), "w", force_zip64=True) as member:
+            _write_npy(member, stack)
+        report = report_json(stack.describe()).decode()
+        for name, array in ((stack.kind, np.array(stack.values)), ("report", np.array(report))):
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, array, allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), buffer.getvalue())
+    return []
+
+
+def _write_video(file: IO[bytes], stack: Stack, writer: str) -> list[str]:
+    """Frames of 8-bit RGB from the first plane to the last and back."""
+    video = import_module("ciir.renderer.writers.containers.video")
+    back = range(len(stack) - 2, 0, -1)
+    found = getattr(video, writer)(file, WriterOptions(frames=len(stack) + len(back), fps=stack.fps))
+    height, width, channels = stack.shape
+    found.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
+    notes: list[str] = found.write_frames(_list_frames(stack, back))
+    return notes
+
+
+def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
+    """All planes, and those of `back` again: kept, or made again where all of them are large."""
+    height, width, _ = stack.shape
+    is_kept = len(stack) * height * width * 3 <= KEPT
+    kept = {}
+    for number, plane in enumerate(stack.make([*range(len(stack)), *(() if is_kept else back)])):
+        frame = _to_rgb8(plane, stack.dtype)
+        if is_kept:
+            kept[number] = frame
+        yield frame
+    yield from (kept[number] for number in back if is_kept)
+
+
+def _to_rgb8(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8]:
+    """Grey becomes RGB, alpha is left out."""
+    colours = plane[..., :3] if plane.shape[2] >= 3 else plane[..., :1].repeat(3, axis=2)
+    levels: NDArray[np.uint8] = np.rint(colours * np.float32(255 / np.iinfo(dtype).max)).clip(0, 255).astype(np.uint8)
+    return levels
+
+
+PLANE: dict[str, WriteStack] = {
+    **{picture.name: partial(_write_picture, picture=picture) for picture in pictures.FORMATS},
+    "npy": _write_npy,
+    "npz": _write_npz,
+}
+"""What writes one plane, by names of `renderer.writers.formats.FORMATS`."""
+STACK: dict[str, WriteStack] = {
+    "zip": _write_zip,
+    "stack": _write_tiff,
+    "npy": _write_npy,
+    "npz": _write_npz,
+    "mp4": partial(_write_video, writer="Mp4Writer"),
+    "webm": partial(_write_video, writer="WebmWriter"),
+    "gif": partial(_write_video, writer="GifWriter"),
+    "animated-webp": partial(_write_video, writer="WebpWriter"),
+}
+"""What writes several planes, by names there."""
+PLANE_BY_SUFFIX, STACK_BY_SUFFIX = (
+    {suffix: name for name in writers for suffix in FORMATS[name].suffixes} for writers in (PLANE, STACK)
+)
+"""The name of the format that a file's suffix asks for."""

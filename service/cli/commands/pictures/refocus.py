@@ -1,0 +1,54 @@
+"""`ciir refocus`: makes depth planes, or a picture that is in focus everywhere, of any input."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, write_folder
+from ciir.service.cli import common, output_path
+from ciir.service.pipeline.focus.planes import count_planes, make_planes
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
+
+    from ciir.renderer.writers.stacks import Stack, WriteStack
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the planes, and prints a line about them."""
+    path = Path(args.out)
+    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
+    common.check_report(args.report, path)
+    options = common.parse_options(args, "plane")
+    count = count_planes(options)
+    write = _find_writer(args.out, count)
+    source = common.open_input(args, options)
+    with common.progress_bar("picture") as progress:
+        report = make_planes(source, options, write, progress=progress)
+    common.write_report(report, args.report)
+    planes, array = report["planes"], report["lens_array"]
+    scale = report["plan"]["scale"]
+    size = f"{scale * array['rows']}x{scale * array['cols']} pixels ({common.format_timings(report)})"
+    ends = " to ".join(plane["name"].rpartition("_")[2] for plane in (planes[0], planes[-1])[:count])
+    common.print_line(f"{args.out}: {count} plane{'s' * (count > 1)}, {ends}, of {size}")
+
+
+def _find_writer(out: str, count: int) -> Callable[[Stack], list[str]]:
+    """What writes `count` planes to `out`. Raises `InvalidOption`."""
+    writers, by_suffix = (PLANE, PLANE_BY_SUFFIX) if count == 1 else (STACK, STACK_BY_SUFFIX)
+    what, suffix = "one plane" if count == 1 else "a stack of planes", Path(out).suffix.lower()
+    if output_path.names_file(out, list(by_suffix), what=what):
+        return partial(_write_file, Path(out), writers[by_suffix[suffix]])
+    if suffix in {**PLANE_BY_SUFFIX, **STACK_BY_SUFFIX} and not out.endswith("/"):
+        raise InvalidOption(f"{out}: {what} can't be written as {suffix}; end the name with {', '.join(by_suffix)}")
+    return partial(write_folder, Path(out))
+
+
+def _write_file(path: Path, write: WriteStack, stack: Stack) -> list[str]:
+    with replacing(path) as file:
+        return write(file, stack)

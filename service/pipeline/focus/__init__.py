@@ -1,0 +1,1 @@
+"""Depth planes, pictures in focus everywhere and disparity maps of any input."""

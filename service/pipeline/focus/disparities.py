@@ -1,0 +1,133 @@
+"""Estimates the disparity of a view of any light field, and renders that of a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InvalidOption
+from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.focus.disparity import DisparityMap, estimate_disparity
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.inputs import find_main
+from ciir.renderer.readers.registry import MeshFormat
+from ciir.renderer.scene import Scene
+from ciir.service.pipeline.focus.light_fields import capture
+from ciir.service.pipeline.job import resolve_job
+from ciir.service.pipeline.options import KINDS, NO_MODEL
+from ciir.service.pipeline.plan import Plan
+from ciir.service.pipeline.report import Clock, find_versions
+from ciir.service.pipeline.run import describe_array
+from ciir.service.pipeline.source import Input
+from ciir.service.pipeline.stages.view_sources import MeshViews
+
+if TYPE_CHECKING:
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
+
+
+def find_disparity(
+    source: Source,
+    options: Options,
+    *,
+    max_pixels: int | None = None,
+    progress: Progress = ignore_progress,
+    clock: Clock | None = None,
+) -> tuple[DisparityMap, Report]:
+    """The disparity of the view that `options` ask for, in pixels of the map, and the report.
+
+    That of a mesh is exact: rendered, not estimated. Where nothing is seen of it, the disparity is that of its farthest
+    point, and the confidence 0, elsewhere 1. `progress` counts views, then the map. Raises as
+    `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    """
+    clock = clock or Clock()
+    if _holds_mesh(source):
+        return _render(source, options, clock)
+    captured = capture(
+        source, options, max_pixels=max_pixels, progress=lambda done, total: progress(done, total + 1), clock=clock
+    )
+    light_field, scale = captured.light_field, captured.scale
+    limits = options.limits
+    if limits is not None:
+        if limits[0] >= limits[1]:
+            raise InvalidOption(f"limits: {limits[0]:g}:{limits[1]:g} is no range; give the smaller disparity first")
+        low, high = sorted(captured.sign * scale * limit for limit in limits)
+        limits = low, high
+    if options.view is not None:
+        light_field.view(*options.view)
+    with clock.stage("focus"):
+        found = estimate_disparity(light_field, options.view, limits=limits)
+    grid = light_field.shape[0] * light_field.shape[1]
+    progress(grid + 1, grid + 1)
+    notes = captured.report["notes"]
+    if scale > 1:
+        notes += [f"disparities are in pixels of the upscaled views, {scale} for each that was read along each side"]
+    return found, _complete(captured.report, found, options, clock, is_exact=False)
+
+
+def _holds_mesh(source: Source) -> bool:
+    if isinstance(source, Bundle):
+        found = find_main(source)
+        return found is not None and isinstance(found[0], MeshFormat)
+    return isinstance(source, str | Scene)
+
+
+def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
+    """The disparity of a mesh."""
+    if options.limits is not None or options.model != NO_MODEL:
+        raise InvalidOption("limits, model: the disparity of a mesh is rendered, not estimated; leave them out")
+    given = Input(source)
+    with clock.stage("decode"):
+        scene = given.read_mesh(options)
+    wanted = "center" if options.view is None else "{},{}".format(*options.view)
+    job = resolve_job(given.name, scene, replace(options, views=wanted), max_views=given.limits.views)
+    (view,) = job.wanted
+    plan = Plan("upscale", NO_MODEL, scale=1, samples=1)
+    views = MeshViews(scene, job, plan, clock)
+    views.open()
+    depth = views.render_depth(view)
+    is_seen = np.isfinite(depth)
+    if not is_seen.any():
+        raise InvalidOption(f"view: nothing of {given.name} is seen from {view[0]},{view[1]}; give another view")
+    disparity = (job.array.delta / job.array.pitch * np.where(is_seen, depth, depth[is_seen].max())).astype(np.float32)
+    found = DisparityMap(view, disparity, is_seen.astype(np.float32), np.empty(0), "lenses")
+    described = views.describe()
+    report = {
+        "input": given.describe(scene),
+        "lens_array": describe_array(job),
+        "scene_transform": described["transform"],
+        "plan": {
+            "strategy": plan.strategy,
+            "backend": described["backend"],
+            "sampling": "pinhole",
+            "samples": plan.samples,
+            "model": plan.model,
+            "scale": plan.scale,
+            "reasons": described["reasons"],
+            "skipped": None,
+        },
+        "model": None,
+        "notes": [*scene.notes],
+        "versions": find_versions(*described["packages"]),
+    }
+    return found, _complete(report, found, options, clock, is_exact=True)
+
+
+def _complete(report: Report, found: DisparityMap, options: Options, clock: Clock, *, is_exact: bool) -> Report:
+    height, width = found.disparity.shape
+    return report | {
+        "disparity": {
+            "view": list(found.view),
+            "height": height,
+            "width": width,
+            "least": float(found.hci.min()),
+            "largest": float(found.hci.max()),
+            "exact": is_exact,
+        },
+        "options": options.as_dict(KINDS["disparity"].options),
+        "timings_ms": clock.timings_ms(),
+    }

@@ -1,0 +1,100 @@
+"""The light field that planes and disparity maps are made of: any input, with all its views, upscaled if asked for."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.focus.depth_scale import DepthScale
+from ciir.renderer.lens_array import LensArray
+from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.whole import WholeWriter
+from ciir.service.pipeline.run import reconstruct
+
+if TYPE_CHECKING:
+    from ciir.renderer.light_field import LightField
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Clock, Report
+    from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
+
+CAMERAS = ("focal_length", "sensor", "convergence")
+"""Options that go with `camera_pitch`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Captured:
+    """All views of an input."""
+
+    light_field: LightField
+    scale: int
+    """Pixels for each pixel of the views that were read, along each side."""
+    sign: int
+    """Of the light field's disparities where larger ones are nearer: -1 with the depth sense `lenses`."""
+    depths: DepthScale | None
+    """Depth against disparity, larger nearer, in pixels of the views that were read; None where nothing is known of
+    it."""
+    report: Report
+    """Of the views, without their list."""
+
+
+class _Collector(WholeWriter):
+    """Keeps the light field in memory."""
+
+    name = "focus"
+    light_field: LightField
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes nothing."""
+        self.light_field = light_field
+        return []
+
+
+def capture(
+    source: Source,
+    options: Options,
+    *,
+    max_pixels: int | None,
+    progress: Progress,
+    clock: Clock,
+) -> Captured:
+    """Reads or renders all views of `source`, and upscales them by the model of `options`.
+
+    Raises as `service.pipeline.run.reconstruct`, and `InvalidOption` for a single view and for options of cameras that
+    are incomplete or don't fit.
+    """
+    writer = _Collector(io.BytesIO(), WriterOptions())
+    report = reconstruct(
+        source, replace(options, views="all"), writer, max_pixels=max_pixels, progress=progress, clock=clock
+    )
+    del report["views"]
+    light_field, array = writer.light_field, report["lens_array"]
+    if light_field.shape[0] * light_field.shape[1] == 1:
+        raise InvalidOption(
+            f"{report['input']['name']}: one view shows no depth; give an elemental image array with lenses or pixels, "
+            "or two views or more"
+        )
+    depths = _find_depths(options, array)
+    sign = 1 if light_field.depth_sense == "cameras" else -1
+    return Captured(light_field, report["plan"]["scale"], sign, depths, report)
+
+
+def _find_depths(options: Options, array: Report) -> DepthScale | None:
+    """Raises `InvalidOption`."""
+    if options.camera_pitch is None:
+        for name in CAMERAS:
+            if getattr(options, name) is not None:
+                raise InvalidOption(f"{name}: this needs camera_pitch, focal_length and sensor; give all three")
+        if array["pitch"] is None or array["delta"] is None:
+            return None
+        lenses = LensArray(*(array[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
+        return DepthScale.of_lenses(lenses, sense="cameras")
+    if options.focal_length is None or options.sensor is None:
+        raise InvalidOption("camera_pitch: depths need focal_length and sensor too; give all three in millimetres")
+    if array["pitch"] is not None or array["delta"] is not None:
+        raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
+    zero = math.inf if options.convergence is None else options.convergence
+    return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, array["cols"], zero=zero)

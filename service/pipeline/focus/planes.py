@@ -1,0 +1,195 @@
+"""Makes depth planes of any input."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.focus.apertures import make_aperture
+from ciir.renderer.focus.planes import refocus
+from ciir.renderer.writers.stacks import Stack
+from ciir.service.pipeline.focus.light_fields import CAMERAS, Captured, capture
+from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.options.focus import MOST_PLANES
+from ciir.service.pipeline.report import Clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
+
+ASKED = ("disparity", "depth", "stack")
+"""Options, of which one says what is made."""
+
+
+def count_planes(options: Options) -> int:
+    """How many planes `options` ask for. Raises `InvalidOption` unless they ask in one way."""
+    given = [name for name in ASKED if getattr(options, name) is not None]
+    if len(given) != 1:
+        what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
+        raise InvalidOption(f"{what}; give one of disparity, depth and stack")
+    if options.stack is None:
+        return 1
+    first, last, count = options.stack
+    if first == last or not 2 <= count <= MOST_PLANES:
+        raise InvalidOption(
+            f"stack: {count:g} planes from {first:g} to {last:g} make no stack; give 2 to {MOST_PLANES} planes between "
+            "ends that differ, or one disparity or depth"
+        )
+    return int(count)
+
+
+def make_planes(
+    source: Source,
+    options: Options,
+    write: Callable[[Stack], Sequence[str]],
+    *,
+    max_pixels: int | None = None,
+    progress: Progress = ignore_progress,
+    clock: Clock | None = None,
+) -> Report:
+    """Gives the planes that `options` ask for to `write`, which returns notes; returns the report.
+
+    `max_pixels`: most pixels of all planes, of all views, and most samples of a mesh. `progress` counts views, then
+    planes. Raises as `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    """
+    clock = clock or Clock()
+    count = count_planes(options)
+    _check_options(options)
+    captured = capture(
+        source,
+        options,
+        max_pixels=max_pixels,
+        progress=lambda done, total: progress(done, total + count),
+        clock=clock,
+    )
+    work = _Planes(captured, options, clock, progress)
+    height, width = captured.light_field.shape[2:4]
+    if max_pixels is not None and count * height * width > max_pixels:
+        raise TooLarge(
+            f"{count} planes of {height}x{width} pixels: {count * height * width:,} are over the limit of "
+            f"{max_pixels:,}; ask for fewer planes, a smaller scale or a smaller input"
+        )
+    stack = work.make_stack()
+    with clock.stage("encode"):
+        notes = write(stack)
+    report = stack.describe()
+    report["notes"] += notes
+    return report
+
+
+def _check_options(options: Options) -> None:
+    """Raises `InvalidOption` for options that go with others."""
+    if options.stack is None and options.stack_of != "disparities":
+        raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
+    if options.aperture is None and options.aperture_shape != "disc":
+        raise InvalidOption("aperture_shape: this needs aperture, the radius in views; give both")
+    uses_depths = options.depth is not None or options.stack_of == "depths"
+    if not uses_depths:
+        for name in ("camera_pitch", *CAMERAS):
+            if getattr(options, name) is not None:
+                raise InvalidOption(f"{name}: this is for depths; give depth, or stack with stack_of depths")
+
+
+class _Planes:
+    """The planes of one job."""
+
+    def __init__(self, captured: Captured, options: Options, clock: Clock, progress: Progress) -> None:
+        self._captured, self._options, self._clock, self._progress = captured, options, clock, progress
+        self._grid = captured.light_field.shape[:2]
+        self._weights = (
+            None if options.aperture is None else make_aperture(self._grid, options.aperture, options.aperture_shape)
+        )
+        first, last, count = options.stack or (options.disparity or 0.0, options.disparity or 0.0, 1)
+        is_depth = options.depth is not None or options.stack_of == "depths"
+        if options.depth is not None:
+            first = last = options.depth
+        self._kind = "depths" if is_depth else "disparities"
+        self._values = np.linspace(first, last, int(count))
+        self._disparities = self._find_disparities() if is_depth else self._values
+
+    def _find_disparities(self) -> NDArray[np.float64]:
+        """Of the depths."""
+        depths = self._captured.depths
+        if depths is None:
+            raise InvalidOption(
+                f"depth: nothing relates depth to disparity in {self._captured.report['input']['name']}; give pitch "
+                "and delta of its lens array, or camera_pitch, focal_length and sensor in millimetres, or a disparity"
+            )
+        if depths.is_inverse and self._values.min() <= 0:
+            raise InvalidOption(f"depth: {self._values.min():g} mm is not in front of the cameras; give more than 0")
+        return depths.to_disparity(self._values)
+
+    def make_stack(self) -> Stack:
+        """The stack; planes are made when they are read."""
+        light_field = self._captured.light_field
+        height, width, channels = light_field.shape[2:]
+        return Stack(
+            names=tuple(self._list_names()),
+            kind=self._kind,
+            values=tuple(self._values),
+            shape=(height, width, channels),
+            dtype=light_field.dtype,
+            make=self._make,
+            describe=self._describe,
+            fps=self._options.fps,
+        )
+
+    def _list_names(self) -> Iterator[str]:
+        unit = "mm" if self._is_in_millimetres() else ""
+        for number, value in enumerate(self._values):
+            at = f"d{value:+.3f}" if self._kind == "disparities" else f"z{value:.6g}{unit}"
+            yield f"plane_{number:03d}_{at}"
+
+    def _is_in_millimetres(self) -> bool:
+        return self._captured.depths is not None and self._captured.depths.is_inverse
+
+    def _make(self, order: Sequence[int]) -> Iterator[NDArray[np.float32]]:
+        """Planes by their numbers."""
+        views = self._captured.light_field.views
+        disparities = self._captured.sign * self._captured.scale * self._disparities[list(order)]
+        done = self._grid[0] * self._grid[1]
+        with self._clock.stage("focus"):
+            planes = refocus(views, disparities, method=self._options.method, weights=self._weights)
+        for number in range(len(order)):
+            with self._clock.stage("focus"):
+                plane = next(planes)
+            self._progress(done + number + 1, done + len(order))
+            yield plane
+
+    def _describe(self) -> Report:
+        """The report so far."""
+        report, options = self._captured.report, self._options
+        depths = self._captured.depths
+        described = [
+            {"name": name, "disparity": float(disparity)}
+            for name, disparity in zip(self._list_names(), self._disparities, strict=True)
+        ]
+        if depths is not None:
+            for plane, depth in zip(described, depths.to_depth(self._disparities), strict=True):
+                plane["depth"] = float(depth) if np.isfinite(depth) else None
+        return report | {
+            "planes": described,
+            "method": options.method,
+            "depth_unit": None if depths is None else "mm" if depths.is_inverse else "scene units",
+            "options": options.as_dict(KINDS["plane"].options),
+            "notes": [*report["notes"], *self._list_notes()],
+            "timings_ms": self._clock.timings_ms(),
+        }
+
+    def _list_notes(self) -> Iterator[str]:
+        if self._captured.scale > 1:
+            yield (
+                f"disparities are in pixels of the views that were read; planes have {self._captured.scale} for each "
+                "of them, along each side"
+            )
+        if self._captured.report["lens_array"]["depth_sense"] == "lenses" and self._disparities.max() > 0:
+            yield "disparities over 0 lie before the lens array; what is behind it, as most objects are, is below 0"

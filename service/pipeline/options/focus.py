@@ -1,0 +1,142 @@
+"""Options of depth planes and disparity maps."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from ciir.errors import InvalidOption
+from ciir.renderer.focus.apertures import Shape
+from ciir.service.pipeline.options.option import Option
+from ciir.service.pipeline.options.values import ValueType, make_name, make_number
+
+Method = Literal["mapping", "window", "delta"]
+"""As `renderer.focus.planes.Method`, whose import takes longer than the command line may."""
+StackKind = Literal["disparities", "depths"]
+MOST_PLANES = 1024
+_NUMBER = r"-?[0-9]{1,9}(\.[0-9]{1,9})?"
+
+
+def _make_colons(pattern: str, needed: str, example: str) -> ValueType:
+    """Numbers with colons between them."""
+
+    def read(name: str, text: str) -> tuple[float, ...]:
+        if re.fullmatch(pattern, text.strip()) is None:
+            raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {needed}, such as {example}")
+        return tuple(map(float, text.strip().split(":")))
+
+    def write(numbers: tuple[float, ...]) -> str:
+        return ":".join(f"{number:.9f}".rstrip("0").rstrip(".") for number in numbers)
+
+    def convert(value: Any) -> tuple[float, ...]:
+        return read("value", write(tuple(float(number) for number in value)))
+
+    schema = {"type": "string", "pattern": f"^({pattern})?$"}
+    return ValueType(schema, read, convert, f"{needed}, such as ({example.replace(':', ', ')})", write)
+
+
+def _read_view(name: str, text: str) -> tuple[int, int]:
+    view = re.sub(r"\s*,\s*", ",", text.strip())
+    if re.fullmatch(_VIEW, view) is None:
+        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give a row and a column of views, such as 0,4")
+    v, u = map(int, view.split(","))
+    return v, u
+
+
+def _convert_view(value: Any) -> tuple[int, int]:
+    v, u = value
+    return _read_view("view", f"{v},{u}")
+
+
+_VIEW = "[0-9]{1,6},[0-9]{1,6}"
+VIEW = ValueType(
+    {"type": "string", "pattern": f"^({_VIEW})?$"},
+    _read_view,
+    _convert_view,
+    "a row and a column, such as (0, 4)",
+    lambda view: "{},{}".format(*view),
+)
+STACK = _make_colons(f"{_NUMBER}:{_NUMBER}:[0-9]{{1,4}}", "FIRST:LAST:COUNT", "-1:1:16")
+LIMITS = _make_colons(f"{_NUMBER}:{_NUMBER}", "LEAST:LARGEST", "-2:2")
+FOCUS = {
+    "depth": Option(
+        "DISTANCE",
+        "the plane at this distance behind the lens array, in scene units (a mesh; else with --pitch and --delta), or "
+        "in front of the cameras (with --camera-pitch)",
+        make_number(-1e9, 1e9),
+        "12.5",
+    ),
+    "stack": Option(
+        "A:B:N",
+        "N planes, evenly from A to B: disparities, or depths with --stack-of depths",
+        STACK,
+        "-1:1:16",
+    ),
+    "stack_of": Option(
+        "NAME",
+        "what A and B are: disparities or depths (default disparities)",
+        make_name(get_args(StackKind)),
+        "depths",
+    ),
+    "method": Option(
+        "NAME",
+        "mapping: pixels are interpolated; window: pictures fade at their borders; delta: convolution with delta "
+        "functions, whole pixels (default mapping)",
+        make_name(get_args(Method)),
+        "window",
+    ),
+    "aperture": Option(
+        "VIEWS", "radius of the views around the middle that count (default all)", make_number(0.01, 1e6), "2.5"
+    ),
+    "aperture_shape": Option(
+        "NAME", "with --aperture: disc, square or gauss (default disc)", make_name(get_args(Shape)), "gauss"
+    ),
+    "camera_pitch": Option(
+        "MM", "of a camera array: from camera to camera, in millimetres, as all of these", make_number(1e-9, 1e9), "2"
+    ),
+    "focal_length": Option("MM", "with --camera-pitch: the cameras' focal length", make_number(1e-9, 1e9), "35"),
+    "sensor": Option("MM", "with --camera-pitch: the width of a camera's sensor", make_number(1e-9, 1e9), "36"),
+    "convergence": Option(
+        "MM",
+        "with --camera-pitch: the depth at which the pictures were aligned, which has no disparity (default: parallel "
+        "cameras)",
+        make_number(1e-9, 1e9),
+        "500",
+    ),
+    "view": Option(
+        "V,U",
+        "row and column of the view whose disparity is wanted (default the centre one)",
+        VIEW,
+        "0,4",
+    ),
+    "limits": Option(
+        "A:B",
+        "the least and the largest disparity to look for (default: found in the pictures)",
+        LIMITS,
+        "-2:2",
+    ),
+}
+"""By name, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class FocusOptions:
+    """Values of the options in `FOCUS`."""
+
+    depth: float | None = None
+    stack: tuple[float, float, float] | None = None
+    """First, last and a whole number: the count."""
+    stack_of: StackKind = "disparities"
+    method: Method = "mapping"
+    aperture: float | None = None
+    """Views."""
+    aperture_shape: Shape = "disc"
+    camera_pitch: float | None = None
+    """Millimetres, as the next three."""
+    focal_length: float | None = None
+    sensor: float | None = None
+    convergence: float | None = None
+    view: tuple[int, int] | None = None
+    limits: tuple[float, float] | None = None
+    """Pixels."""

@@ -1,0 +1,227 @@
+"""The types of reports in JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NotRequired, TypeVar
+
+from pydantic import ConfigDict, Field, with_config
+from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
+
+from ciir.renderer.light_field import DepthSense  # noqa: TC001 - pydantic evaluates the annotations
+
+_Class = TypeVar("_Class", bound=type)
+
+
+def described(kind: _Class) -> _Class:
+    """Has pydantic take the docstrings of attributes as descriptions."""
+    return with_config(ConfigDict(use_attribute_docstrings=True))(kind)
+
+
+@described
+class Input(TypedDict):
+    """What was read."""
+
+    name: str
+    kind: str
+    """A file type, or `views` for a set of pictures."""
+    bytes: int
+    files: int
+    triangles: NotRequired[int]
+    """Of a mesh."""
+    parts: NotRequired[int]
+    """Of a mesh."""
+    height: NotRequired[int]
+    """Pixels of all views side by side, of a light field."""
+    width: NotRequired[int]
+    channels: NotRequired[int]
+    bits: NotRequired[int]
+    """Of a channel."""
+
+
+@described
+class LensArray(TypedDict):
+    """The lens array. `pitch` and `delta` are null where nothing is known of them."""
+
+    rows: int
+    cols: int
+    pitch: float | None
+    """Distance between lenses, in scene units; of a raw lenslet picture in its pixels."""
+    pixels_v: int
+    pixels_u: int
+    delta: float | None
+    """Tangent from one pixel under a lens to the next."""
+    depth_sense: DepthSense
+    """`lenses`: what is farther moves further to the left from one view to the next on the right; `cameras`: what is
+    nearer does."""
+
+
+@described
+class Skipped(TypedDict):
+    """What needed no computation."""
+
+    pixels: NotRequired[int]
+    """Input pixels of the model."""
+    uniform: NotRequired[float]
+    """Share of `pixels` in regions of one colour."""
+    repeated: NotRequired[float]
+    """Share of `pixels` whose neighbourhood had been computed."""
+    saved_ms: NotRequired[float | None]
+    """Null where all were skipped."""
+    culled: NotRequired[float]
+    """Share of a mesh's triangles."""
+
+
+@described
+class UsedModel(TypedDict):
+    """The model that ran."""
+
+    name: str
+    scale: int
+    sha256: str | None
+    """Of its file; null for interpolation."""
+    fallback: NotRequired[UsedModel]
+    """What made the pixels of low confidence, with a light-field network."""
+
+
+@described
+class Plan(TypedDict):
+    """How views were made, and why."""
+
+    strategy: Literal["upscale", "direct"]
+    backend: str | None
+    """Null for a light field."""
+    sampling: Literal["pinhole", "lenslet"] | None
+    samples: int
+    """Along each side of a lens's cell, of a mesh."""
+    model: str
+    scale: int
+    reasons: list[str]
+    skipped: Skipped | None
+
+
+@described
+class ElementalPlan(TypedDict):
+    """How an elemental image array was made, and why."""
+
+    backend: str
+    sampling: Literal["pinhole", "lenslet"]
+    samples: int
+    """Along each side of a lens's cell."""
+    pickup: Literal["virtual", "optical"]
+    reasons: list[str]
+
+
+class _AnyReport(TypedDict):
+    notes: list[str]
+    timings_ms: Annotated[dict[str, float], Field(description="Milliseconds of each stage that ran, and `total`.")]
+    versions: Annotated[dict[str, str], Field(description="Of the packages that took part.")]
+
+
+@described
+class ReconstructionReport(_AnyReport):
+    """`report.json` without its list of views."""
+
+    input: Input
+    lens_array: LensArray
+    scene_transform: list[list[float]] | None
+    """4x4, row-major: from a mesh's coordinates to those of the lens array."""
+    plan: Plan
+    model: UsedModel | None
+    options: dict[str, Any]
+    """All options with their values."""
+
+
+@described
+class UpscaledPicture(TypedDict):
+    """A picture that was upscaled, and its size then."""
+
+    input: str
+    file: str
+    height: int
+    width: int
+    channels: int
+    bits: int
+
+
+@described
+class UpscaleReport(_AnyReport):
+    """The report of an upscaled picture."""
+
+    pictures: list[UpscaledPicture]
+    model: UsedModel
+    skipped: Skipped
+
+
+@described
+class ElementalReport(_AnyReport):
+    """The report of an elemental image array."""
+
+    input: Input
+    lens_array: LensArray
+    scene_transform: list[list[float]]
+    """4x4, row-major: from the mesh's coordinates to those of the lens array."""
+    plan: ElementalPlan
+
+
+@described
+class DisplayReport(_AnyReport):
+    """The report of a picture for a display."""
+
+    input: Input
+    display: dict[str, Any]
+    """Its `kind` and numbers, among them `layout` of a quilt: `cols`, `rows`, `aspect`."""
+    scene_transform: list[list[float]] | None
+    """4x4, row-major: from a mesh's coordinates to those of the display."""
+    options: dict[str, Any]
+    """All options with their values."""
+
+
+@described
+class Plane(TypedDict):
+    """A depth plane."""
+
+    name: str
+    """Of its picture, without a suffix."""
+    disparity: float
+    """In pixels of the views that were read; larger is nearer."""
+    depth: NotRequired[float | None]
+    """Where the geometry is known; null at infinity."""
+
+
+@described
+class PlaneReport(ReconstructionReport):
+    """The report of depth planes."""
+
+    planes: list[Plane]
+    method: Literal["mapping", "window", "delta"]
+    depth_unit: Literal["mm", "scene units"] | None
+
+
+@described
+class DisparityMap(TypedDict):
+    """A disparity map. Larger disparities are nearer (HCI 4D light field benchmark)."""
+
+    view: list[int]
+    """Row and column."""
+    height: int
+    width: int
+    least: float
+    """Pixels of the map."""
+    largest: float
+    exact: bool
+    """Whether it was rendered, of a mesh."""
+    format: str
+    sense: Literal["larger is nearer"]
+    scale: NotRequired[float]
+    """Of a PNG: the disparity is `offset + scale * level`."""
+    offset: NotRequired[float]
+    darkest: NotRequired[float]
+    """Of a coloured picture: the disparities of its first and last colour."""
+    brightest: NotRequired[float]
+
+
+@described
+class DisparityReport(ReconstructionReport):
+    """The report of a disparity map."""
+
+    disparity: DisparityMap

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
+from ciir.service.pipeline.focus.disparities import find_disparity
+from ciir.service.pipeline.options import KINDS
+from tests.support.inputs import make_off
+
+MESH = {"lenses": "24x24", "pixels": "5x5", "backend": "raytrace"}
+
+
+def make_plane(disparity, sense="cameras"):
+    """5x5 views of a textured plane of a whole disparity."""
+    texture = np.random.default_rng(0).integers(0, 256, (60, 60, 3), np.uint8)
+    views = np.empty((5, 5, 32, 36, 3), np.uint8)
+    for v in range(5):
+        for u in range(5):
+            y, x = 10 + disparity * (v - 2), 10 + disparity * (u - 2)
+            views[v, u] = texture[y : y + 32, x : x + 36]
+    return LightField(views, is_ordered=True, depth_sense=sense)
+
+
+def run(source, **texts):
+    return find_disparity(source, KINDS["disparity"].parse(texts))
+
+
+@pytest.mark.parametrize(("sense", "sign"), [("cameras", 1), ("lenses", -1)])
+def test_larger_is_nearer_with_both_depth_senses(sense, sign):
+    limits = "-0.5:2.5" if sign == 1 else "-2.5:0.5"
+    found, report = run(make_plane(1, sense), limits=limits)
+    assert np.median(found.hci) == pytest.approx(sign, abs=0.05)  # a sixteenth of a plane's spacing
+    assert report["disparity"]["view"] == [2, 2]
+    assert not report["disparity"]["exact"]
+    assert report["disparity"]["least"] <= sign <= report["disparity"]["largest"]
+    assert {"focus", "total"} <= set(report["timings_ms"])
+
+
+def test_another_view():
+    found, _ = run(make_plane(1), view="0,4", limits="-0.5:2.5")
+    assert found.view == (0, 4)
+    assert np.median(found.hci) == pytest.approx(1, abs=0.05)
+
+
+def test_after_upscaling_the_limits_are_as_before_and_the_map_is_larger():
+    found, report = run(make_plane(1), model="nearest", scale="2", limits="-0.5:2.5")
+    assert found.disparity.shape == (64, 72)
+    assert np.median(found.hci) == pytest.approx(2, abs=0.1)
+    assert "in pixels of the upscaled views, 2 for each" in report["notes"][0]
+
+
+def test_that_of_a_mesh_is_exact():
+    square = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    bundle = Bundle.from_upload("square.off", make_off(square, [(0, 1, 2), (0, 2, 3)]))
+    found, report = run(bundle, **MESH, pitch="0.5", delta="0.1", view="1,3")
+    depth = -report["scene_transform"][2][3]
+    assert depth > 0
+    np.testing.assert_allclose(found.hci, -0.1 / 0.5 * depth, rtol=1e-5)  # float32
+    seen = found.confidence == 1
+    assert 0.2 < seen.mean() < 1
+    assert (found.confidence[~seen] == 0).all()
+    assert (report["disparity"]["exact"], report["disparity"]["view"]) == (True, [1, 3])
+
+
+def test_where_a_mesh_is_not_seen_it_is_as_far_as_its_farthest_point():
+    found, _ = run("vase", **MESH)
+    seen = found.confidence == 1
+    assert 0.1 < seen.mean() < 0.9
+    assert (found.hci[~seen] == found.hci[seen].min()).all()
+    assert found.hci[seen].max() > found.hci[seen].min()
+
+
+@pytest.mark.parametrize(
+    ("source", "texts", "message"),
+    [
+        (make_plane(0), {"limits": "2:1"}, "limits: 2:1 is no range"),
+        (make_plane(0), {"view": "5,0"}, "view: 5,0 is not there; v goes from 0 to 4"),
+        ("vase", {**MESH, "limits": "0:1"}, "limits, model: the disparity of a mesh is rendered"),
+        ("vase", {**MESH, "model": "auto"}, "limits, model: the disparity of a mesh is rendered"),
+        ("vase", {**MESH, "view": "9,9"}, "views: 9,9 is not there"),
+        (LightField(make_plane(0).views[:1, :1]), {}, "one view shows no depth"),
+    ],
+)
+def test_what_is_asked_for_must_fit(source, texts, message):
+    with pytest.raises(InvalidOption, match=message):
+        run(source, **texts)

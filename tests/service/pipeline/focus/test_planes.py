@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.focus.planes import refocus
+from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.stacks import round_plane
+from ciir.service.pipeline.focus.planes import count_planes, make_planes
+from ciir.service.pipeline.options import KINDS
+
+LENSES = LightField(np.random.default_rng(0).integers(0, 256, (3, 4, 16, 20, 3), np.uint8), is_ordered=True)
+CAMERAS = LightField(LENSES.views, is_ordered=True, depth_sense="cameras")
+CAMERA_ARRAY = {"camera_pitch": "2", "focal_length": "36", "sensor": "36"}
+"""20 pixels across: 40 / depth pixels a view."""
+
+
+def run(source, **texts):
+    """The planes `(n, H, W, C)`, the stack and the report."""
+    kept = []
+
+    def write(stack):
+        kept.extend([np.stack(list(stack.read())), stack])
+        return ["written"]
+
+    report = make_planes(source, KINDS["plane"].parse(texts), write)
+    return *kept, report
+
+
+def test_a_stack_is_that_of_the_library():
+    planes, stack, report = run(CAMERAS, stack="-1:1.5:6", method="window", aperture="1.5", aperture_shape="square")
+    weights = np.array([[0.5, 1, 1, 0.5]] * 3, np.float32)
+    expected = np.stack(list(refocus(CAMERAS.views, np.linspace(-1, 1.5, 6), method="window", weights=weights)))
+    np.testing.assert_allclose(planes, expected, atol=1e-3)
+    assert stack.names[:2] == ("plane_000_d-1.000", "plane_001_d-0.500")
+    assert [plane["disparity"] for plane in report["planes"]] == pytest.approx([-1, -0.5, 0, 0.5, 1, 1.5])
+    assert (report["method"], report["depth_unit"], report["notes"]) == ("window", None, ["written"])
+    assert {"focus", "encode", "total"} <= set(report["timings_ms"])
+
+
+def test_larger_is_nearer_with_both_depth_senses():
+    lenses, _, report = run(LENSES, disparity="1.25")
+    np.testing.assert_allclose(lenses[0], next(refocus(LENSES.views, [-1.25])), atol=1e-3)
+    assert "over 0 lie before the lens array" in report["notes"][0]
+    cameras, _, report = run(CAMERAS, disparity="1.25")
+    np.testing.assert_allclose(cameras[0], next(refocus(LENSES.views, [1.25])), atol=1e-3)
+    assert report["notes"] == ["written"]
+
+
+def test_depths_before_cameras_are_in_millimetres():
+    planes, stack, report = run(CAMERAS, stack="20:40:2", stack_of="depths", **CAMERA_ARRAY)
+    np.testing.assert_allclose(planes, np.stack(list(refocus(CAMERAS.views, [2, 1]))), atol=1e-3)
+    assert (stack.kind, stack.names) == ("depths", ("plane_000_z20mm", "plane_001_z40mm"))
+    assert [(plane["disparity"], plane["depth"]) for plane in report["planes"]] == [(2, 20), (1, 40)]
+    _, _, report = run(CAMERAS, depth="40", convergence="40", **CAMERA_ARRAY)
+    assert report["planes"][0]["disparity"] == pytest.approx(0)
+
+
+def test_a_mesh_is_rendered_and_its_depths_are_in_scene_units():
+    given = {"lenses": "12x12", "pixels": "3x3", "pitch": "0.5", "delta": "0.1", "backend": "raytrace"}
+    _, stack, report = run("vase", depth="5", **given)
+    assert stack.names == ("plane_000_z5",)
+    assert report["planes"] == [{"name": "plane_000_z5", "disparity": pytest.approx(-1), "depth": pytest.approx(5)}]
+    assert report["depth_unit"] == "scene units"
+
+
+def test_after_upscaling_the_same_options_show_the_same_depth():
+    planes, stack, report = run(CAMERAS, stack="0:0.5:2", model="nearest", scale="2")
+    assert stack.shape == (32, 40, 3)
+    large = CAMERAS.views.repeat(2, axis=2).repeat(2, axis=3)
+    np.testing.assert_allclose(planes, np.stack(list(refocus(large, [0, 1]))), atol=1e-3)
+    assert report["planes"][1]["disparity"] == 0.5
+    assert "planes have 2 for each" in report["notes"][0]
+
+
+def test_planes_are_in_the_units_of_the_views():
+    wide = LightField(LENSES.views.astype(np.uint16) * 257, is_ordered=True)
+    planes, stack, _ = run(wide, disparity="0")
+    assert stack.dtype == np.uint16
+    np.testing.assert_array_equal(round_plane(planes[0], stack.dtype), wide.refocus(0.0))
+
+
+def test_progress_counts_views_and_planes():
+    seen = []
+    make_planes(
+        CAMERAS,
+        KINDS["plane"].parse({"stack": "0:1:3"}),
+        lambda stack: [str(len(list(stack.read())))],
+        progress=lambda *counts: seen.append(counts),
+    )
+    assert seen[0] == (0, 15)
+    assert seen[-4:] == [(12, 15), (13, 15), (14, 15), (15, 15)]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ({}, "nothing says what to focus on; give one of disparity, depth"),
+        ({"disparity": "0", "stack": "0:1:3"}, "disparity, stack: these ask for different pictures"),
+        ({"stack": "1:1:3"}, "3 planes from 1 to 1 make no stack"),
+        ({"stack": "0:1:1"}, "give 2 to 1024 planes"),
+        ({"stack": "0:1:1025"}, "give 2 to 1024 planes"),
+        ({"depth": "5"}, "nothing relates depth to disparity in light field; give pitch and delta"),
+        ({"depth": "5", "camera_pitch": "2"}, "camera_pitch: depths need focal_length and sensor too"),
+        ({"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
+        ({"depth": "-5", **CAMERA_ARRAY}, "-5 mm is not in front of the cameras"),
+        ({"disparity": "1", **CAMERA_ARRAY}, "camera_pitch: this is for depths"),
+        ({"disparity": "1", "stack_of": "depths"}, "stack_of: this says what stack counts"),
+        ({"disparity": "1", "aperture_shape": "gauss"}, "aperture_shape: this needs aperture"),
+        ({"disparity": "1", "aperture": "0.1", "aperture_shape": "square"}, None),
+    ],
+)
+def test_what_is_asked_for_must_fit(texts, message):
+    if message is None:
+        run(LightField(LENSES.views[:, :3], is_ordered=True), **texts)
+        return
+    with pytest.raises(InvalidOption, match=message):
+        run(CAMERAS, **texts)
+
+
+def test_a_single_view_has_no_depth():
+    with pytest.raises(InvalidOption, match="light field: one view shows no depth"):
+        run(LightField(LENSES.views[:1, :1]), disparity="0")
+
+
+def test_camera_options_dont_fit_a_lens_array():
+    with pytest.raises(InvalidOption, match="camera_pitch: this is for camera arrays"):
+        run("vase", depth="5", lenses="8x8", pixels="3x3", backend="raytrace", **CAMERA_ARRAY)
+
+
+def test_the_limit_on_pixels_counts_all_planes():
+    options = KINDS["plane"].parse({"stack": "0:1:20"})
+    assert count_planes(options) == 20
+    with pytest.raises(TooLarge, match="20 planes of 16x20 pixels: 6,400 are over the limit of 6,399"):
+        make_planes(CAMERAS, options, pytest.fail, max_pixels=6399)
