@@ -45,15 +45,31 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     rows, cols = _count_lenses(eia, layout, periods)
     grid = eia.shape[0] // rows, eia.shape[1] // cols
     found = layout.arrangement
-    if found == "auto" and layout.pickup == "virtual":
+    exchanged = _describe_exchanged(periods, (rows, cols), grid) if found == "auto" else ()
+    if found == "auto" and layout.pickup == "virtual" and not exchanged:
         found = periods.find_arrangement(grid) or "auto"
     if found == "mosaic":
         return _read_mosaic(eia, grid, is_sure=layout.arrangement == "mosaic")
     light_field = LightField.from_eia(eia, rows=rows, cols=cols, pickup=layout.pickup)
     if layout.arrangement == "auto":
-        notes = _describe_raw(eia, grid) or (_describe_unclear(periods, eia, grid) if found == "auto" else ())
+        notes = (
+            exchanged or _describe_raw(eia, grid) or (_describe_unclear(periods, eia, grid) if found == "auto" else ())
+        )
         light_field = replace(light_field, notes=notes)
     return light_field
+
+
+def _describe_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> tuple[str, ...]:
+    """A note on a picture whose elemental images have about as many pixels as `lenses`, which were given."""
+    found = periods.find() if lenses[0] < grid[0] and lenses[1] < grid[1] else None
+    if found is None or any(abs(each - count) > 1 + count // 16 for each, count in zip(found, lenses, strict=True)):
+        return ()
+    given = f"{lenses[0]}x{lenses[1]}"
+    note = (
+        f"lenses: read as {given} lenses of {grid[0]}x{grid[1]} pixels, but the picture repeats about every "
+        f"{found[0]}x{found[1]} pixels; if {given} are the pixels of an elemental image, give pixels {given}"
+    )
+    return (note,)
 
 
 def _describe_raw(eia: Pixels, grid: Pair) -> tuple[str, ...]:

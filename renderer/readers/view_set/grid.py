@@ -155,7 +155,7 @@ def _make_grid(names: NumberedNames, row: int, column: int) -> Grid:
     if max(rows[0], columns[0]) > 1:
         part = f" (a part of a larger set, from ({rows[0]}, {columns[0]}), counted from (0, 0) here)"
     if (step := max(map(find_step, (rows, columns)))) > 1:
-        part += f" (every {step}th)"
+        part += f" (in steps of {step})"
 
     def describe(first: str, second: str) -> str:
         low, high = (rows[0], columns[-1]) if row < column else (columns[-1], rows[0])

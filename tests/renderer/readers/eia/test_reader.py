@@ -78,6 +78,16 @@ def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
     assert "12x12 pixels, which the picture doesn't show clearly" in note
 
 
+def test_pixels_given_as_lenses_are_noted(vase):
+    (note,) = read(vase, lenses=(9, 9), order="given").notes
+    assert note == (
+        "lenses: read as 9x9 lenses of 50x50 pixels, but the picture repeats about every 8x9 pixels; if 9x9 are the "
+        "pixels of an elemental image, give pixels 9x9"
+    )
+    assert read(vase, lenses=(9, 9), order="given", arrangement="eia").notes == ()
+    assert read(vase, lenses=(50, 50), order="given").notes == ()
+
+
 def test_margins_are_cut_off():
     padded = np.pad(EIA, ((2, 3), (0, 4), (0, 0)))
     assert np.array_equal(read(padded, pixels=(5, 7), crop=(2, 0, 3, 4)).views, VIEWS)

@@ -104,7 +104,7 @@ def test_a_part_of_a_larger_set_and_every_second_view_are_named():
     (grid,) = find([f"view_{v}_{u}.png" for v in range(6, 9) for u in range(3, 7)])
     assert grid.naming.endswith("from (6, 3), counted from (0, 0) here)")
     (grid,) = find([f"view_{v}_{u}.png" for v in range(0, 9, 2) for u in range(0, 9, 2)])
-    assert grid.naming == "of view_0_8.png 0 is the row and 8 the column (every 2th)"
+    assert grid.naming == "of view_0_8.png 0 is the row and 8 the column (in steps of 2)"
 
 
 @pytest.mark.parametrize("first", [0, 1, 7])
