@@ -36,6 +36,7 @@ from scipy import fft
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.apertures import check_weights
+from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -109,6 +110,7 @@ class Spectra:
         make_window = _make_window if method == "window" else np.ones
         self._windows = [make_window(length).astype(np.float32) for length in views.shape[2:4]]
         self._is_whole = method == "delta"
+        self._offset = np.float32(views[center_view(*views.shape[:2])].mean())  # smaller sums: less rounding at borders
         size = 8 * views.shape[0] * views.shape[1] * views.shape[4] * self._padded[0] * self._half
         self._kept = [self._transform(row) for row in views] if size <= KEPT else None
 
@@ -124,11 +126,11 @@ class Spectra:
             reached = np.einsum("pvy,vu,pux->pyx", rows.reach, weights, cols.reach, optimize=True)
             for plane, reach in zip(self._add(rows, cols, weights), reached, strict=True):
                 is_reached = reach > _LEAST * weights.sum()
-                yield np.where(is_reached, plane / np.where(is_reached, reach, 1), 0)
+                yield np.where(is_reached, self._offset + plane / np.where(is_reached, reach, 1), 0)
 
     def _transform(self, row: NDArray[Any]) -> NDArray[np.complex64]:
         """The transforms of a row of views, `(half, C, U, padded)`: frequencies along x come first."""
-        pictures = row.transpose(3, 0, 1, 2) * np.multiply.outer(*self._windows)  # (C, U, H, W)
+        pictures = (row.transpose(3, 0, 1, 2) - self._offset) * np.multiply.outer(*self._windows)  # (C, U, H, W)
         spectra = fft.rfft(pictures, self._padded[1], workers=self._workers)
         result: NDArray[np.complex64] = fft.fft(
             np.ascontiguousarray(spectra.transpose(3, 0, 1, 2)), self._padded[0], workers=self._workers

@@ -73,7 +73,7 @@ def test_planes_in_batches_are_the_same(monkeypatch, kept):
 def test_a_constant_light_field_stays_constant_to_its_borders(method):
     views = np.full((5, 5, 24, 31, 1), 0.8, np.float32)
     for plane in refocus(views, [-3.3, 0.0, 0.5, 4.0], method=method):
-        np.testing.assert_allclose(plane, 0.8, atol=1e-6 if method == "mapping" else 3e-6)
+        np.testing.assert_allclose(plane, 0.8, atol=1e-6)
 
 
 def test_a_point_is_sharpest_at_its_disparity():
