@@ -49,12 +49,12 @@ class Picture:
 class Sweep:
     """The views around one view."""
 
-    def __init__(self, views: NDArray[Any], view: View, *, parts: int, farthest: int) -> None:
+    def __init__(self, views: NDArray[Any], view: View, *, parts: int, farthest: int, blur: float = 0.0) -> None:
         """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n, planes are whole multiples of 1/n pixels a view.
-        `farthest`: views further away are not compared.
+        `farthest`: views further away are not compared. `blur`: standard deviation in pixels, against noise.
         """
         self._parts = parts
-        self.own = read_levels(views[view])
+        self.own = _blur(read_levels(views[view]), blur)
         """`(C, H, W)`: the view itself, in 8-bit levels."""
         gradient = np.sqrt(np.mean(np.square(np.gradient(self.own, axis=_AXES)), axis=1)).max(axis=0)
         self._most = MOST_DIFFERENCE + MOST_SHIFT * gradient  # (H, W)
@@ -66,7 +66,7 @@ class Sweep:
                 for distance in sorted({ceil(most / 2), most} - {0}):
                     place = list(view)
                     place[axis - 1] += sign * distance
-                    picture = read_levels(views[tuple(place)])
+                    picture = _blur(read_levels(views[tuple(place)]), blur)
                     phases = range(0, parts, gcd(parts, distance))
                     moved = {phase: _interpolate(picture, axis, phase / parts) for phase in phases}
                     side.append(Picture(axis, sign * distance, moved))
@@ -112,6 +112,11 @@ def read_levels(view: NDArray[Any]) -> NDArray[np.float32]:
     if np.issubdtype(view.dtype, np.integer):
         levels *= np.float32(255 / np.iinfo(view.dtype).max)
     return levels
+
+
+def _blur(picture: NDArray[np.float32], deviation: float) -> NDArray[np.float32]:
+    blurred: NDArray[np.float32] = ndimage.gaussian_filter(picture, deviation, axes=_AXES) if deviation else picture
+    return blurred
 
 
 def _overlap(length: int, by: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.disparity import estimate_disparities, estimate_disparity
+from ciir.renderer.focus.disparity import estimate_disparities, estimate_disparity, estimate_noise
 from ciir.renderer.light_field import LightField
 
 NEAR, FAR = 1.6, 0.4
@@ -84,3 +84,22 @@ def test_limits_that_are_no_range():
     light_field, _ = make_light_field((1, 2))
     with pytest.raises(InvalidOption, match="limits: 1 to 0 is no range"):
         estimate_disparity(light_field, limits=(1, 0))
+
+
+@pytest.mark.parametrize(("sigma", "dtype"), [(0, np.uint8), (4, np.uint16), (12, np.uint8)])
+def test_noise_is_found_beside_edges(sigma, dtype):
+    view = np.full((96, 128, 3), 90.0)
+    view[20:70, 30:90] = 200
+    view += sigma * np.random.default_rng(7).standard_normal(view.shape)
+    view = (view.clip(0, 255) * (np.iinfo(dtype).max / 255)).round().astype(dtype)
+    assert estimate_noise(view) == pytest.approx(sigma, rel=0.05, abs=0.1)
+
+
+def test_noise_makes_few_pixels_worse():
+    """Of smooth texture: without the blur and what goes with it 21 % of the pixels are wrong by 0.1."""
+    light_field, true = make_light_field()
+    views = ndimage.gaussian_filter(light_field.views.astype(float), (0, 0, 1.5, 1.5, 0))
+    views = 128 + (views - 128) * (40 / views.std())
+    noise = 10 * np.random.default_rng(8).standard_normal(views.shape)
+    found = estimate_disparity(LightField((views + noise).clip(0, 255).round().astype(np.uint8)), limits=(0, 2))
+    assert (np.abs(found.disparity - true) > 0.1).mean() < 0.12
