@@ -21,6 +21,8 @@ FEW = 0.004
 """Share of the pixels below which a disparity counts as an error."""
 MANY, NEAR = 0.02, 4
 """The same of a disparity over `NEAR` pixels from the next one that is there."""
+STRIP = 32
+"""Rows that are interpolated at a time: they fit into a processor's cache."""
 REST = 0.1
 """What a pixel of disparity costs, in levels of 255: without texture the smallest one wins."""
 
@@ -74,18 +76,64 @@ def _interpolate(
     left: Pixels, right: Pixels, fraction: float, disparities: range
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     """The view at `fraction` of the way from `left` to `right`, `(h, w, c)`, not rounded, and its disparities."""
-    one, other = left.astype(np.float32), right.astype(np.float32)
-    levels = np.iinfo(left.dtype).max / 255
-    best = np.full(left.shape[:2], np.inf, np.float32)
-    result, found = np.empty_like(one), np.zeros(left.shape[:2], np.intp)
-    for disparity in disparities:
-        first, second = shift_rows(one, fraction * disparity), shift_rows(other, (fraction - 1) * disparity)
-        cost = _average_box(np.abs(first - second).mean(axis=2)) + REST * levels * abs(disparity)
-        is_better = cost < best
-        best[is_better] = cost[is_better]
-        result[is_better] = (first + fraction * (second - first))[is_better]
-        found[is_better] = disparity
+    height = left.shape[0]
+    result, found = np.empty(left.shape, np.float32), np.empty(left.shape[:2], np.intp)
+    for top in range(0, height, STRIP):
+        rows = np.arange(top - WINDOW // 2, min(top + STRIP, height) + WINDOW // 2).clip(0, height - 1)
+        inside = slice(top, top + STRIP)
+        result[inside], found[inside] = _interpolate_strip(left[rows], right[rows], fraction, disparities)
     return result, found
+
+
+def _interpolate_strip(
+    left: Pixels, right: Pixels, fraction: float, disparities: range
+) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """As `_interpolate`, of rows with `WINDOW // 2` more above and below them."""
+    margin = WINDOW // 2
+    width = left.shape[1]
+    reach = max(abs(disparities[0]), abs(disparities[-1])) + 1 + margin
+    # Channels first and borders repeated: (c, rows + 2 margin, w + 2 reach).
+    one, other = (
+        np.pad(side.transpose(2, 0, 1).astype(np.float32), ((0, 0), (0, 0), (reach, reach)), "edge")
+        for side in (left, right)
+    )
+    levels = np.iinfo(left.dtype).max / 255
+    best = np.full((left.shape[0] - 2 * margin, width), np.inf, np.float32)
+    chosen = np.zeros(best.shape, np.intp)
+    for index, disparity in enumerate(disparities):
+        shifts = fraction * disparity, (fraction - 1) * disparity
+        first, second = (_shift(side, shift, reach, width) for side, shift in zip((one, other), shifts, strict=True))
+        cost = np.abs(first - second).sum(axis=0) / np.float32(len(one))
+        cost = np.pad(cost, ((0, 0), (margin, margin)), "edge")
+        cost = _average_box(cost) + REST * levels * abs(disparity)
+        is_better = cost < best
+        np.copyto(best, cost, where=is_better)
+        chosen[is_better] = index
+    found = chosen + disparities[0]
+    inner = slice(margin, margin + len(best))
+    first, second = (
+        _gather(side[:, inner], share * found, reach) for side, share in ((one, fraction), (other, fraction - 1))
+    )
+    blend = first + fraction * (second - first)
+    return blend.transpose(1, 2, 0), found
+
+
+def _shift(padded: NDArray[np.float32], shift: float, reach: int, width: int) -> NDArray[np.float32]:
+    """As `shift_rows`, of `(c, rows, w + 2 reach)` whose borders are repeated."""
+    low = int(np.floor(shift))
+    weight = np.float32(shift - low)
+    start = reach + low
+    return padded[..., start : start + width] * (1 - weight) + padded[..., start + 1 : start + 1 + width] * weight
+
+
+def _gather(padded: NDArray[np.float32], shift: NDArray[np.float64], reach: int) -> NDArray[np.float32]:
+    """As `_shift`, with a shift for each pixel, `(rows, w)`."""
+    low = np.floor(shift).astype(np.intp)
+    weight = (shift - low).astype(np.float32)
+    rows = np.arange(shift.shape[0])[:, None]
+    columns = np.arange(shift.shape[1]) + reach + low
+    gathered: NDArray[np.float32] = padded[:, rows, columns] * (1 - weight) + padded[:, rows, columns + 1] * weight
+    return gathered
 
 
 def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32]:
@@ -99,14 +147,13 @@ def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32
 
 
 def _average_box(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The mean over `WINDOW x WINDOW` pixels, of `(h, w)`; the border is repeated."""
-    padded = np.pad(values.astype(np.float64), WINDOW // 2, mode="edge")
-    for axis in (0, 1):
-        sums = np.cumsum(padded, axis=axis)
-        sums = np.concatenate([np.zeros_like(sums.take([0], axis)), sums], axis=axis)
-        length = padded.shape[axis] - WINDOW + 1
-        padded = sums.take(range(WINDOW, WINDOW + length), axis) - sums.take(range(length), axis)
-    means: NDArray[np.float32] = (padded / WINDOW**2).astype(np.float32)
+    """The means over `WINDOW x WINDOW` values that lie inside `(h, w)`."""
+    sums = values.astype(np.float64)
+    for _ in range(2):
+        length = len(sums) - WINDOW + 1
+        sums = sum(sums[start : start + length] for start in range(1, WINDOW)) + sums[:length]
+        sums = sums.T
+    means: NDArray[np.float32] = (sums / WINDOW**2).astype(np.float32)
     return means
 
 
