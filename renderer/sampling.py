@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 MAX_SAMPLES = 16
 LENSLET_SAMPLES = 4
 """Samples along each side of a lens cell for a lenslet, and for a pixel of a clean picture."""
+DISPLAY_SAMPLES = 2
+"""The same of a pixel of a quilt, and of a subpixel of a panel: one ray each shows a panel below 35 dB."""
 
 
 def check_samples(samples: int) -> None:

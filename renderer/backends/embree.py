@@ -143,7 +143,7 @@ class PreparedScene:
             is_back = np.einsum("nk,nk->n", self._normals[triangle], along) > 0
             product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
         part = self.part[triangle]
-        for index in np.unique(part):
+        for index in np.flatnonzero(np.bincount(part)):
             texture = self.textures[index]
             if texture is None:
                 continue

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.renderer.displays.progress import run_parts
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -40,13 +42,18 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
     least, largest = find_disparities(views)
     searched = range(least - 1, largest + 2)
     result = np.empty((count, *views.shape[1:]), views.dtype)
-    for index, position in enumerate(np.linspace(0, total - 1, count)):
+    positions = np.linspace(0, total - 1, count)
+
+    def make(index: int) -> None:
+        position = positions[index]
         left = min(int(position + 1e-9), total - 2)  # a view that is there is not missed by a rounding error
         fraction = position - left
         if min(fraction, 1 - fraction) < 1e-6:
             result[index] = views[left + round(fraction)]
         else:
             result[index] = np.rint(_interpolate(views[left], views[left + 1], fraction, searched)[0])
+
+    run_parts(make, count)
     return result
 
 
@@ -112,7 +119,8 @@ def _interpolate_strip(
     found = chosen + disparities[0]
     inner = slice(margin, margin + len(best))
     first, second = (
-        _gather(side[:, inner], share * found, reach) for side, share in ((one, fraction), (other, fraction - 1))
+        _gather(side[:, inner], np.multiply(share, found, dtype=np.float64), reach)
+        for side, share in ((one, fraction), (other, fraction - 1))
     )
     blend = first + fraction * (second - first)
     return blend.transpose(1, 2, 0), found

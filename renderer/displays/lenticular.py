@@ -21,7 +21,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.displays.interpolation import weigh_neighbours
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.displays.progress import ignore_progress, run_parts
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
 
@@ -136,7 +136,8 @@ def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = i
     count, height, width, channels = views.shape
     native = np.empty((calibration.height, calibration.width, 3), views.dtype)
     channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
-    for row in range(calibration.height):
+
+    def make(row: int) -> None:
         x, y = calibration.content_positions(row)
         place = calibration.view_places(row) * (count - 1)  # (screen width, 3)
         total = np.zeros(place.shape)
@@ -145,5 +146,6 @@ def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = i
                 for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
                     total += of_view * of_row * of_column * views[view, top, left, channel]
         native[row] = np.rint(total)
-        progress(row + 1, calibration.height)
+
+    run_parts(make, calibration.height, progress)
     return native

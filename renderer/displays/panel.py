@@ -8,8 +8,8 @@ import numpy as np
 
 from ciir.renderer.displays.interpolation import interpolate_views, weigh_neighbours
 from ciir.renderer.displays.light_fields import reduce_views
-from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.sampling import check_samples
+from ciir.renderer.displays.progress import ignore_progress, run_parts
+from ciir.renderer.sampling import DISPLAY_SAMPLES, check_samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ def render_panel(
     display: IntegralDisplay,
     *,
     conversion: Conversion = "spoc",
-    samples: int = 1,
+    samples: int = DISPLAY_SAMPLES,
     progress: Progress = ignore_progress,
 ) -> NDArray[np.uint8]:
     """The panel's picture `(height, width, 3)` of a mesh that stands in the display's coordinates, millimetres.
@@ -44,7 +44,8 @@ def render_panel(
     steps = ((np.arange(samples) + 0.5) / samples - 0.5) * display.tangent_step
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 1, 2)
     panel = np.empty((display.height, display.width, 3), np.uint8)
-    for row in range(display.height):
+
+    def make(row: int) -> None:
         lens, tangent = display.trace_row(row)  # (width, 3, 2)
         tangents = (tangent if conversion == "spoc" else -tangent) + around  # (samples^2, width, 3, 2)
         points = np.zeros((*tangents.shape[:3], 3))
@@ -54,7 +55,8 @@ def render_panel(
         colors = caster.cast_lines(points.reshape(-1, 3), directions.reshape(-1, 3)).reshape(points.shape)
         # Each ray gives the colour of its subpixel.
         panel[row] = np.rint(np.diagonal(colors, axis1=2, axis2=3).mean(axis=0))
-        progress(row + 1, display.height)
+
+    run_parts(make, display.height, progress)
     return panel
 
 
@@ -88,7 +90,8 @@ def resample_panel(
     )
     panel = np.empty((display.height, display.width, 3), views.dtype)
     channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
-    for row in range(display.height):
+
+    def make(row: int) -> None:
         lens, tangent = display.trace_row(row)  # (panel width, 3, 2)
         turn = (tangent if conversion == "spoc" else -tangent) / step
         # A line that rises away from the viewer is one of a camera below, one to the right of a camera at the left.
@@ -104,7 +107,8 @@ def resample_panel(
         )
         levels = np.iinfo(views.dtype).max // 255
         panel[row] = np.rint(np.where(is_inside, total, np.array(background) * levels))
-        progress(row + 1, display.height)
+
+    run_parts(make, display.height, progress)
     return panel
 
 

@@ -1,12 +1,27 @@
-"""How pictures for displays report what is done."""
+"""How pictures for displays are made in several threads, and report what is done."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 Progress = Callable[[int, int], object]
 """Called with the number of rows or views that are finished and of all."""
 
+MOST_THREADS = 4
+"""Each holds tens of megabytes, and of rays Embree's part, half of the work, runs in one at a time."""
+
 
 def ignore_progress(done: int, total: int) -> None:
     """Reports to nobody."""
+
+
+def run_parts(make: Callable[[int], object], count: int, progress: Progress = ignore_progress) -> None:
+    """Calls `make` with 0 to `count - 1`, in several threads: numpy's work runs in parallel.
+
+    `progress` is called in the caller's thread. Raises what `make` raises.
+    """
+    with ThreadPoolExecutor(min(MOST_THREADS, os.cpu_count() or 1)) as pool:
+        for done, _ in enumerate(pool.map(make, range(count)), 1):
+            progress(done, count)

@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 
+WATCHED = 5
+
+
 class RayCaster:
-    """Casts rays into one scene."""
+    """Casts rays into one scene, in any number of threads."""
 
     def __init__(
         self,
@@ -25,8 +28,8 @@ class RayCaster:
         background: tuple[int, int, int] = (0, 0, 0),
         watch: Callable[[NDArray[np.uint8]], None] | None = None,
     ) -> None:
-        """`background`: RGB, 0 to 255, of rays that meet nothing. `watch` gets the colours of each batch of rays,
-        `(n, 4)`, RGBA over the background, whose alpha is what the scene covers.
+        """`background`: RGB, 0 to 255, of rays that meet nothing. `watch` gets the colours of one in `WATCHED` rays,
+        `(n, 4)`, RGBA over the background, whose alpha is what the scene covers, in any order and thread.
         """
         self._watch = watch
         self._prepared = PreparedScene(scene)
@@ -49,7 +52,8 @@ class RayCaster:
             rgba, _ = self._prepared.cast(origins[batch], directions[batch])
             colors[batch] = rgba[:, :3] * 255 + (1 - rgba[:, 3:]) * self._background
             if self._watch is not None:
-                self._watch(np.rint(np.concatenate([colors[batch], rgba[:, 3:] * 255], axis=1)).astype(np.uint8))
+                few = np.concatenate([colors[batch][::WATCHED], rgba[::WATCHED, 3:] * 255], axis=1)
+                self._watch(np.rint(few).astype(np.uint8))
         return colors
 
     def cast_lines(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.displays.progress import ignore_progress, run_parts
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.sampling import check_samples
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from ciir.renderer.displays.lenticular import Calibration
@@ -24,6 +22,8 @@ if TYPE_CHECKING:
 FIELD_OF_VIEW = 14.0
 """Degrees from the screen's lower to its upper edge as a camera sees it, as Looking Glass' own software assumes."""
 MAX_CONE = 120.0
+BAND = 1 << 16
+"""Rays of the rows of a view that are cast together."""
 
 
 @dataclass(frozen=True)
@@ -74,34 +74,52 @@ class Screen:
         return caster.cast(cameras, points - cameras)
 
     def render_views(
-        self, caster: RayCaster, count: int, size: tuple[int, int], *, samples: int = 1
-    ) -> Iterator[NDArray[np.uint8]]:
-        """`count` views, `(height, width, 3)` each, from the leftmost camera on; cameras at equal steps of the angle.
+        self,
+        caster: RayCaster,
+        count: int,
+        size: tuple[int, int],
+        *,
+        samples: int = 1,
+        progress: Progress = ignore_progress,
+    ) -> NDArray[np.uint8]:
+        """`count` views, `(count, height, width, 3)`, from the leftmost camera on; cameras at equal steps of the angle.
 
         `size`: height and width, pixels, square or not. `samples`: rays along each side of a pixel, whose colour is
         their mean. Raises `InvalidOption` where `samples` is out of range.
         """
         check_samples(samples)
-        height, width = size[0] * samples, size[1] * samples
-        y, x = np.meshgrid(
-            1 - (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij"
-        )  # (height, width)
-        for place in place_views(count):
-            colors = self.cast(caster, x.ravel(), y.ravel(), np.full(x.size, place))
-            means = colors.reshape(size[0], samples, size[1], samples, 3).mean(axis=(1, 3))
-            yield np.rint(means).astype(np.uint8)
+        height, width = size
+        places = place_views(count)
+        views = np.empty((count, height, width, 3), np.uint8)
+        rows = max(1, BAND // (width * samples**2))
+        bands = -(-height // rows)
+        x = (np.arange(width * samples) + 0.5) / (width * samples)
+
+        def make(index: int) -> None:
+            view, band = divmod(index, bands)
+            lines = np.arange(band * rows * samples, min((band + 1) * rows, height) * samples)
+            y = np.repeat(1 - (lines + 0.5) / (height * samples), len(x))
+            colors = self.cast(caster, np.tile(x, len(lines)), y, np.full(len(y), places[view]))
+            cells = colors.reshape(-1, samples, width, samples, 3)
+            total = sum(cells[:, i, :, j] for i in range(samples) for j in range(samples))
+            views[view, band * rows : (band + 1) * rows] = np.rint(total / np.float32(samples**2))
+
+        run_parts(make, count * bands, lambda done, _: progress(done // bands, count))
+        return views
 
     def render_native(
         self, caster: RayCaster, calibration: Calibration, *, progress: Progress = ignore_progress
     ) -> NDArray[np.uint8]:
         """The native picture `(height, width, 3)` for `calibration`, each subpixel by a ray from its own camera."""
         native = np.empty((calibration.height, calibration.width, 3), np.uint8)
-        for row in range(calibration.height):
+
+        def make(row: int) -> None:
             x, y = calibration.content_positions(row)  # (width,)
             places = calibration.view_places(row)  # (width, 3)
             colors = self.cast(caster, np.repeat(x, 3), np.repeat(y, 3), places.ravel()).reshape(-1, 3, 3)
             native[row] = np.rint(np.diagonal(colors, axis1=1, axis2=2))  # each ray gives the colour of its subpixel
-            progress(row + 1, calibration.height)
+
+        run_parts(make, calibration.height, progress)
         return native
 
 

@@ -6,8 +6,6 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
 from ciir.renderer.displays.devices import Quilt
@@ -130,7 +128,7 @@ def _find_screen(target: Quilt | Calibration) -> Screen:
 def _render(scene: Scene, options: Options, target: Target, progress: Progress) -> DisplayPicture:
     """The picture of a mesh that stands at the display, with notes on its depth."""
     check = ObjectCheck(options.background)
-    caster = RayCaster(scene, options.background, check.add)
+    caster = RayCaster(scene, options.background, check.count)
     samples = find_samples(options)
     layout: QuiltLayout | None = None
     pixels: Pixels
@@ -143,10 +141,7 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         budget = measure_lenticular(scene, screen, target)
     else:
         screen, layout = _find_screen(target), target.layout
-        views = np.empty((layout.count, *target.tile, 3), np.uint8)
-        for index, view in enumerate(screen.render_views(caster, layout.count, target.tile, samples=samples)):
-            views[index] = view
-            progress(index + 1, layout.count)
+        views = screen.render_views(caster, layout.count, target.tile, samples=samples, progress=progress)
         pixels = join_views(views, layout)
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     return DisplayPicture(pixels, (*budget.notes(), *caster.notes(), *check.list_notes()), layout)

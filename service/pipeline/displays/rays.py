@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING
 from ciir.errors import TooLarge
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
-from ciir.renderer.sampling import LENSLET_SAMPLES
+from ciir.renderer.sampling import DISPLAY_SAMPLES, LENSLET_SAMPLES
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Target
     from ciir.service.pipeline.options import Options
-
-SAMPLES = 2
-"""Rays along each side of a pixel; `LENSLET_SAMPLES` with the sampling `lenslet`."""
 
 
 def count_rays(target: Target, options: Options) -> int:
@@ -29,7 +26,7 @@ def count_rays(target: Target, options: Options) -> int:
 
 def find_samples(options: Options) -> int:
     """Rays along each side of a pixel of a quilt, or of a subpixel of a panel."""
-    return LENSLET_SAMPLES if options.sampling == "lenslet" else SAMPLES
+    return LENSLET_SAMPLES if options.sampling == "lenslet" else DISPLAY_SAMPLES
 
 
 def check_rays(count: int, limit: int | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,14 +24,20 @@ class ObjectCheck:
         level = np.array(background, np.int16)
         self._low, self._high = (np.clip(level + step, 0, 255).astype(np.uint8) for step in (-DIFFERENCE, DIFFERENCE))
         self._covered = self._outstanding = 0
+        self._lock = Lock()
 
     def add(self, picture: NDArray[np.uint8]) -> None:
         """Counts a picture `(..., 4)`, RGBA, whose alpha is the share of a pixel that the object covers."""
-        if self._outstanding > LEAST_SHARE * self._covered:
-            return
+        if self._outstanding <= LEAST_SHARE * self._covered:
+            self.count(picture)
+
+    def count(self, picture: NDArray[np.uint8]) -> None:
+        """As `add`, whatever was counted: the order of pictures doesn't matter, nor the thread."""
         rgb, covered = picture[..., :3], picture[..., 3] > 0
-        self._covered += int(covered.sum())
-        self._outstanding += int((((rgb < self._low) | (rgb > self._high)).any(axis=-1) & covered).sum())
+        outstanding = ((rgb < self._low) | (rgb > self._high)).any(axis=-1) & covered
+        with self._lock:
+            self._covered += int(covered.sum())
+            self._outstanding += int(outstanding.sum())
 
     def list_notes(self) -> list[str]:
         """A note where no picture showed the object, or it hardly stands out."""

@@ -77,7 +77,7 @@ def compare(name, layout=QUILT, rows=slice(None), **changed):
     screen = Screen(calibration.aspect, calibration.cone)
     caster = RayCaster(load_at(name, screen.lens_array()), BACKGROUND)
     size = calibration.height, calibration.width
-    quilt = join_views(np.stack(list(screen.render_views(caster, QUILT.count, size))), QUILT)
+    quilt = join_views(screen.render_views(caster, QUILT.count, size), QUILT)
     native = interlace(split_quilt(quilt, layout, name="q.png"), calibration)[rows]
     cameras, points = trace_subpixels(changed, range(calibration.height)[rows])
     is_edge = find_edges(caster, cameras, points, QUILT.count, calibration.cone)

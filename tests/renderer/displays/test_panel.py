@@ -85,7 +85,7 @@ def psnr(one, other):
 def judge(name, display, *, shown=None, **options):
     """PSNR from each of the five places of the panel made for `shown`, seen through the lenses of `display`."""
     caster = RayCaster(load_at(name, display.lens_array()), BACKGROUND)
-    panel, lenses = render_panel(caster, shown or display, samples=2, **options), find_lenses(display)
+    panel, lenses = render_panel(caster, shown or display, **options), find_lenses(display)
     return [
         psnr(look(panel, display, eye, lenses), render_directly(caster, display, eye, lenses))
         for eye in np.array(EYES, float)
@@ -128,7 +128,7 @@ def captured():
     views = np.stack([view[..., :3] for view in RaytraceBackend().render_views(scene, array, every)])
     views = views.reshape(array.pixels_v, array.pixels_u, array.rows, array.cols, 3)
     cameras = views[::-1, ::-1]  # a lens array's views are a camera array's in the opposite order
-    return display, render_panel(RayCaster(scene), display), cameras
+    return display, render_panel(RayCaster(scene), display, samples=1), cameras
 
 
 def test_a_light_field_makes_nearly_the_panel_of_its_mesh(captured):
