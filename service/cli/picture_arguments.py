@@ -73,7 +73,11 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "input", metavar="INPUT", help="file, folder or zip; or scene:vase, scene:globe, scene:hamburger"
     )
     command.add_argument(
-        "-o", "--out", required=True, metavar="OUT", help="a folder, a .zip or .npz file, or a picture for one view"
+        "-o",
+        "--out",
+        required=True,
+        metavar="OUT",
+        help="a folder, a .zip or .npz file, or a picture for one view; .mp4, .webm, .gif or .webp for several times",
     )
     add_options(command, KINDS["reconstruction"].options)
     _add_raw_files(command)

@@ -30,6 +30,8 @@ MOST_SIDE = 16_383
 """Pixels along a side of a frame: WebP's limit, the least of the four formats'."""
 MOST_ANIMATION_FPS = 50
 """Browsers show a frame of less than 20 ms for 100 ms."""
+RATES = 1 / 60, 240.0
+"""Frames per second of pictures at several times, where none are asked for."""
 _USUAL_FPS = 30.0
 _BT601, _LIMITED = 6, 1
 """How FFmpeg turns RGB into luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
@@ -76,9 +78,11 @@ class PathWriter(WholeWriter):
 
 
 def find_rate(times: Sequence[float]) -> float | None:
-    """Frames per second at which frames of these times, in seconds, pass as fast as they do; None for less than two."""
+    """Frames per second at which frames of these times, in seconds, pass as fast as they do, within `RATES`; None where
+    no time passes.
+    """
     span = abs(times[-1] - times[0]) if times else 0.0
-    return (len(times) - 1) / span if span else None
+    return float(np.clip((len(times) - 1) / span, *RATES)) if span else None
 
 
 class VideoWriter(PathWriter):

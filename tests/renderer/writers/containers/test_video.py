@@ -8,6 +8,7 @@ from PIL import Image
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.containers.camera_paths import draw_frames
+from ciir.renderer.writers.containers.video import find_rate
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
@@ -98,3 +99,19 @@ def test_what_is_refused_before_any_view_is_made(name, options, contents, messag
         pytest.raises(InvalidOption, match=message),
     ):
         writer.begin(given)
+
+
+@pytest.mark.parametrize(
+    ("times", "rate"),
+    [
+        ((), None),
+        ((1.0,), None),
+        ((2.0, 2.0), None),
+        ((0, 0.5, 1), 2),
+        ((3, 1), 0.5),
+        ((0, 1e6), 1 / 60),
+        ((0, 1e-9), 240),
+    ],
+)
+def test_frames_pass_as_fast_as_their_times(times, rate):
+    assert find_rate(times) == pytest.approx(rate)
