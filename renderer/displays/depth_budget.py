@@ -87,7 +87,8 @@ def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: f
     if size_u == 1:
         return (note, *flat)
     least, largest = find_disparities(cameras[(size_v - 1) // 2])
-    blurs = "; the rest blurs" if least < disparity - moved or largest > disparity + moved else ""
+    is_beyond = least < disparity - moved or largest > disparity + moved
+    blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
     return (f"{note}; those of the views are about {least} to {largest}{blurs}", *flat)
 
 
@@ -104,7 +105,13 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
     if moved <= GHOST:
         return ()
     far = f"content moves by about {moved:.2g} pixels between neighbouring views of the display"
-    return (f"depth: {far}; over {GHOST:g} edges show double",)
+    return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity)}",)
+
+
+def _suggest_plane(least: int, largest: int, disparity: float) -> str:
+    """The disparity that is best in the display's plane, for a note, unless it is there."""
+    middle = (least + largest) / 2
+    return "" if abs(middle - disparity) <= 1 else f"; disparity {middle:g} brings its middle into the display's plane"
 
 
 def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:

@@ -57,7 +57,12 @@ def test_a_light_fields_disparities_are_held_against_the_panel():
     # 40 mm of depth move by tan = 1/20 from one view to the next: 2 mm, of 100 mm for 96 pixels.
     (note,) = describe_light_field(cameras, DISPLAY, 0.0)
     assert "sharp for disparities from -1.9 to 1.9 pixels between neighbouring views" in note
-    assert note.endswith("those of the views are about -3 to -3; the rest blurs")
+    assert note.endswith(
+        "those of the views are about -3 to -3; the rest blurs; disparity -3 brings its middle into the display's plane"
+    )
+    assert describe_light_field(cameras, DISPLAY, 6.0)[0].endswith(
+        "disparity -3 brings its middle into the display's plane"
+    )
     (note,) = describe_light_field(cameras, DISPLAY, -1.2)
     assert note.endswith("about -3 to -3")
     assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
