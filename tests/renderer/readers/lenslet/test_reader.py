@@ -39,6 +39,15 @@ def test_views_of_the_middle_are_brightest_without_a_white_picture():
     assert "there was no white picture" in light_field.notes[1]
 
 
+def test_a_grid_of_whole_numbers_is_read_as_an_elemental_image_array():
+    bundle = make_bundle(raw=make_picture(6 * 5, 9 * 5, 3))
+    found = read(bundle, Layout(lens_grid=Known(5.0, (2.0, 2.0), 0.0, "square"), order="given"))
+    expected = read(bundle, Layout(pixels=(5, 5), arrangement="eia", order="given"))
+    assert found.views.shape[:4] == (5, 5, 6, 9)
+    np.testing.assert_array_equal(found.views, expected.views)
+    assert found.depth_sense == "lenses"
+
+
 def test_frames_even_out_the_lenses():
     files = make_bundle(raw=RAW + DARK, white=WHITE + DARK, dark=DARK)
     light_field = read(files, Layout(lens_grid=KNOWN, pixels=(7, 7)))
