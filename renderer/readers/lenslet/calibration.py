@@ -46,6 +46,8 @@ class Calibration:
     """Of the picture's lenses: those that counted."""
     scatter: float = 0.0
     """Median distance of their own places from the grid's, in pixels."""
+    uncertainty: float = 0.0
+    """Standard error of the pitch, in pixels, times the lenses along the picture's longer side."""
     in_columns: bool = False
     """Whether the grid is that of the transposed picture, since every other column of lenses is shifted."""
 
@@ -151,7 +153,7 @@ def _refine(
     if known.offset is None and cue == "edges":
         found = replace(found, grid=center_grid(signal, lenses, found.grid))
     agrees = found.scatter <= _MOST_SCATTER[cue] * found.grid.pitch
-    return Calibration(found.grid, cue=cue, share=found.share, scatter=found.scatter) if agrees else None
+    return Calibration(found.grid, cue, found.share, found.scatter, found.uncertainty) if agrees else None
 
 
 def _move_to_corner(grid: LensGrid) -> LensGrid:

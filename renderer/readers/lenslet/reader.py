@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lenslet.grid import Known
     from ciir.renderer.readers.pictures import Pixels
 
-_FEW = 0.1
-"""Share of lenses below which the outline of an object before black decides (docs/formats.md)."""
+_SETTLED = 0.05
+"""Pixels over all lenses: a pitch that is less certain is noted as such."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,12 @@ def _describe_grid(found: Calibration) -> str:
     )
     if found.cue is None:
         return f"{text}, as given"
-    text += f"; {found.share:.0%} of the lenses agree, within {found.scatter:.2f} pixels (median)"
+    text += (
+        f"; {found.share:.0%} of the lenses agree, within {found.scatter:.2f} pixels (median), which settles the pitch "
+        f"times all lenses to {found.uncertainty:.2f} pixels (standard error)"
+    )
     if found.cue == "edges":
         text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
-    elif found.share < _FEW:
-        text += "; so few settle the pitch to a pixel over the picture only: a white picture would do it exactly"
+    elif found.uncertainty > _SETTLED:
+        text += "; a white picture would settle it"
     return text

@@ -19,6 +19,7 @@ MOST_POINTS = 4_000_000
 """Samples of all lenses together; of more lenses every so many are taken."""
 _REACH = 0.7  # pitches from a lens's centre to the side of its window, which holds the borders on both sides
 _ROUNDS = 6
+_BLOCKS = 4  # along each side
 _LIKENESS = 0.9  # of a lens that counts, as a share of that of the best tenth
 
 
@@ -56,6 +57,8 @@ class Refinement:
     """Of the lenses in the picture: those that counted."""
     scatter: float
     """Median distance of these lenses' own places from the grid's, in pixels."""
+    uncertainty: float
+    """Standard error of the pitch, in pixels, times the lenses along the picture's longer side."""
 
 
 def refine_grid(
@@ -73,7 +76,8 @@ def refine_grid(
     `signal`: `(H, W)`, bright inside lenses (`signals.show_lenses`). `blurred`: `(H, W)`, the scene's brightness.
     Each round takes the mean of the lenses as the template and finds how far each lens is displaced from it. The
     template is made symmetric about its centre, which settles the offset. Content moves the borders of its lenses a
-    little towards its darker side: one factor of the brightness's gradient accounts for that.
+    little towards its darker side, by how much depends on its depth: the brightness's gradient times a quadratic
+    function of the place accounts for that.
     """
     window = _make_window(_REACH * grid.pitch)
     i, j = lenses.i, lenses.j
@@ -86,11 +90,14 @@ def refine_grid(
         ],
         axis=-1,
     )
+    around = (centers - centers.mean(axis=0)) / (centers.std(axis=0) + 1e-9)
+    y, x = around.T
+    depth = np.stack([np.ones(len(i)), y, x, y * y, y * x, x * x], axis=1)
     some = window[:: max(1, len(window) // 64)]
     limit = np.percentile(np.abs(_sample(signal, centers[:, None] + some)), 97)
     counts = evenness >= np.percentile(evenness, 60)
-    free = ~np.array([False, False, keep_pitch, keep_rotation, False])
-    scatter = 0.0
+    free = ~np.array([False, False, keep_pitch, keep_rotation, *[False] * depth.shape[1]])
+    scatter = uncertainty = 0.0
     for _ in range(_ROUNDS):
         centers, axes, pitch = grid.find_centers(i, j), grid.axes, grid.pitch
         windows = np.clip(_sample(signal, centers[:, None] + window @ axes), -limit, limit)
@@ -100,16 +107,19 @@ def refine_grid(
         places, likeness = _compare(windows, template)
         counts = likeness > _LIKENESS * np.percentile(likeness, 90)
         if not counts.any():
-            return Refinement(grid, 0.0, np.inf)
-        # Rows of the equations: displacement across and along the rows, by offset (2), scale, turn and gradient.
+            return Refinement(grid, 0.0, np.inf, np.inf)
+        # Rows of the equations: displacement across and along the rows, by offset (2), scale, turn and gradient (6).
         lattice = (centers - np.asarray(grid.offset)) @ axes.T
-        equations = np.zeros((len(i), 2, 5))
+        equations = np.zeros((len(i), 2, len(free)))
         equations[:, 0, 0] = equations[:, 1, 1] = 1
         equations[:, :, 2] = lattice
         equations[:, 0, 3], equations[:, 1, 3] = lattice[:, 1], -lattice[:, 0]
-        equations[:, :, 4] = pitch * slopes @ axes.T
-        found = np.zeros(5)
-        found[free], scatter = _solve(equations[counts][:, :, free], np.clip(places[counts], -pitch / 4, pitch / 4))
+        equations[:, :, 4:] = pitch * (slopes @ axes.T)[:, :, None] * depth[:, None]
+        found, settled = (
+            np.zeros(len(free)),
+            (equations[counts][:, :, free], np.clip(places[counts], -pitch / 4, pitch / 4)),
+        )
+        found[free], scatter = _solve(*settled)
         offset = np.asarray(grid.offset) + (np.zeros(2) if keep_offset else found[:2] @ axes)
         grid = replace(
             grid,
@@ -117,7 +127,9 @@ def refine_grid(
             pitch=float(pitch * (1 + found[2])),
             rotation=float(grid.rotation + np.rad2deg(found[3])),
         )
-    return Refinement(grid, float(counts.mean()) * lenses.share, scatter)
+    if not keep_pitch:
+        uncertainty = max(signal.shape) * _measure_error(*settled, around[counts])
+    return Refinement(grid, float(counts.mean()) * lenses.share, scatter, uncertainty)
 
 
 def center_grid(signal: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> LensGrid:
@@ -203,3 +215,11 @@ def _solve(equations: NDArray[np.float64], places: NDArray[np.float64]) -> tuple
         left = (equations * weight[:, None, None]).reshape(-1, len(found))
         found = np.linalg.lstsq(left, (places * weight[:, None]).ravel(), rcond=None)[0]
     return found, middle
+
+
+def _measure_error(equations: NDArray[np.float64], places: NDArray[np.float64], around: NDArray[np.float64]) -> float:
+    """The standard error of the third unknown, by the jackknife over blocks of the picture: neighbours err alike."""
+    bands = [np.digitize(side, np.quantile(side, np.arange(1, _BLOCKS) / _BLOCKS)) for side in around.T]
+    block = _BLOCKS * bands[0] + bands[1]
+    found = [_solve(equations[block != left], places[block != left])[0][2] for left in np.unique(block)]
+    return float(np.sqrt((len(found) - 1) * np.var(found)))

@@ -65,12 +65,13 @@ def test_an_optical_pickup_is_the_virtual_one_turned():
     assert np.abs(optical[::-1, ::-1].astype(int) - virtual).mean() > 4
 
 
-def test_a_grid_that_few_lenses_show_is_noted():
+def test_a_grid_that_is_not_certain_is_noted():
     grid = LensGrid(9.3, (4.2, 5.1), 0.5)
-    assert reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03)).endswith(
-        "rotation 0.500 degrees; 20% of the lenses agree, within 0.03 pixels (median)"
+    assert reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03, 0.02)).endswith(
+        "rotation 0.500 degrees; 20% of the lenses agree, within 0.03 pixels (median), which settles the pitch times "
+        "all lenses to 0.02 pixels (standard error)"
     )
-    assert "a white picture would do it" in reader._describe_grid(Calibration(grid, "borders", 0.09, 0.03))
+    assert "a white picture would settle it" in reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03, 0.06))
     assert "may be wrong: see --show-grid" in reader._describe_grid(Calibration(grid, "edges", 0.2, 0.03))
 
 
