@@ -12,10 +12,13 @@ from ciir.renderer.readers import meshes
 from ciir.renderer.readers.containers import quilts
 from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import clean_text, find_frames
 from ciir.renderer.readers.registry import (
     ESLF,
+    LYTRO,
+    LYTRO_RAW,
     TIFF_STACK,
     VIDEOS,
     ContainerFormat,
@@ -61,7 +64,8 @@ def open_input(
 
     - A picture that its name, or the JSON beside it, makes a quilt: read as one.
     - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`; with
-      `layout.lens_grid` a raw lenslet picture, in a folder or a zip with its frames, pictures named white and dark.
+      `layout.lens_grid`, or from a Lytro camera, a raw lenslet picture, in a folder or a zip with its frames, pictures
+      named white and dark.
     - A file that holds a light field: read by its format's reader.
     - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of
       `layout.pixels` where their names don't give one. Views are decoded when they are first used; `views` selects
@@ -80,6 +84,8 @@ def open_input(
         raise InvalidOption(
             f"frame: this is for a video of elemental image arrays, with lenses; leave it out of {name}"
         )
+    if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
+        layout = replace(layout, lens_grid=Known())
     if layout.lens_grid is not None:
         if found is None or not isinstance(found[0], PictureFormat):
             raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")

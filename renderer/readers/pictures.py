@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.readers.registry import FORMATS, PictureFormat, find_by_signature
+from ciir.renderer.readers.registry import FORMATS, LYTRO_RAW, LYTRO_RAW_SIZES, PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,6 +60,8 @@ def decode(
             check(height, width)
 
     found = [entry for entry in find_by_signature(data) if isinstance(entry, PictureFormat)]
+    if not found and len(data) in LYTRO_RAW_SIZES:
+        found = [LYTRO_RAW]
     if not data:
         raise Unreadable(f"{name}: the file is empty (0 bytes); give it again")
     if not found:

@@ -107,6 +107,12 @@ STL = MeshFormat(
     text=re.compile(rb"\A(?i:solid).*?facet", re.DOTALL),
     reader="trimesh_formats:read_stl",
 )
+LYTRO = PictureFormat(
+    name="Lytro", suffixes=(".lfr", ".lfp"), signatures=(b"\x89LFP\r\n\x1a\n",), reader="lytro.picture:decode"
+)
+LYTRO_RAW = PictureFormat(name="Lytro RAW", suffixes=(".raw",), reader="lytro.picture:decode_raw")
+LYTRO_RAW_SIZES = (51_854_880, 16_137_600)
+"""Bytes of an Illum's and of an F01's `.raw` files, which have no signature."""
 FORMATS: tuple[Format, ...] = (
     MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read", is_posed=True),
     MeshFormat(
@@ -138,6 +144,8 @@ FORMATS: tuple[Format, ...] = (
         reader="tiff:decode",
     ),
     PictureFormat(name="WebP", suffixes=(".webp",), signatures=(b"RIFF",), reader="webp:decode"),
+    LYTRO,
+    LYTRO_RAW,
     PictureFormat(name="KTX2", suffixes=(".ktx2",), signatures=(b"\xabKTX 20\xbb\r\n\x1a\n",), reader="ktx2:decode"),
     ZIP,
     ContainerFormat(name="NPY", suffixes=(".npy",), signatures=(b"\x93NUMPY",), reader="arrays:read_npy"),
@@ -236,6 +244,8 @@ def _recognise(data: bytes, by_name: Format | None) -> Format | None:
     if _is_text(data):
         text = data.removeprefix(_BOM).lstrip()
         return next((entry for entry in FORMATS if entry.text is not None and entry.text.search(text)), None)
+    if by_name is LYTRO_RAW and len(data) in LYTRO_RAW_SIZES:
+        return LYTRO_RAW
     # A binary STL has no signature, and one that is cut short not even its size: its reader reports that.
     size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
     return STL if by_name is STL or (len(data) >= _STL_HEADER and len(data) == size) else None

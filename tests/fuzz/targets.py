@@ -268,6 +268,7 @@ TARGETS: dict[str, Target] = {
     "jpeg": Target(picture("jpg"), seeds.jpegs),
     "tiff": Target(picture("tif"), seeds.tiffs),
     "webp": Target(picture("webp"), seeds.webps),
+    "lytro": Target(container(SUFFIXES[".lfp"]), containers.lytro),
     "ktx2": Target(picture("ktx2"), gltf_extensions.ktx2),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),

@@ -70,7 +70,7 @@ def calibrate(
     if known.shape == "hexagonal-columns":
         return replace(calibrate(picture.swapaxes(0, 1), known.transpose(), name=name), in_columns=True)
     if known.pitch is not None and known.offset is not None and known.rotation is not None and known.shape is not None:
-        return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape))
+        return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape, known.stretch))
     luma = scale_luma(picture)
     for cue in get_args(Cue):
         estimate = _estimate(luma, cue, known, name)
@@ -132,6 +132,7 @@ def _refine(
         keep_pitch=keep_pitch,
         keep_rotation=keep_rotation,
     )
+    grid = replace(grid, stretch=known.stretch)
     if known.offset is not None:
         grid = replace(grid, offset=known.offset)
     lenses = Lenses.find(grid, blurred)

@@ -18,7 +18,7 @@ KnownShape = Literal["square", "hexagonal", "hexagonal-columns"]
 """A shape, or columns of which every other one is shifted: a hexagonal grid of the transposed picture."""
 
 ROW_STEP = {"square": 1.0, "hexagonal": 3**0.5 / 2}
-"""Distance between neighbouring rows, in pitches."""
+"""Distance between neighbouring rows of a grid that isn't stretched, in pitches."""
 LEAST_PITCH, MOST_PITCH = 5.0, 200.0
 """Pixels."""
 
@@ -27,7 +27,7 @@ LEAST_PITCH, MOST_PITCH = 5.0, 200.0
 class LensGrid:
     """Lens centres in a picture, whose pixels have their centres at whole numbers, y down.
 
-    Lens (0, 0) lies at `offset`. Lens (i, j) lies `i * ROW_STEP` pitches across the rows from there and j pitches along
+    Lens (0, 0) lies at `offset`. Lens (i, j) lies `i * row_step` pitches across the rows from there and j pitches along
     them, half a pitch more where the grid is hexagonal and i is odd. Indices may be negative.
 
     Raises `InvalidOption` for a pitch that is out of range.
@@ -40,6 +40,8 @@ class LensGrid:
     rotation: float = 0.0
     """Degrees; rows of a positive one go down to the right."""
     shape: Shape = "square"
+    stretch: float = 1.0
+    """Distance between rows over that of a regular grid."""
 
     def __post_init__(self) -> None:
         if not LEAST_PITCH <= self.pitch <= MOST_PITCH:
@@ -48,13 +50,18 @@ class LensGrid:
             )
 
     @property
+    def row_step(self) -> float:
+        """Distance between neighbouring rows, in pitches."""
+        return ROW_STEP[self.shape] * self.stretch
+
+    @property
     def axes(self) -> NDArray[np.float64]:
         """Unit vectors across the rows and along them, `(2, 2)`, each as (y, x)."""
         return make_axes(self.rotation)
 
     def find_positions(self, row: NDArray[np.int64], along: NDArray[np.float64]) -> NDArray[np.float64]:
         """(y, x) in pixels, `(..., 2)`, of the points `along` pitches along each row from where lens (0, 0) stands."""
-        steps = np.stack(np.broadcast_arrays(row * ROW_STEP[self.shape], along), axis=-1)  # (..., 2)
+        steps = np.stack(np.broadcast_arrays(row * self.row_step, along), axis=-1)  # (..., 2)
         positions: NDArray[np.float64] = np.asarray(self.offset) + self.pitch * (steps @ self.axes)
         return positions
 
@@ -69,7 +76,7 @@ class LensGrid:
     def find_nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The lenses (i, j) whose centres are nearest to points (y, x) in pixels, `(..., 2)`."""
         across, along = np.moveaxis((points - np.asarray(self.offset)) @ self.axes.T / self.pitch, -1, 0)
-        step = ROW_STEP[self.shape]
+        step = self.row_step
         first = np.floor(across / step).astype(np.int64)
         rows = np.stack([first, first + 1])  # the nearest lens is in one of the two rows around a point
         shift = self.find_shift(rows)
@@ -87,11 +94,14 @@ class Known:
     offset: tuple[float, float] | None = None
     rotation: float | None = None
     shape: KnownShape | None = None
+    stretch: float = 1.0
 
     def transpose(self) -> Known:
         """Of a grid of shape `hexagonal-columns`: as a `hexagonal` one of the transposed picture."""
         offset = None if self.offset is None else (self.offset[1], self.offset[0])
-        return Known(self.pitch, offset, None if self.rotation is None else -self.rotation, "hexagonal")
+        return Known(
+            self.pitch, offset, None if self.rotation is None else -self.rotation, "hexagonal", 1 / self.stretch
+        )
 
 
 def make_axes(rotation: float) -> NDArray[np.float64]:

@@ -5,19 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.errors import InvalidOption, TooLarge
+from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate
 from ciir.renderer.readers.lenslet.drawing import draw_grid
 from ciir.renderer.readers.lenslet.frames import divide_by_white, subtract_dark
+from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.resampling import fit_pixels, resample_views
+from ciir.renderer.readers.lytro.metadata import find_camera
 from ciir.renderer.readers.names import clean_text, find_frames
 
 if TYPE_CHECKING:
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.renderer.readers.lenslet.grid import Known
+    from ciir.renderer.readers.lytro.metadata import Camera
     from ciir.renderer.readers.pictures import Pixels
 
 _SETTLED = 0.05
@@ -30,6 +33,7 @@ class _Raw:
     """Less its dark frame, over its white one; transposed where the grid has columns."""
     calibration: Calibration
     has_white: bool
+    is_lytro: bool
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
@@ -38,7 +42,8 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     `bundle.keep_grid` is given its lens grid, drawn over it.
 
     Its views have a pixel for each lens, and `layout.pixels` say how many pixels under a lens become views; by default
-    as many as every lens has. Raises `InputError`.
+    as many as every lens has. Those of a Lytro camera count its places from the left, as Lytro's ESLF does: depth sense
+    of cameras. Raises `InputError`.
     """
     name = clean_text(bundle.name)
     for option in ("lenses", "arrangement", "crop"):
@@ -70,13 +75,16 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     if in_columns:
         views = views.transpose(1, 0, 3, 2, 4)
     notes = [_describe_grid(raw.calibration)]
+    if raw.is_lytro and raw.calibration.cue is None and known == Known():
+        notes = [f"{notes[0]} by the camera's metadata, since the picture shows none; see --show-grid"]
     if max(pixels) > fits:
         notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
     if not raw.has_white:
         notes.append("views of pixels at lenses' borders stay as dark as these are: there was no white picture")
     if grid.shape == "hexagonal":
         notes.append(f"the hexagonal grid was resampled to {views.shape[2]}x{views.shape[3]} pixels of a square one")
-    return LightField(views, tuple(notes), lens_pitch=grid.pitch)
+    sense: DepthSense = "cameras" if raw.is_lytro else "lenses"
+    return LightField(views, tuple(notes), depth_sense=sense, lens_pitch=grid.pitch)
 
 
 def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
@@ -90,10 +98,25 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     if dark is not None:
         picture = subtract_dark(picture, dark)
         white = None if white is None else subtract_dark(white, dark)
-    calibration = calibrate(picture if white is None else white, known, name=name)
+    camera = find_camera(bundle.files[key], name)
+    calibration = _calibrate(picture if white is None else white, known, camera, name)
     if white is not None:
         picture = divide_by_white(picture, white)
-    return _Raw(picture.swapaxes(0, 1) if calibration.in_columns else picture, calibration, white is not None)
+    if calibration.in_columns:
+        picture = picture.swapaxes(0, 1)
+    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None)
+
+
+def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) -> Calibration:
+    """The grid that `picture` shows; where it shows none and nothing is known, that of the metadata of a `camera`."""
+    if camera is None or known != Known():
+        return calibrate(picture, known, name=name)
+    try:
+        return calibrate(picture, camera.known, name=name)
+    except Unreadable:
+        if camera.grid is None:
+            raise
+        return Calibration(camera.grid, in_columns=camera.known.shape == "hexagonal-columns")
 
 
 def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixels:

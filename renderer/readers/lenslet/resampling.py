@@ -9,11 +9,11 @@ from scipy import ndimage
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import Pickup, is_turned
-from ciir.renderer.readers.lenslet.grid import ROW_STEP, LensGrid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.readers.lenslet.grid import LensGrid
     from ciir.renderer.readers.pictures import Pixels
 
 
@@ -73,7 +73,7 @@ def place_views(
         double = cosine**2 - sine**2
         fit = ((height * cosine - width * sine) / double, (width * cosine - height * sine) / double)
     middle = ((np.array(size) - 1) / 2 - np.asarray(grid.offset)) @ grid.axes.T / grid.pitch  # across, along
-    step = ROW_STEP[grid.shape]
+    step = grid.row_step
     half_height, half_width = np.array(fit) / 2 / grid.pitch + 1e-6
     rows = np.arange(np.ceil((middle[0] - half_height) / step), np.floor((middle[0] + half_height) / step) + 1)
     left, right = middle[1] - half_width, middle[1] + half_width

@@ -13,16 +13,19 @@ from av.container import Flags
 from scipy.io import savemat
 
 from ciir.renderer.readers.containers.mat import VERSION_5
+from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import Contents
 from tests.fuzz.seeds import noise, zipped
+from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
+GRID = LensGrid(8.0, (4.0, 4.0), 0.0, "hexagonal")
 VIEWS = noise(16, 5, 3).reshape(2, 2, 4, 5, 3)
 
 
@@ -135,3 +138,12 @@ def _fill(fill: Callable[[h5py.File], object]) -> bytes:
     with h5py.File(buffer, "w") as file:
         fill(file)
     return buffer.getvalue()
+
+
+def lytro() -> list[bytes]:
+    """As an F01 and an Illum write it, small."""
+    made = []
+    for model, bits in (("F01", 12), ("ILLUM", 10)):
+        metadata = make_metadata(GRID, (32, 40), model)
+        made.append(write_container(pack(expose(noise(32, 40, 3), metadata), bits), metadata, model))
+    return made
