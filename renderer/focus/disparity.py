@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, floor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from os import PathLike
 
     from numpy.typing import NDArray
 
@@ -59,6 +61,12 @@ class DisparityMap:
     def hci(self) -> NDArray[np.float32]:
         """The disparity in the sense of the HCI benchmark, larger is nearer: as with the depth sense `cameras`."""
         return self.disparity if self.depth_sense == "cameras" else -self.disparity
+
+    def save(self, path: str | PathLike[str], /, format: str | None = None) -> dict[str, Any]:  # noqa: A002
+        """Writes the map, and beside it the confidence, as `renderer.writers.depth.write_disparity`."""
+        from ciir.renderer.writers.depth import write_disparity
+
+        return write_disparity(Path(path), self, format)
 
 
 def estimate_disparity(

@@ -9,7 +9,18 @@ from ciir.renderer.writers.depth import maps
 from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.renderer.writers.stacks import PLANE_BY_SUFFIX, STACK_BY_SUFFIX
-from ciir.service.pipeline.options import DISPLAYS, FOCUS, KINDS, LENSLET, MESH, OPTIONS, READING, UPSCALING, WRITING
+from ciir.service.pipeline.options import (
+    DISPLAYS,
+    FOCUS,
+    KINDS,
+    LENSLET,
+    MESH,
+    MODELS,
+    OPTIONS,
+    READING,
+    UPSCALING,
+    WRITING,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -113,12 +124,19 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command(
-        "depth", "estimate the disparity of a view of a light field; that of a mesh is exact", "pictures.depth"
+        "depth",
+        "estimate the disparity of a view (of a mesh it is exact), or model what the views show",
+        "pictures.depth",
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
     suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in maps.FORMATS.values()))
+    models = " or ".join(entry.suffix for entry in MODELS.values())
     command.add_argument(
-        "-o", "--out", required=True, metavar="OUT", help=f"{suffixes}; the confidence is written beside it"
+        "-o",
+        "--out",
+        required=True,
+        metavar="OUT",
+        help=f"{suffixes}, with the confidence beside it; or {models}: a coloured model",
     )
     command.add_argument(
         "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: what the name of OUT asks for)"

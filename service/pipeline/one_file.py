@@ -8,6 +8,7 @@ from functools import partial
 from typing import IO, TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption, UnsupportedType
+from ciir.renderer.focus.model import encode_model
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
 from ciir.renderer.writers.depth import encode_disparity
@@ -18,7 +19,9 @@ from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
 from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.focus.disparities import find_disparity
-from ciir.service.pipeline.focus.planes import count_planes, make_planes
+from ciir.service.pipeline.focus.models import build_model
+from ciir.service.pipeline.focus.planes import count_planes, refocus
+from ciir.service.pipeline.options import MODELS
 from ciir.service.pipeline.pictures import output_names, upscale_files
 
 if TYPE_CHECKING:
@@ -119,7 +122,7 @@ def _refocus(bundle: Bundle, options: Options, output: Output) -> tuple[str, Rep
     if name not in writers:
         what = "one plane" if is_one else "a stack of planes"
         raise InvalidOption(f"format: {name} can't hold {what}; give {', '.join(writers)}")
-    report = make_planes(
+    report = refocus(
         bundle,
         options,
         partial(writers[name], output.file),
@@ -131,10 +134,16 @@ def _refocus(bundle: Bundle, options: Options, output: Output) -> tuple[str, Rep
 
 
 def _find_disparity(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+    name = output.format or "pfm"
+    if name in MODELS:
+        model, report = build_model(
+            bundle, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+        )
+        output.file.write(encode_model(model, MODELS[name].suffix))
+        return name, report
     found, report = find_disparity(
         bundle, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
     )
-    name = output.format or "pfm"
     with output.clock.stage("encode"):
         data, confidence, reading = encode_disparity(found, "pfm" if name == "zip" else name)
         report["disparity"] |= reading

@@ -31,14 +31,17 @@ from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.stacks import Stack, round_plane
 from ciir.service.pipeline.displays.pictures import make_picture
+from ciir.service.pipeline.focus.disparities import find_disparity
+from ciir.service.pipeline.focus.planes import refocus
 from ciir.service.pipeline.options import KINDS, NAMES, Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
 from ciir.service.web.routes import upload
 from tests.fuzz import seeds
 from tests.fuzz.mutate import edit_values
-from tests.fuzz.seeds import containers, displays, gltf, gltf_extensions, pack, parts
+from tests.fuzz.seeds import containers, displays, focus, gltf, gltf_extensions, pack, parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -191,6 +194,26 @@ def display_form(data: bytes) -> None:
     _check_pixels(picture.pixels)
 
 
+def plane_form(data: bytes) -> None:
+    """The form of depth planes, and those of a few views."""
+    job = _read_form(data, "plane")
+
+    def write(stack: Stack) -> list[str]:
+        for plane in stack.read():
+            _check_pixels(round_plane(plane, stack.dtype))
+        return []
+
+    refocus(_VIEWS, KINDS["plane"].parse(job.options), write, max_pixels=20_000)
+
+
+def disparity_form(data: bytes) -> None:
+    """The form of a disparity map, and that of a few views."""
+    job = _read_form(data, "disparity")
+    found, _ = find_disparity(_VIEWS, KINDS["disparity"].parse(job.options), max_pixels=20_000)
+    if not np.isfinite(found.disparity).all():
+        raise BrokenPromise("a disparity that is not finite")
+
+
 def _read_form(data: bytes, kind: KindName) -> Job:
     async def read() -> Job:
         pieces = [data[i : i + 61] for i in range(0, len(data), 61)] or [b""]
@@ -301,5 +324,7 @@ TARGETS: dict[str, Target] = {
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
     "multipart": Target(form, seeds.multipart),
     "display-form": Target(display_form, displays.forms),
+    "plane-form": Target(plane_form, focus.planes),
+    "disparity-form": Target(disparity_form, focus.disparities),
 }
 """Name -> entry point."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.focus.disparity import DisparityMap, estimate_disparity
+from ciir.renderer.focus.disparity import DisparityMap
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import find_main
 from ciir.renderer.readers.registry import MeshFormat
 from ciir.renderer.scene import Scene
-from ciir.service.pipeline.focus.light_fields import capture
+from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import KINDS, NO_MODEL
 from ciir.service.pipeline.plan import Plan
@@ -51,16 +51,8 @@ def find_disparity(
         source, options, max_pixels=max_pixels, progress=lambda done, total: progress(done, total + 1), clock=clock
     )
     light_field, scale = captured.light_field, captured.scale
-    limits = options.limits
-    if limits is not None:
-        if limits[0] >= limits[1]:
-            raise InvalidOption(f"limits: {limits[0]:g}:{limits[1]:g} is no range; give the smaller disparity first")
-        low, high = sorted(captured.sign * scale * limit for limit in limits)
-        limits = low, high
-    if options.view is not None:
-        light_field.view(*options.view)
     with clock.stage("focus"):
-        found = estimate_disparity(light_field, options.view, limits=limits)
+        found = estimate_view(captured, options.view, options.limits)
     grid = light_field.shape[0] * light_field.shape[1]
     progress(grid + 1, grid + 1)
     notes = captured.report["notes"]

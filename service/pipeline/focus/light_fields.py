@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.depth_scale import DepthScale
+from ciir.renderer.focus.disparity import estimate_disparity
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
 from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
+    from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.light_field import LightField
+    from ciir.renderer.views import View
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
@@ -39,6 +42,22 @@ class Captured:
     it."""
     report: Report
     """Of the views, without their list."""
+
+
+def estimate_view(captured: Captured, view: View | None, limits: tuple[float, float] | None) -> DisparityMap:
+    """The disparity of a view, by default the centre one. `limits`: larger is nearer, in pixels of the views that were
+    read.
+
+    Raises `InvalidOption`.
+    """
+    if limits is not None:
+        if limits[0] >= limits[1]:
+            raise InvalidOption(f"limits: {limits[0]:g}:{limits[1]:g} is no range; give the smaller disparity first")
+        low, high = sorted(captured.sign * captured.scale * limit for limit in limits)
+        limits = low, high
+    if view is not None:
+        captured.light_field.view(*view)
+    return estimate_disparity(captured.light_field, view, limits=limits)
 
 
 class _Collector(WholeWriter):

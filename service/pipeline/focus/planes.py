@@ -8,11 +8,12 @@ import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.focus.apertures import make_aperture
-from ciir.renderer.focus.planes import refocus
+from ciir.renderer.focus.all_in_focus import focus_everywhere
+from ciir.renderer.focus.apertures import read_aperture
+from ciir.renderer.focus.occluders import make_planes
 from ciir.renderer.writers.stacks import Stack
-from ciir.service.pipeline.focus.light_fields import CAMERAS, Captured, capture
-from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.focus.light_fields import CAMERAS, Captured, capture, estimate_view
+from ciir.service.pipeline.options import KINDS, Options
 from ciir.service.pipeline.options.focus import MOST_PLANES
 from ciir.service.pipeline.report import Clock
 
@@ -21,21 +22,20 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
 
-ASKED = ("disparity", "depth", "stack")
+ASKED = ("disparity", "depth", "stack", "all_in_focus")
 """Options, of which one says what is made."""
 
 
 def count_planes(options: Options) -> int:
     """How many planes `options` ask for. Raises `InvalidOption` unless they ask in one way."""
-    given = [name for name in ASKED if getattr(options, name) is not None]
+    given = [name for name in ASKED if getattr(options, name) not in (None, "no")]
     if len(given) != 1:
         what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
-        raise InvalidOption(f"{what}; give one of disparity, depth and stack")
+        raise InvalidOption(f"{what}; give one of disparity, depth, stack and all_in_focus")
     if options.stack is None:
         return 1
     first, last, count = options.stack
@@ -47,7 +47,7 @@ def count_planes(options: Options) -> int:
     return int(count)
 
 
-def make_planes(
+def refocus(
     source: Source,
     options: Options,
     write: Callable[[Stack], Sequence[str]],
@@ -92,6 +92,12 @@ def _check_options(options: Options) -> None:
         raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
     if options.aperture is None and options.aperture_shape != "disc":
         raise InvalidOption("aperture_shape: this needs aperture, the radius in views; give both")
+    if options.all_in_focus == "yes":
+        for name in ("method", "occluders"):
+            if getattr(options, name) != getattr(Options, name):
+                raise InvalidOption(f"{name}: this is for planes; leave it out or give disparity, depth or stack")
+    elif options.limits is not None:
+        raise InvalidOption("limits: this is for all_in_focus, which looks for disparities; leave it out or give that")
     uses_depths = options.depth is not None or options.stack_of == "depths"
     if not uses_depths:
         for name in ("camera_pitch", *CAMERAS):
@@ -105,9 +111,7 @@ class _Planes:
     def __init__(self, captured: Captured, options: Options, clock: Clock, progress: Progress) -> None:
         self._captured, self._options, self._clock, self._progress = captured, options, clock, progress
         self._grid = captured.light_field.shape[:2]
-        self._weights = (
-            None if options.aperture is None else make_aperture(self._grid, options.aperture, options.aperture_shape)
-        )
+        self._weights = read_aperture(options.aperture, self._grid, options.aperture_shape)
         first, last, count = options.stack or (options.disparity or 0.0, options.disparity or 0.0, 1)
         is_depth = options.depth is not None or options.stack_of == "depths"
         if options.depth is not None:
@@ -115,6 +119,12 @@ class _Planes:
         self._kind = "depths" if is_depth else "disparities"
         self._values = np.linspace(first, last, int(count))
         self._disparities = self._find_disparities() if is_depth else self._values
+        most, side = np.abs(self._disparities).max(), max(captured.light_field.shape[2:4]) // captured.scale
+        if not most <= side:
+            raise InvalidOption(
+                f"disparity: {most:g} pixels are over the {side} of a view, so that no views overlap; give less, or "
+                "another depth"
+            )
 
     def _find_disparities(self) -> NDArray[np.float64]:
         """Of the depths."""
@@ -144,6 +154,9 @@ class _Planes:
         )
 
     def _list_names(self) -> Iterator[str]:
+        if self._options.all_in_focus == "yes":
+            yield "all_in_focus"
+            return
         unit = "mm" if self._is_in_millimetres() else ""
         for number, value in enumerate(self._values):
             at = f"d{value:+.3f}" if self._kind == "disparities" else f"z{value:.6g}{unit}"
@@ -158,7 +171,11 @@ class _Planes:
         disparities = self._captured.sign * self._captured.scale * self._disparities[list(order)]
         done = self._grid[0] * self._grid[1]
         with self._clock.stage("focus"):
-            planes = refocus(views, disparities, method=self._options.method, weights=self._weights)
+            if self._options.all_in_focus == "yes":
+                found = estimate_view(self._captured, None, self._options.limits)
+                planes = iter([focus_everywhere(views, found, self._weights)])
+            else:
+                planes = make_planes(views, disparities, self._weights, self._options.method, self._options.occluders)
         for number in range(len(order)):
             with self._clock.stage("focus"):
                 plane = next(planes)
@@ -167,23 +184,26 @@ class _Planes:
 
     def _describe(self) -> Report:
         """The report so far."""
-        report, options = self._captured.report, self._options
-        depths = self._captured.depths
-        described = [
-            {"name": name, "disparity": float(disparity)}
-            for name, disparity in zip(self._list_names(), self._disparities, strict=True)
-        ]
-        if depths is not None:
-            for plane, depth in zip(described, depths.to_depth(self._disparities), strict=True):
-                plane["depth"] = float(depth) if np.isfinite(depth) else None
+        report, options, depths = self._captured.report, self._options, self._captured.depths
         return report | {
-            "planes": described,
+            "planes": list(self._describe_planes()),
             "method": options.method,
             "depth_unit": None if depths is None else "mm" if depths.is_inverse else "scene units",
             "options": options.as_dict(KINDS["plane"].options),
             "notes": [*report["notes"], *self._list_notes()],
             "timings_ms": self._clock.timings_ms(),
         }
+
+    def _describe_planes(self) -> Iterator[Report]:
+        depths = self._captured.depths
+        for name, disparity in zip(self._list_names(), self._disparities, strict=True):
+            plane: Report = {"name": name}
+            if self._options.all_in_focus == "no":
+                plane["disparity"] = float(disparity)
+                if depths is not None:
+                    depth = float(depths.to_depth(disparity))
+                    plane["depth"] = depth if np.isfinite(depth) else None
+            yield plane
 
     def _list_notes(self) -> Iterator[str]:
         if self._captured.scale > 1:

@@ -2,7 +2,7 @@
 
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
-from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, Kind, KindName
+from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, MODELS, Kind, KindName
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, RECONSTRUCTION, Options, write_texts
@@ -21,6 +21,7 @@ __all__ = [
     "LENSLET",
     "MAX_SCALE",
     "MESH",
+    "MODELS",
     "NAMES",
     "NO_MODEL",
     "OPTIONS",

@@ -9,10 +9,13 @@ from typing import Any, Literal, get_args
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.apertures import Shape
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import ValueType, make_name, make_number
+from ciir.service.pipeline.options.reading import Switch
+from ciir.service.pipeline.options.values import ValueType, make_name, make_number, make_switch
 
 Method = Literal["mapping", "window", "delta"]
 """As `renderer.focus.planes.Method`, whose import takes longer than the command line may."""
+Occluders = Literal["keep", "remove"]
+"""As `renderer.focus.occluders.Occluders`."""
 StackKind = Literal["disparities", "depths"]
 MOST_PLANES = 1024
 _NUMBER = r"-?[0-9]{1,9}(\.[0-9]{1,9})?"
@@ -79,6 +82,13 @@ FOCUS = {
         make_name(get_args(StackKind)),
         "depths",
     ),
+    "all_in_focus": Option(
+        "NAME",
+        "yes: the centre view, sharp at every depth, with less noise",
+        make_switch(get_args(Switch)),
+        "yes",
+        "yes",
+    ),
     "method": Option(
         "NAME",
         "mapping: pixels are interpolated; window: pictures fade at their borders; delta: convolution with delta "
@@ -91,6 +101,12 @@ FOCUS = {
     ),
     "aperture_shape": Option(
         "NAME", "with --aperture: disc, square or gauss (default disc)", make_name(get_args(Shape)), "gauss"
+    ),
+    "occluders": Option(
+        "NAME",
+        "keep: what stands before a plane blurs over it; remove: it is left out (default keep)",
+        make_name(get_args(Occluders)),
+        "remove",
     ),
     "camera_pitch": Option(
         "MM", "of a camera array: from camera to camera, in millimetres, as all of these", make_number(1e-9, 1e9), "2"
@@ -112,7 +128,8 @@ FOCUS = {
     ),
     "limits": Option(
         "A:B",
-        "the least and the largest disparity to look for (default: found in the pictures)",
+        "the least and the largest disparity to look for, in pixels of the views that are read (default: found in the "
+        "pictures)",
         LIMITS,
         "-2:2",
     ),
@@ -128,10 +145,12 @@ class FocusOptions:
     stack: tuple[float, float, float] | None = None
     """First, last and a whole number: the count."""
     stack_of: StackKind = "disparities"
+    all_in_focus: Switch = "no"
     method: Method = "mapping"
     aperture: float | None = None
     """Views."""
     aperture_shape: Shape = "disc"
+    occluders: Occluders = "keep"
     camera_pitch: float | None = None
     """Millimetres, as the next three."""
     focal_length: float | None = None

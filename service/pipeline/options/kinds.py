@@ -11,7 +11,7 @@ from ciir.renderer.displays.pictures import USES
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.depth import maps
-from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.formats import BINARY, FORMATS
 from ciir.renderer.writers.stacks import PLANE, STACK
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
@@ -40,7 +40,10 @@ class FileType(NamedTuple):
     """Whether the report, and with it the times of that run, is in the file."""
 
 
+MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", BINARY)}
+"""Formats of captured models, by name."""
 FILE_TYPES = {
+    **MODELS,
     **{entry.name: FileType(entry.suffix, entry.media_type) for entry in maps.FORMATS.values()},
     **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
 }
@@ -155,7 +158,7 @@ KINDS: dict[KindName, Kind] = {
             "a mesh, an EIA picture, a zip of views, or a light field in one file",
             (
                 "disparity",
-                *(name for name in FOCUS if name not in ("view", "limits")),
+                *(name for name in FOCUS if name != "view"),
                 *("model", "scale", "fps"),
                 *_INPUT,
             ),
@@ -171,10 +174,10 @@ KINDS: dict[KindName, Kind] = {
         ),
         Kind(
             "disparity",
-            "Estimate the disparity of a view",
+            "Estimate the disparity of a view, or make a model of what is seen",
             "an EIA picture, a zip of views, a light field in one file, or a mesh",
             ("view", "limits", "model", "scale", *_INPUT),
-            (*maps.FORMATS, "zip"),
+            (*maps.FORMATS, *MODELS, "zip"),
             "pfm",
             {"model": _MODEL},
             {"model": NO_MODEL},

@@ -182,8 +182,8 @@ class Plane(TypedDict):
 
     name: str
     """Of its picture, without a suffix."""
-    disparity: float
-    """In pixels of the views that were read; larger is nearer."""
+    disparity: NotRequired[float]
+    """In pixels of the views that were read; larger is nearer. Missing in a picture that is in focus everywhere."""
     depth: NotRequired[float | None]
     """Where the geometry is known; null at infinity."""
 
@@ -221,7 +221,17 @@ class DisparityMap(TypedDict):
 
 
 @described
+class Surface(TypedDict):
+    """A captured model."""
+
+    vertices: int
+    triangles: int
+
+
+@described
 class DisparityReport(ReconstructionReport):
     """The report of a disparity map."""
 
-    disparity: DisparityMap
+    disparity: NotRequired[DisparityMap]
+    surface: NotRequired[Surface]
+    """Of a model."""

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus import planes
+from ciir.renderer.focus import occluders, planes
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.options import TEXT_FILES
 from ciir.service.pipeline.options import NAMES, Options, write_texts
-from ciir.service.pipeline.options.focus import Method
+from ciir.service.pipeline.options.focus import Method, Occluders
 
 
 def test_every_option_is_described():
@@ -31,6 +31,7 @@ def test_parses_every_option():
         "path": "spiral", "frame": "7", "frames": "90", "fps": "25", "device": " go ", "quilt": "5 X 9",
         "aspect": "1.6", "calibration": '{"pitch": 1}', "display": "[panel]\n", "conversion": "none",
         "disparity": "-0.5", "depth": "120", "stack": "-1:1.5:16", "stack_of": "depths", "method": "window",
+        "all_in_focus": "yes", "occluders": "remove",
         "aperture": "2.5", "aperture_shape": "gauss", "camera_pitch": "2", "focal_length": "35", "sensor": "36",
         "convergence": "500", "view": " 0, 4", "limits": "-2:2",
     }  # fmt: skip
@@ -47,6 +48,7 @@ def test_parses_every_option():
         path="spiral", frame=7, frames=90, fps=25.0, device="go", quilt="5x9",
         aspect=1.6, calibration='{"pitch": 1}', display="[panel]\n", conversion="none", disparity=-0.5,
         depth=120.0, stack=(-1.0, 1.5, 16.0), stack_of="depths", method="window", aperture=2.5,
+        all_in_focus="yes", occluders="remove",
         aperture_shape="gauss", camera_pitch=2.0, focal_length=35.0, sensor=36.0, convergence=500.0, view=(0, 4),
         limits=(-2.0, 2.0),
     )  # fmt: skip
@@ -121,6 +123,7 @@ def test_stacks_and_views_are_written_as_they_are_read(first, last, count):
 
 def test_names_of_methods_are_those_of_the_planes():
     assert get_args(Method) == get_args(planes.Method)
+    assert get_args(Occluders) == get_args(occluders.Occluders)
 
 
 @pytest.mark.parametrize("space", [" ", "\t", "\x1f", "\u2003"])

@@ -32,6 +32,8 @@ REQUESTS = {
         {"lenses": "6x9", "stack": "-1:1:3", "model": "bicubic", "format": "npz"},
     ),
     "planes of a mesh": ("plane", "cube.off", MESH | {"stack": "1:20:3", "stack_of": "depths"}),
+    "a view in focus everywhere": ("plane", "eia.png", {"lenses": "6x9", "all_in_focus": "yes"}),
+    "a captured model": ("disparity", "cube.off", {**MESH, "lenses": "24x24", "format": "glb"}),
     "disparity": ("disparity", "eia.png", {"lenses": "6x9", "limits": "-2:2", "format": "png"}),
     "disparity of a mesh": ("disparity", "cube.off", MESH | {"view": "0,2", "format": "zip"}),
 }

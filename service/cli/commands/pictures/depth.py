@@ -1,35 +1,60 @@
-"""`ciir depth`: writes the disparity of a view, and beside it the confidence."""
+"""`ciir depth`: writes the disparity of a view, and beside it the confidence; or a model of what the views show."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ciir.errors import InvalidOption
 from ciir.renderer.writers.depth import find_format, write_disparity
-from ciir.renderer.writers.depth.maps import CONFIDENCE
+from ciir.renderer.writers.depth.maps import CONFIDENCE, FORMATS
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.focus.disparities import find_disparity
+from ciir.service.pipeline.focus.models import build_model
+from ciir.service.pipeline.options import MODELS
 
 if TYPE_CHECKING:
     import argparse
 
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
+
+_MODELS = tuple(entry.suffix for entry in MODELS.values())
+
 
 def run(args: argparse.Namespace) -> None:
-    """Writes both maps, and prints a line about them."""
+    """Writes the files, and prints a line about them."""
     path = Path(args.out)
-    name = find_format(path, args.to).name
-    beside = path.with_stem(path.stem + CONFIDENCE)
+    is_model = path.suffix.lower() in _MODELS and args.to is None
+    if not is_model and args.to is None and path.suffix.lower() not in {entry.suffix for entry in FORMATS.values()}:
+        listed = ", ".join(dict.fromkeys([*(entry.suffix for entry in FORMATS.values()), *_MODELS]))
+        raise InvalidOption(f"{path}: no name of a disparity map or a model; end it with {listed}")
+    name = None if is_model else find_format(path, args.to).name
+    beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
     output_path.check_not_input([args.out, beside, args.report, args.show_grid], args.input)
     common.check_report(args.report, path)
     options = common.parse_options(args, "disparity")
     source = common.open_input(args, options)
+    report, what = _write_model(source, options, path) if name is None else _write_map(source, options, path, name)
+    common.write_report(report, args.report)
+    common.print_line(f"{args.out}: {what} ({common.format_timings(report)})")
+
+
+def _write_map(source: Source, options: Options, path: Path, name: str) -> tuple[Report, str]:
+    """The report, and what was written."""
     with common.progress_bar("picture") as progress:
         found, report = find_disparity(source, options, progress=progress)
     described = report["disparity"]
     described |= write_disparity(path, found, name)
-    common.write_report(report, args.report)
-    size = f"{described['height']}x{described['width']} pixels"
     values = f"disparity {described['least']:.3f} to {described['largest']:.3f} of view {found.view[0]},{found.view[1]}"
-    common.print_line(
-        f"{args.out}: {values}, {size}, beside it {described['confidence']} ({common.format_timings(report)})"
-    )
+    size = f"{described['height']}x{described['width']} pixels"
+    return report, f"{values}, {size}, beside it {described['confidence']}"
+
+
+def _write_model(source: Source, options: Options, path: Path) -> tuple[Report, str]:
+    with common.progress_bar("picture") as progress:
+        model, report = build_model(source, options, progress=progress)
+    model.save(path)
+    surface = report["surface"]
+    return report, f"a model of {surface['triangles']} triangles"

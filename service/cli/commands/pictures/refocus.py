@@ -10,7 +10,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, write_folder
 from ciir.service.cli import common, output_path
-from ciir.service.pipeline.focus.planes import count_planes, make_planes
+from ciir.service.pipeline.focus.planes import count_planes, refocus
 
 if TYPE_CHECKING:
     import argparse
@@ -29,13 +29,14 @@ def run(args: argparse.Namespace) -> None:
     write = _find_writer(args.out, count)
     source = common.open_input(args, options)
     with common.progress_bar("picture") as progress:
-        report = make_planes(source, options, write, progress=progress)
+        report = refocus(source, options, write, progress=progress)
     common.write_report(report, args.report)
     planes, array = report["planes"], report["lens_array"]
     scale = report["plan"]["scale"]
     size = f"{scale * array['rows']}x{scale * array['cols']} pixels ({common.format_timings(report)})"
     ends = " to ".join(plane["name"].rpartition("_")[2] for plane in (planes[0], planes[-1])[:count])
-    common.print_line(f"{args.out}: {count} plane{'s' * (count > 1)}, {ends}, of {size}")
+    what = f"{count} plane{'s' * (count > 1)}, {ends}" if options.all_in_focus == "no" else "in focus everywhere"
+    common.print_line(f"{args.out}: {what}, of {size}")
 
 
 def _find_writer(out: str, count: int) -> Callable[[Stack], list[str]]:

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.focus.planes import refocus
+from ciir.renderer.focus import planes as library
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.stacks import round_plane
-from ciir.service.pipeline.focus.planes import count_planes, make_planes
+from ciir.service.pipeline.focus.planes import count_planes, refocus
 from ciir.service.pipeline.options import KINDS
 
 LENSES = LightField(np.random.default_rng(0).integers(0, 256, (3, 4, 16, 20, 3), np.uint8), is_ordered=True)
@@ -22,14 +22,14 @@ def run(source, **texts):
         kept.extend([np.stack(list(stack.read())), stack])
         return ["written"]
 
-    report = make_planes(source, KINDS["plane"].parse(texts), write)
+    report = refocus(source, KINDS["plane"].parse(texts), write)
     return *kept, report
 
 
 def test_a_stack_is_that_of_the_library():
     planes, stack, report = run(CAMERAS, stack="-1:1.5:6", method="window", aperture="1.5", aperture_shape="square")
     weights = np.array([[0.5, 1, 1, 0.5]] * 3, np.float32)
-    expected = np.stack(list(refocus(CAMERAS.views, np.linspace(-1, 1.5, 6), method="window", weights=weights)))
+    expected = np.stack(list(library.refocus(CAMERAS.views, np.linspace(-1, 1.5, 6), method="window", weights=weights)))
     np.testing.assert_allclose(planes, expected, atol=1e-3)
     assert stack.names[:2] == ("plane_000_d-1.000", "plane_001_d-0.500")
     assert [plane["disparity"] for plane in report["planes"]] == pytest.approx([-1, -0.5, 0, 0.5, 1, 1.5])
@@ -39,16 +39,16 @@ def test_a_stack_is_that_of_the_library():
 
 def test_larger_is_nearer_with_both_depth_senses():
     lenses, _, report = run(LENSES, disparity="1.25")
-    np.testing.assert_allclose(lenses[0], next(refocus(LENSES.views, [-1.25])), atol=1e-3)
+    np.testing.assert_allclose(lenses[0], next(library.refocus(LENSES.views, [-1.25])), atol=1e-3)
     assert "over 0 lie before the lens array" in report["notes"][0]
     cameras, _, report = run(CAMERAS, disparity="1.25")
-    np.testing.assert_allclose(cameras[0], next(refocus(LENSES.views, [1.25])), atol=1e-3)
+    np.testing.assert_allclose(cameras[0], next(library.refocus(LENSES.views, [1.25])), atol=1e-3)
     assert report["notes"] == ["written"]
 
 
 def test_depths_before_cameras_are_in_millimetres():
     planes, stack, report = run(CAMERAS, stack="20:40:2", stack_of="depths", **CAMERA_ARRAY)
-    np.testing.assert_allclose(planes, np.stack(list(refocus(CAMERAS.views, [2, 1]))), atol=1e-3)
+    np.testing.assert_allclose(planes, np.stack(list(library.refocus(CAMERAS.views, [2, 1]))), atol=1e-3)
     assert (stack.kind, stack.names) == ("depths", ("plane_000_z20mm", "plane_001_z40mm"))
     assert [(plane["disparity"], plane["depth"]) for plane in report["planes"]] == [(2, 20), (1, 40)]
     _, _, report = run(CAMERAS, depth="40", convergence="40", **CAMERA_ARRAY)
@@ -67,9 +67,21 @@ def test_after_upscaling_the_same_options_show_the_same_depth():
     planes, stack, report = run(CAMERAS, stack="0:0.5:2", model="nearest", scale="2")
     assert stack.shape == (32, 40, 3)
     large = CAMERAS.views.repeat(2, axis=2).repeat(2, axis=3)
-    np.testing.assert_allclose(planes, np.stack(list(refocus(large, [0, 1]))), atol=1e-3)
+    np.testing.assert_allclose(planes, np.stack(list(library.refocus(large, [0, 1]))), atol=1e-3)
     assert report["planes"][1]["disparity"] == 0.5
     assert "planes have 2 for each" in report["notes"][0]
+
+
+def test_all_in_focus_is_that_of_the_library():
+    views, stack, report = run(LENSES, all_in_focus="yes", aperture="1", limits="-1:0.5")
+    found = LENSES.disparity(limits=(-0.5, 1))  # a lens array's own sense is the other one
+    np.testing.assert_array_equal(round_plane(views[0], stack.dtype), LENSES.all_in_focus(found, aperture=1))
+    assert report["planes"] == [{"name": "all_in_focus"}]
+
+
+def test_occluders_are_removed():
+    planes, _, _ = run(CAMERAS, disparity="1", occluders="remove")
+    np.testing.assert_array_equal(round_plane(planes[0], np.dtype("u1")), CAMERAS.refocus(1.0, occluders="remove"))
 
 
 def test_planes_are_in_the_units_of_the_views():
@@ -81,7 +93,7 @@ def test_planes_are_in_the_units_of_the_views():
 
 def test_progress_counts_views_and_planes():
     seen = []
-    make_planes(
+    refocus(
         CAMERAS,
         KINDS["plane"].parse({"stack": "0:1:3"}),
         lambda stack: [str(len(list(stack.read())))],
@@ -94,7 +106,7 @@ def test_progress_counts_views_and_planes():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        ({}, "nothing says what to focus on; give one of disparity, depth"),
+        ({}, "nothing says what to focus on; give one of disparity, depth, stack and all"),
         ({"disparity": "0", "stack": "0:1:3"}, "disparity, stack: these ask for different pictures"),
         ({"stack": "1:1:3"}, "3 planes from 1 to 1 make no stack"),
         ({"stack": "0:1:1"}, "give 2 to 1024 planes"),
@@ -106,6 +118,16 @@ def test_progress_counts_views_and_planes():
         ({"disparity": "1", **CAMERA_ARRAY}, "camera_pitch: this is for depths"),
         ({"disparity": "1", "stack_of": "depths"}, "stack_of: this says what stack counts"),
         ({"disparity": "1", "aperture_shape": "gauss"}, "aperture_shape: this needs aperture"),
+        (
+            {"disparity": "1", "occluders": "remove", "method": "delta"},
+            "occluders: they are not removed with the method",
+        ),
+        ({"disparity": "21"}, "disparity: 21 pixels are over the 20 of a view"),
+        ({"depth": "1e-9", **CAMERA_ARRAY}, "disparity: 4e.10 pixels are over the 20 of a view"),
+        ({"disparity": "1", "limits": "0:1"}, "limits: this is for all_in_focus"),
+        ({"all_in_focus": "yes", "disparity": "1"}, "disparity, all_in_focus: these ask for different pictures"),
+        ({"all_in_focus": "yes", "method": "delta"}, "method: this is for planes"),
+        ({"all_in_focus": "yes", "limits": "1:0"}, "limits: 1:0 is no range"),
         ({"disparity": "1", "aperture": "0.1", "aperture_shape": "square"}, None),
     ],
 )
@@ -131,4 +153,4 @@ def test_the_limit_on_pixels_counts_all_planes():
     options = KINDS["plane"].parse({"stack": "0:1:20"})
     assert count_planes(options) == 20
     with pytest.raises(TooLarge, match="20 planes of 16x20 pixels: 6,400 are over the limit of 6,399"):
-        make_planes(CAMERAS, options, pytest.fail, max_pixels=6399)
+        refocus(CAMERAS, options, pytest.fail, max_pixels=6399)

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,10 +37,21 @@ def test_a_light_field_in_colours(tmp_path):
     assert decode((tmp_path / "out.png").read_bytes(), name="out").shape == (16, 20, 3)
 
 
+def test_a_model_is_rendered_again(tmp_path, capsys):
+    model, array = str(tmp_path / "model.glb"), ["--lenses", "32x32", "--pixels", "5x5", "--backend", "raytrace"]
+    assert main(["depth", "scene:vase", *array, "-o", model]) == 0
+    assert "model.glb: a model of " in capsys.readouterr().out
+    first, again = str(tmp_path / "first.png"), str(tmp_path / "again.png")
+    assert main(["elemental", "scene:vase", *array, "-o", first]) == 0
+    assert main(["elemental", model, *array, "-o", again, "--fit", "none"]) == 0
+    truth, made = (decode(Path(path).read_bytes(), name=path).astype(float) for path in (first, again))
+    assert 10 * np.log10(255**2 / np.square(truth - made).mean()) > 22  # outlines of 32 pixels are coarse
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-o", "a.jpg"], "a.jpg: a disparity map can't have this name; end it with .pfm, .png, .npy"),
+        (["-o", "a.jpg"], "a.jpg: no name of a disparity map or a model; end it with .pfm, .png, .npy, .glb, .ply"),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, png"),
         (["-o", "a.pfm", "--limits", "0:1"], "limits, model: the disparity of a mesh is rendered"),
     ],

@@ -24,6 +24,12 @@ def test_one_plane_is_a_picture(given, tmp_path, capsys):
     assert "plane.png: 1 plane, d-0.500, of 16x20 pixels (decode " in capsys.readouterr().out
 
 
+def test_a_view_in_focus_everywhere(given, tmp_path, capsys):
+    assert main(["refocus", given, "-o", str(tmp_path / "sharp.png"), "--all-in-focus", "--order", "given"]) == 0
+    np.testing.assert_array_equal(decode((tmp_path / "sharp.png").read_bytes(), name="x"), FIELD.all_in_focus())
+    assert "sharp.png: in focus everywhere, of 16x20 pixels" in capsys.readouterr().out
+
+
 def test_a_stack_of_depths_is_a_folder(given, tmp_path, capsys):
     words = ["--stack", "20:40:2", "--stack-of", "depths", "--camera-pitch", "2", "--sensor", "36", "--focal-length"]
     assert main(["refocus", given, "-o", str(tmp_path / "out"), *words, "36", "--order", "given"]) == 0

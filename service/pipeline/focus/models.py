@@ -1,0 +1,53 @@
+"""Makes a model of what any input shows: coloured triangles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ciir.errors import InvalidOption
+from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.focus.model import make_model
+from ciir.service.pipeline.focus.light_fields import capture
+from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.report import Clock
+
+if TYPE_CHECKING:
+    from ciir.renderer.focus.model import Model
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
+
+
+def build_model(
+    source: Source,
+    options: Options,
+    *,
+    max_pixels: int | None = None,
+    progress: Progress = ignore_progress,
+    clock: Clock | None = None,
+) -> tuple[Model, Report]:
+    """The model and the report. `progress` counts views, then the model.
+
+    Raises as `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    """
+    clock = clock or Clock()
+    for name in ("view", "limits"):
+        if getattr(options, name) is not None:
+            raise InvalidOption(f"{name}: a model is made of several views; leave it out, or write a disparity map")
+    captured = capture(
+        source, options, max_pixels=max_pixels, progress=lambda done, total: progress(done, total + 1), clock=clock
+    )
+    array = captured.report["lens_array"]
+    pitch = None if array["pitch"] is None else array["pitch"] / captured.scale
+    with clock.stage("focus"):
+        model = make_model(captured.light_field, pitch=pitch, delta=array["delta"])
+    grid = array["pixels_v"] * array["pixels_u"]
+    progress(grid + 1, grid + 1)
+    report = captured.report | {
+        "surface": {"vertices": len(model.vertices), "triangles": len(model.faces)},
+        "options": options.as_dict(KINDS["disparity"].options),
+        "notes": [*captured.report["notes"], *model.notes],
+        "timings_ms": clock.timings_ms(),
+    }
+    return model, report
