@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from ciir.errors import InvalidOption
 from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
 from ciir.renderer.focus.planes import count_cores, make_taps
 
@@ -27,7 +28,12 @@ def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[
 
     The mean of all views with their `weights`, `(V, U)`, at each pixel's disparity. A view counts less where it differs
     from the view itself in the 3x3 pixels around: it sees something in front there, or the disparity is wrong.
+
+    Raises `InvalidOption` for a disparity of other pixels than the views'.
     """
+    if found.disparity.shape != views.shape[2:4]:
+        given, wanted = ("x".join(map(str, shape)) for shape in (found.disparity.shape, views.shape[2:4]))
+        raise InvalidOption(f"disparity: {given} pixels are not those of the views, {wanted}; give that of one of them")
     own = views[found.view].astype(np.float32)
     noise = 2 * estimate_noise(views[found.view]) ** 2  # of a difference, squared
     tolerance = (DIFFERENCE * np.iinfo(views.dtype).max / 255) ** 2 + MARGIN * noise
@@ -59,14 +65,16 @@ def _sample(
     rows, cols = np.arange(height)[:, np.newaxis] - up, np.arange(width) - left
     is_inside = (rows >= 0) & (rows <= height - 1) & (cols >= 0) & (cols <= width - 1)
     top, start = np.floor(rows), np.floor(cols)
-    down, across = (make_taps(part).astype(np.float32) for part in (rows - top, cols - start))  # (H, W, 4)
-    pixels = view.reshape(-1, channels)
-    samples = np.zeros(view.shape, np.float32)
-    for row in range(4):
-        lines = (top + (row - 1)).clip(0, height - 1).astype(np.int32) * width
-        line = np.zeros_like(samples)
-        for col in range(4):
-            places = lines + (start + (col - 1)).clip(0, width - 1).astype(np.int32)
-            line += across[..., col, np.newaxis] * pixels[places]
-        samples += down[..., row, np.newaxis] * line
-    return samples, is_inside
+    down, across = (np.moveaxis(make_taps(part), -1, 0).astype(np.float32, "C") for part in (rows - top, cols - start))
+    lines, places = (
+        [(first + offset).clip(0, length - 1).astype(np.intp) for offset in range(-1, 3)]
+        for first, length in ((top, height), (start, width))
+    )
+    planes = np.ascontiguousarray(view.transpose(2, 0, 1), np.float32).reshape(channels, -1)
+    samples = np.zeros((channels, height, width), np.float32)
+    for line, share in zip(lines, down, strict=True):
+        for place, part in zip(places, across, strict=True):
+            weight, at = share * part, line * width + place
+            for sample, plane in zip(samples, planes, strict=True):
+                sample += weight * plane[at]
+    return samples.transpose(1, 2, 0), is_inside

@@ -43,7 +43,8 @@ def make_planes(
 ) -> Iterator[NDArray[np.float32]]:
     """As `planes.refocus`; with `remove` what stands before a plane does not count.
 
-    Where fewer views see the plane than see one colour before it, that colour remains. Raises `InvalidOption` as
+    Where fewer views see the plane than see one colour before it, that colour remains. What lies behind the plane is
+    patchy rather than blurred. Raises `InvalidOption` as
     `planes.refocus`, for unknown `occluders`, and for `remove` with another method than `mapping`.
     """
     if occluders not in get_args(Occluders):

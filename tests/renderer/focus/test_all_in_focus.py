@@ -1,9 +1,12 @@
 import numpy as np
+import pytest
 from scipy import ndimage
 
-from ciir.renderer.focus.all_in_focus import focus_everywhere
+from ciir.errors import InvalidOption
+from ciir.renderer.focus.all_in_focus import _sample, focus_everywhere
 from ciir.renderer.focus.disparity import DisparityMap
 from ciir.renderer.light_field import LightField
+from tests.renderer.focus.test_planes import keys
 
 NEAR, FAR = 2.0, -0.5
 ONES = np.ones((5, 5), np.float32)
@@ -56,3 +59,23 @@ def test_of_a_light_field():
     assert find_error(light_field.all_in_focus(found), views[0, 4]) < 3
     middle_alone = light_field.all_in_focus(aperture=0.5)
     assert np.array_equal(middle_alone, views[2, 2])
+
+
+def test_samples_are_interpolated_where_the_disparity_points():
+    random = np.random.default_rng(0)
+    view = random.integers(0, 256, (9, 12, 2), dtype=np.uint8)
+    up, left = random.uniform(-3, 3, (2, 9, 12)).astype(np.float32)
+    samples, is_inside = _sample(view, up, left)
+    for y, x in np.ndindex(9, 12):
+        row, col = y - up[y, x], x - left[y, x]
+        assert is_inside[y, x] == (0 <= row <= 8 and 0 <= col <= 11)
+        if 1 <= row <= 7 and 1 <= col <= 10:  # all of the kernel is inside
+            expected = sum(keys(row - i) * keys(col - j) * view[i, j].astype(float) for i, j in np.ndindex(9, 12))
+            np.testing.assert_allclose(samples[y, x], expected, atol=255e-5)
+
+
+def test_a_disparity_of_other_pixels():
+    views, true = make_views(0)
+    found = DisparityMap((2, 2), true[:-1], true[:-1], np.array([FAR, NEAR]), "cameras")
+    with pytest.raises(InvalidOption, match="disparity: 59x70 pixels are not those of the views, 60x70"):
+        focus_everywhere(views, found, ONES)
