@@ -34,6 +34,15 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     )
 
 
+@pytest.mark.parametrize("sense", ["cameras", "lenses"])
+def test_a_quilt_begins_with_the_leftmost_camera(tmp_path, sense):
+    views = np.random.default_rng(0).integers(0, 256, (3, 48, 8, 6, 3), np.uint8)
+    LightField(views, depth_sense="cameras").with_depth_sense(sense).save(tmp_path / "a.png", "quilt")
+    quilt = read(tmp_path / "a.png")
+    np.testing.assert_array_equal(split_quilt(quilt, QuiltLayout(8, 6, 0.75), name="a"), views[1])
+    np.testing.assert_array_equal(quilt[-8:, :6], views[1, 0])
+
+
 def test_for_a_device_views_get_its_aspect(tmp_path):
     notes = FIELD.save(tmp_path / "a.png", "quilt", device="65")
     assert read(tmp_path / "a.png").shape == (9 * 8, 8 * 14, 3)

@@ -45,11 +45,11 @@ def read(path, name):
 def test_every_frame_of_the_path_at_its_rate(tmp_path, name, frames, fps):
     field = make_field()
     path = tmp_path / f"a{FORMATS[name]}"
-    notes = field.save(path, name, path="sweep", frames=frames, fps=fps)
+    notes = field.save(path, name, path="circle", frames=frames, fps=fps)
     found, rate = read(path, name)
     assert len(found) == frames
     assert rate == pytest.approx(fps, rel=0.01) or frames == 1  # GIF's clock has units of 10 ms
-    for frame, expected in zip(found, draw_frames(field, "sweep", frames), strict=True):
+    for frame, expected in zip(found, draw_frames(field, "circle", frames), strict=True):
         # 4:2:0 chrominance, 256 colours and quality 90 change edges; a frame in another place differs by over 20.
         assert np.abs(frame.astype(int) - expected).mean() < 5
     assert any("blended" in note for note in notes)
