@@ -1,10 +1,14 @@
 """Measures disparity maps against exact depth, with their time and memory.
 
-    python -m ciir.benchmarks.focus.depth [--meshes ../shared/data/meshes] [--only NAME ...] [--side 512]
+    python -m ciir.benchmarks.focus.depth [--meshes ../shared/data/meshes] [--only NAME ...] [--side 512] [--noise 10]
+    python -m ciir.benchmarks.focus.depth --upscale [--meshes ...] [--only NAME ...] [--side 256]
 
 `bad`: BadPix(0.07), the share of pixels that are wrong by more than 0.07 pixels a view; `mse`: 100 times the mean
 square error (Honauer et al., ACCV 2016: the measures of the HCI 4D light field benchmark, here over all pixels). `MB`:
 the peak of the process, and by how much `LightField.disparity` raised it.
+
+`--upscale`: the disparity of views upscaled to `--side` pixels by the default, against that of the views of half the
+side, twice as large by linear interpolation.
 """
 
 from __future__ import annotations
@@ -16,9 +20,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import ndimage
 
+from ciir import upscale
 from ciir.benchmarks.focus.scenes import SIDE, list_scenes, render_exact
 from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +36,8 @@ if TYPE_CHECKING:
 
 BAD = 0.07
 """Pixels a view by which the disparity of a bad pixel is wrong at least."""
-HEAD = f"{'':16s}{'range':>12s}{'bad %':>8s}{'mse x100':>10s}{'seconds':>9s}{'MB':>7s}{'added':>7s}"
+HEAD = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("least", "most", "bad %", "mse", "seconds", "MB", "added"))
+HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("bad %", "mse", "upscaled:", "mse"))
 
 
 def score_map(found: Map, true: Map) -> tuple[float, float]:
@@ -64,31 +72,49 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--meshes", type=Path, default=Path("../shared/data/meshes"), help="folder of meshes")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="some of the scenes")
     parser.add_argument("--side", type=int, default=SIDE, help="pixels along each side of a view")
+    parser.add_argument("--noise", type=float, default=0.0, help="standard deviation in 8-bit levels, in every view")
+    parser.add_argument("--upscale", action="store_true", help="compare with upscaled views")
     args = parser.parse_args(argv)
     names, missing = list_scenes(args.meshes)
     if missing:
         print(f"{args.meshes} has no {', '.join(missing)}: these scenes are left out")
     if unknown := set(args.only or ()) - set(names):
         raise InvalidOption(f"--only: no {', '.join(sorted(unknown))}; there are {', '.join(names)}")
-    print(HEAD)
+    print(HEAD_UPSCALED if args.upscale else HEAD)
     rows = []
     for name in args.only or names:
-        row = _measure(name, args.meshes, args.side)
+        if args.upscale:
+            row = _measure_upscaled(name, args.meshes, args.side)
+        else:
+            row = _measure(name, args.meshes, args.side, args.noise)
         print(f"{name:16s}" + _format(row), flush=True)
         rows.append(row)
     print(f"{'mean':16s}" + _format(np.mean(rows, axis=0)))
     return 0
 
 
-def _measure(name: str, meshes: Path, side: int) -> NDArray[np.float64]:
+def _measure_upscaled(name: str, meshes: Path, side: int) -> NDArray[np.float64]:
+    """The numbers of a line of `--upscale`."""
+    small = render_exact(name, meshes, side=side // 2).light_field
+    true = render_exact(name, meshes, side=side).disparity
+    plain = 2 * ndimage.zoom(small.disparity().disparity, 2, order=1, mode="nearest", grid_mode=True)
+    return np.array([*score_map(plain, true), *score_map(upscale(small).disparity().disparity, true)])
+
+
+def _measure(name: str, meshes: Path, side: int, noise: float) -> NDArray[np.float64]:
     """The numbers of a line."""
     scene = render_exact(name, meshes, side=side)
+    views = scene.light_field.views
+    if noise:
+        added = noise * np.random.default_rng(0).standard_normal(views.shape, np.float32)
+        views = (views + added).round().clip(0, 255).astype(np.uint8)
+    light_field = LightField(views)
     found, seconds = scene.disparity, 0.0
 
     def estimate() -> None:
         nonlocal found, seconds
         begun = time.perf_counter()
-        found = scene.light_field.disparity().disparity
+        found = light_field.disparity().disparity
         seconds = time.perf_counter() - begun
 
     peak = measure_peak(estimate)
@@ -97,8 +123,8 @@ def _measure(name: str, meshes: Path, side: int) -> NDArray[np.float64]:
 
 
 def _format(row: NDArray[np.float64]) -> str:
-    low, high, bad, mse, seconds, peak, added = row
-    return f"{low:6.2f}{high:6.2f}{bad:8.1f}{mse:10.2f}{seconds:9.1f}{peak:7.0f}{added:7.0f}"
+    widths = (".2f", ".2f", ".1f", ".2f", ".1f", ".0f", ".0f") if len(row) == 7 else (".1f", ".2f", ".1f", ".2f")
+    return "".join(f"{number:9{width}}" for number, width in zip(row, widths, strict=True))
 
 
 if __name__ == "__main__":

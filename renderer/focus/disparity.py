@@ -147,5 +147,5 @@ def _find_limits(views: NDArray[Any], view: View) -> tuple[float, float]:
     sweep = Sweep(small, place, parts=parts, farthest=2)
     disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / parts)
     low, high = np.quantile(disparity[confidence >= np.median(confidence)], (0.005, 0.995))
-    margin = 0.5 / parts
+    margin = max(0.5 / parts, 0.08 * (high - low))  # near the border, where few views reach, the nearest is not seen
     return factor * float(low - margin), factor * float(high + margin)

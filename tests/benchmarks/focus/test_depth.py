@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ciir.benchmarks.focus.depth import HEAD, main, measure_peak, score_map
+from ciir.benchmarks.focus.depth import HEAD, HEAD_UPSCALED, main, measure_peak, score_map
 from ciir.errors import InvalidOption
 
 
@@ -19,6 +19,19 @@ def test_a_line_for_each_scene_and_the_mean(capsys, tmp_path):
     assert head == HEAD
     assert len(vase) == len(mean) == len(head)
     assert vase.split()[1:] == mean.split()[1:]
+
+
+def test_noise_and_upscaled_views_are_compared(capsys, tmp_path):
+    """At such sizes the figures say nothing: the lines have to be there."""
+    arguments = ["--meshes", str(tmp_path), "--only", "vase", "--side", "48"]
+    main([*arguments, "--noise", "40"])
+    noisy = capsys.readouterr().out.splitlines()[-1].split()
+    main(arguments)
+    assert float(noisy[4]) > float(capsys.readouterr().out.splitlines()[-1].split()[4])
+    main([*arguments, "--upscale"])
+    _, head, line, mean = capsys.readouterr().out.splitlines()
+    assert head == HEAD_UPSCALED
+    assert len(line) == len(mean) == len(head)
 
 
 def test_unknown_scenes_are_refused(tmp_path):

@@ -103,3 +103,28 @@ def test_noise_makes_few_pixels_worse():
     noise = 10 * np.random.default_rng(8).standard_normal(views.shape)
     found = estimate_disparity(LightField((views + noise).clip(0, 255).round().astype(np.uint8)), limits=(0, 2))
     assert (np.abs(found.disparity - true) > 0.1).mean() < 0.12
+
+
+@pytest.mark.parametrize("change", ["mirrored", "upside down", "transposed", "reversed", "shifted"])
+def test_changes_with_the_light_field(change):
+    light_field, _ = make_light_field()
+    views = light_field.views
+    disparity = estimate_disparity(light_field).disparity
+    inside = np.s_[8:-8, 8:-8]  # shifted views wrap around
+    changed, expected = {
+        "mirrored": (views[:, ::-1, :, ::-1], disparity[:, ::-1]),
+        "upside down": (views[::-1, :, ::-1], disparity[::-1]),
+        "transposed": (views.transpose(1, 0, 3, 2, 4), disparity.T),
+        "reversed": (views[::-1, ::-1], -disparity),
+        "shifted": (shift_views(views), disparity + 1),
+    }[change]
+    found = estimate_disparity(LightField(changed)).disparity
+    assert np.quantile(np.abs(found - expected)[inside], 0.99) < 1e-4  # sums of floats in another order
+
+
+def shift_views(views):
+    """Each view moved by a pixel to the left and up for each step from the centre."""
+    middle = views.shape[0] // 2
+    return np.array(
+        [[np.roll(view, (middle - v, middle - u), (0, 1)) for u, view in enumerate(row)] for v, row in enumerate(views)]
+    )
