@@ -75,6 +75,6 @@ def _sample(
     for line, share in zip(lines, down, strict=True):
         for place, part in zip(places, across, strict=True):
             weight, at = share * part, line * width + place
-            for sample, plane in zip(samples, planes, strict=True):
-                sample += weight * plane[at]
+            for channel, plane in enumerate(planes):
+                samples[channel] += weight * plane[at]
     return samples.transpose(1, 2, 0), is_inside
