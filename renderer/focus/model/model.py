@@ -79,9 +79,9 @@ def make_model(
     the same: what has no disparity lies in its plane, what is nearer before it; along z the model is then to scale as
     disparities are, not as distances.
 
-    Surfaces are cut where the disparity jumps so far from one pixel to the next that the outermost views would not see
-    what lies between. `keeps_background`: otherwise pixels that are black, or transparent, and joined to the picture's
-    border by others are no surface.
+    Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
+    one side would not see what lies between. `keeps_background`: otherwise pixels that are black, or transparent, and
+    joined to the picture's border by others are no surface.
 
     Raises `InvalidOption` for a single view and where nothing but background is there.
     """
@@ -92,7 +92,7 @@ def make_model(
     array = LensArray(rows, cols, count_v, count_u, pitch or 1.0, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else _find_shown(field)
     center = center_view(count_v, count_u)
-    most = 1 / max(count_v - 1 - center[0], count_u - 1 - center[1], 1)
+    most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
     model: Model | None = None
     for view in dict.fromkeys([center, *corners]):
