@@ -13,7 +13,7 @@ from ciir.renderer.displays.lenticular import Calibration, interlace, parse_cali
 from ciir.renderer.displays.light_fields import make_quilt, order_as_cameras, pad_to_aspect, take_row
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.displays.quilt import parse_grid
+from ciir.renderer.displays.quilt import parse_grid, parse_name
 from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
@@ -58,12 +58,13 @@ def find_target(
     named: QuiltLayout | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
-    """The display that `options` describe. `named`: the layout in a quilt's name.
+    """The display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
 
     Raises `InvalidOption` where the description is missing or wrong, and as `parse_calibration` and `parse_display`.
     """
     if kind == "quilt":
         grid = parse_grid(options.quilt) if options.quilt else None
+        named = named or parse_name(options.name)
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
     if kind == "lenticular":
         if not options.calibration:

@@ -16,7 +16,7 @@ from ciir.renderer.displays.pictures import USES
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
 from ciir.renderer.writers.html import HtmlWriter
-from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.options import OF_FILE, WriterOptions
 from ciir.renderer.writers.writer import Writer
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _container(
 def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
     """Raises `InvalidOption` for an option that is not as by default and that `what`, with its `uses`, ignores."""
     for field in fields(WriterOptions):
-        if field.name not in {"suffix", *uses} and getattr(options, field.name) != field.default:
+        if field.name not in {*OF_FILE, *uses} and getattr(options, field.name) != field.default:
             others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)
             raise InvalidOption(f"{field.name}: {what} has no use for it; leave it out, or give format {others}")
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from ciir.renderer.displays.panel import Conversion
 
+OF_FILE = ("suffix", "name")
+"""Options that the output's path gives."""
 TEXT_FILES = ("calibration", "display")
 """Options whose value is the text of a file."""
 MOST_TEXT = 1 << 16
@@ -31,6 +33,8 @@ class WriterOptions:
 
     suffix: str = ""
     """Of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
+    name: str = ""
+    """Of the file, where it has one: a quilt's may hold its layout."""
     device: str = ""
     """The display that a quilt is for, of `renderer.displays.devices`; empty: the usual one, and the own aspect."""
     quilt: str = ""
@@ -56,11 +60,11 @@ class WriterOptions:
 
     @classmethod
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
-        """Options by name; `calibration` and `display` are paths. The suffix is that of the output's path.
+        """Options by name; `calibration` and `display` are paths. The output's path gives those of `OF_FILE`.
 
         Raises `InvalidOption` for a name that is not known, and `Unreadable` for a file that can't be read.
         """
-        known = [field.name for field in fields(cls) if field.name != "suffix"]
+        known = [field.name for field in fields(cls) if field.name not in OF_FILE]
         unknown = sorted(given.keys() - set(known))
         if unknown:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")

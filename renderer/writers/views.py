@@ -79,7 +79,7 @@ def _open(path: Path, formats: Mapping[str, Format], options: WriterOptions) -> 
     suffix = path.suffix.lower()
     with _named_errors(path):
         if suffix in formats:
-            options = replace(options, suffix=suffix)
+            options = replace(options, suffix=suffix, name=path.name)
             with replacing(path) as file, formats[suffix].make_writer(file, options) as writer:
                 yield writer
         elif suffix and not path.is_dir():

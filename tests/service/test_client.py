@@ -102,12 +102,15 @@ def test_errors_are_raised_by_class(client, eia_file, tmp_path):
         client_module.Client("localhost:8000", retries=0).models()
 
 
-def test_the_other_kinds(client, eia_file, cube_file):
+def test_the_other_kinds(client, eia_file, cube_file, tmp_path):
     height, width = EIA.shape[:2]
     large = client.upscale(eia_file, model="bicubic", scale=3)
     assert decode(large.content, name="x").shape == (3 * height, 3 * width, 3)
     eia = client.render_eia(cube_file, lenses=(6, 9), pixels=(4, 4), background=(255, 255, 255), format="tiff")
     assert (decode(eia.content, name="x").shape, eia.format) == ((24, 36, 3), "tiff")
+    (tmp_path / "p.toml").write_text("panel = {pixels = [60, 40], pitch = 0.1}\nlenses = {pitch = 1, gap = 3}")
+    panel = client.make_display_picture(cube_file, display=tmp_path / "p.toml", rotate=(30, 0, 0))
+    assert (decode(panel.content, name="x").shape, panel.format) == ((40, 60, 3), "png")
     planes = client.refocus(eia_file, lenses=(6, 9), stack=(-1, 1, 3), format="npy")
     assert np.load(io.BytesIO(planes.content)).shape == (3, 6, 9, 3)
     disparity = client.disparity(eia_file, lenses=(6, 9), view=(0, 1))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.pictures import find_target, show_light_field
+from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.writers.pictures import SUFFIXES, encode
 from ciir.renderer.writers.whole import WholeWriter
 
@@ -30,7 +31,7 @@ class QuiltWriter(WholeWriter):
         picture = show_light_field(light_field, self._target, self.options)
         self.file.write(encode(picture.pixels, self.options.suffix or SUFFIXES[0]))
         notes = [*(() if isinstance(self._target, IntegralDisplay) else self._target.notes), *picture.notes]
-        if picture.layout is not None:
+        if picture.layout is not None and parse_name(self.options.name) is None:
             name = f"NAME{picture.layout.suffix}{SUFFIXES[0]}"
             notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
         return notes

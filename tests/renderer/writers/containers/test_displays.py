@@ -55,6 +55,14 @@ def test_columns_rows_and_aspect_are_options(tmp_path):
     assert "NAME_qs12x4a1.5.png" in notes[-1]
 
 
+def test_the_name_of_a_quilt_may_hold_its_layout(tmp_path):
+    assert FIELD.save(tmp_path / "a_qs12x4a1.png", "quilt") == ()
+    quilt = read(tmp_path / "a_qs12x4a1.png")
+    assert np.array_equal(split_quilt(quilt, QuiltLayout(12, 4, 1.0), name="a"), FIELD.views[1])
+    with pytest.raises(InvalidOption, match="name says qs12x4a1 and the options say qs11x6a"):
+        FIELD.save(tmp_path / "a_qs12x4a1.png", "quilt", device="go")
+
+
 def test_a_calibration_makes_a_native_picture(tmp_path):
     (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
     assert WIDE.save(tmp_path / "a.png", "lenticular", calibration=tmp_path / "c.json") == ()
