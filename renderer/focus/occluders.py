@@ -123,6 +123,7 @@ def _find_sources(
     places: NDArray[np.int64], shift: float, length: int
 ) -> tuple[list[tuple[np.float32, NDArray[np.int64]]], NDArray[np.bool_]]:
     """The four weights and indices of the samples that make up a signal shifted by `shift`, and where it is inside."""
+    shift = float(np.clip(shift, -length - 1, length + 1))  # all outside beyond that
     whole = int(np.floor(-shift))
     taps = make_taps(np.asarray(-shift - whole)).astype(np.float32)
     sources = [(places + whole + offset).clip(0, length - 1) for offset in range(-1, 3)]

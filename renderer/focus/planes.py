@@ -103,7 +103,7 @@ class Spectra:
         """
         self._views, self._along, self._workers = views, along, count_cores()
         self._padded = [
-            fft.next_fast_len(length + int(np.ceil(most * np.abs(places).max())) + 4, real=True)
+            fft.next_fast_len(length + int(np.ceil(min(most * np.abs(places).max(), length + 2))) + 4, real=True)
             for length, places in zip(views.shape[2:4], along, strict=True)
         ]
         self._half = self._padded[1] // 2 + 1
@@ -120,13 +120,17 @@ class Spectra:
         for start in range(0, len(disparities), batch):
             some = np.asarray(disparities[start : start + batch], np.float64)[:, np.newaxis]
             rows, cols = (
-                _Shifts(np.floor(some * places + 0.5) if self._is_whole else some * places, window, padded)
+                _Shifts(self._limit(some * places, len(window)), window, padded)
                 for places, window, padded in zip(self._along, self._windows, self._padded, strict=True)
             )
             reached = np.einsum("pvy,vu,pux->pyx", rows.reach, weights, cols.reach, optimize=True)
             for plane, reach in zip(self._add(rows, cols, weights), reached, strict=True):
                 is_reached = reach > _LEAST * weights.sum()
                 yield np.where(is_reached, self._offset + plane / np.where(is_reached, reach, 1), 0)
+
+    def _limit(self, shifts: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+        """Shifts, whole where pixels are not interpolated; those beyond a view of `length` pixels just move it outside."""
+        return np.clip(np.floor(shifts + 0.5) if self._is_whole else shifts, -length - 2, length + 2)
 
     def _transform(self, row: NDArray[Any]) -> NDArray[np.complex64]:
         """The transforms of a row of views, `(half, C, U, padded)`: frequencies along x come first."""

@@ -59,9 +59,10 @@ def test_views_line_up_as_in_the_sum():
 
 def test_views_of_no_weight_and_views_that_do_not_reach():
     views = np.random.default_rng(2).integers(0, 256, (1, 3, 8, 20, 1), dtype=np.uint8)
-    (plane,) = make_planes(views, [6.0], np.array([[0, 0, 1]], np.float32), "mapping", "remove")
+    plane, far = make_planes(views, [6.0, 1e30], np.array([[0, 0, 1]], np.float32), "mapping", "remove")
     np.testing.assert_allclose(plane[:, 6:], views[0, 2, :, :14], atol=1e-3)
     assert (plane[:, :6] == 0).all()
+    assert (far == 0).all()
 
 
 def test_blocks_of_rows_are_the_same(monkeypatch):

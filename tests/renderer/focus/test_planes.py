@@ -102,3 +102,10 @@ def test_weights_that_are_none(weights):
 def test_disparities_that_are_not_finite():
     with pytest.raises(InvalidOption, match="some are not finite"):
         next(refocus(np.ones((2, 2, 4, 4, 1)), [np.inf]))
+
+
+@pytest.mark.parametrize("method", ["mapping", "window", "delta"])
+def test_views_that_are_far_outside_do_not_count(method):
+    views = np.random.default_rng(3).random((3, 3, 9, 14, 1), np.float32)
+    for plane in refocus(views, [20.0, -1e12], method=method):
+        np.testing.assert_allclose(plane, views[1, 1], atol=1e-5)  # float32
