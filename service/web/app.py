@@ -19,6 +19,7 @@ from ciir.service.web.middleware.api_keys import require_key
 from ciir.service.web.middleware.body_limit import BodyLimit
 from ciir.service.web.middleware.site import require_own_site
 from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
+from ciir.service.web.page import routes as page
 from ciir.service.web.routes import docs, jobs, openapi, operations, results
 from ciir.service.web.routes.state import ServiceState
 
@@ -77,6 +78,7 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
     site = Depends(require_own_site(settings.hosts, settings.cors_origins))
     key = Depends(require_key(key.get_secret_value() for key in settings.api_keys))
     app.include_router(operations.health)
+    app.include_router(page.router, dependencies=[site])
     app.include_router(operations.router, dependencies=[site, key])
     for kind in KINDS.values():
         app.include_router(jobs.make_router(kind), dependencies=[site, key])

@@ -46,7 +46,9 @@ def run(args: argparse.Namespace) -> None:
         if is_loopback(host) and not found.hosts:
             found = found.model_copy(update={"hosts": ("localhost",)})
         app = create_app(found)
-        common.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}/docs describes the API")
+        common.print_line(
+            f"http://{f'[{host}]' if ':' in host else host}:{port} is the web page; /docs describes the API"
+        )
         DrainingServer(app).run([listener])
 
 

@@ -26,6 +26,8 @@ SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
 """Headers that a response gets unless it has one of the name."""
+ANY_FRAME = "frame-ancestors *"
+"""Of the Content-Security-Policy of a page that others may frame; `X-Frame-Options` can't say so, and is left out."""
 UNLOGGED_PATHS = frozenset({"/healthz", "/readyz", "/metrics"})
 """Paths that machines request at short intervals: counted, but not logged."""
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -67,6 +69,8 @@ class RequestTracking:
                 headers["X-Request-Id"] = id_
                 for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
+                if headers["Content-Security-Policy"].endswith(ANY_FRAME):
+                    del headers["X-Frame-Options"]
             sent += len(message.get("body", b""))
             await send(message)
 

@@ -48,7 +48,7 @@ def test_allow_lists_all_methods_of_a_path(client):
         assert (response.status_code, response.headers["allow"]) == (405, methods)
 
 
-@pytest.mark.parametrize("path", ["/", "/v1", "/v1/nothing", "/docs/static/gone.js", "/docs/static/../app.py"])
+@pytest.mark.parametrize("path", ["/v1", "/v1/nothing", "/assets", "/docs/static/gone.js", "/docs/static/../app.py"])
 def test_an_unknown_path_is_a_problem(client, path):
     check_problem(client.get(path), 404, "/docs")
 

@@ -66,7 +66,7 @@ def test_metrics(eia, tmp_path):
             post_file(client, data=eia, lenses="6x9", model="bicubic")
         post_file(client, data=b"nothing")
         client.get("/v1/reconstructions/nothing/result")
-        client.request("HACK", "/")
+        client.request("HACK", "/nothing")
         response = client.get("/metrics")
         assert response.headers["content-type"].startswith("text/plain; version=")
         found = dict(line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#"))

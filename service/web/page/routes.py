@@ -1,0 +1,77 @@
+"""/ and /embed: the web page and the viewer alone; /assets: their files, all from this package."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+
+from fastapi import APIRouter, Request, Response
+from starlette.exceptions import HTTPException
+
+from ciir.renderer.writers import html
+from ciir.service.web.middleware.tracking import ANY_FRAME
+from ciir.service.web.routes.results import find_matching_tag
+
+FOLDERS = {"": Path(__file__).parent / "assets", "viewer/": Path(html.__file__).parent / "viewer"}
+"""Where the files are, by what their names start with: the viewer is that of the HTML export."""
+MEDIA_TYPES = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+}
+"""Of the files that are served, by suffix."""
+FILES = {
+    start + path.relative_to(folder).as_posix(): path
+    for start, folder in FOLDERS.items()
+    for path in folder.rglob("*")
+    if path.suffix in MEDIA_TYPES
+}
+"""All that is served, by name."""
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "  # a mesh's textures are blobs and data
+)
+"""The Content-Security-Policy of the pages, without who may frame them."""
+VERSIONED = "vendor/"
+"""The start of names that hold a version: such files never change."""
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.head("/")
+@router.get("/")
+def read_page(request: Request) -> Response:
+    """The page."""
+    return _respond(request, "index.html", {"Content-Security-Policy": f"{POLICY}frame-ancestors 'none'"})
+
+
+@router.head("/embed")
+@router.get("/embed")
+def read_embedded_page(request: Request) -> Response:
+    """The viewer alone, which any page may frame."""
+    return _respond(request, "embed.html", {"Content-Security-Policy": POLICY + ANY_FRAME})
+
+
+@router.head("/assets/{name:path}")
+@router.get("/assets/{name:path}")
+def read_asset(request: Request, name: str) -> Response:
+    """A file of the page. Raises `HTTPException` 404."""
+    return _respond(request, name, {})
+
+
+def _respond(request: Request, name: str, headers: dict[str, str]) -> Response:
+    if name not in FILES:
+        raise HTTPException(404)
+    content = FILES[name].read_bytes()
+    digest = sha256(content).hexdigest()[:32]
+    is_fixed = name.startswith(VERSIONED)
+    headers |= {
+        "ETag": f'"{digest}"',
+        "Cache-Control": "public, max-age=31536000, immutable" if is_fixed else "no-cache",
+    }
+    if find_matching_tag(request.headers.getlist("if-none-match"), digest) is not None:
+        return Response(status_code=304, headers=headers)
+    return Response(content, headers=headers, media_type=MEDIA_TYPES[FILES[name].suffix])

@@ -1,0 +1,95 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from ciir.service.web.page import routes
+from tests.support.web import check_problem, run_app
+
+TYPES = {"css": "text/css", "html": "text/html", "js": "text/javascript", "svg": "image/svg+xml"}
+
+
+@pytest.mark.parametrize("path", ["/", "/embed"])
+def test_a_page_loads_files_of_this_server_alone(client, path):
+    response = client.get(path)
+    assert response.headers["content-type"] == "text/html; charset=utf-8"
+    names = re.findall(r'(?:src|href)="([^"]*)"', response.text)
+    assert names
+    for name in names:
+        assert name.startswith("/assets/")
+        assert client.get(name).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/embed"])
+def test_the_policy_allows_no_inline_code_and_no_other_host(client, path):
+    policy = client.get(path).headers["content-security-policy"]
+    directives = dict(directive.split(" ", 1) for directive in policy.split("; "))
+    assert directives["default-src"] == directives["base-uri"] == directives["form-action"] == "'none'"
+    assert directives["script-src"] == directives["style-src"] == "'self'"
+    assert "unsafe" not in policy
+    assert "://" not in policy
+    sources = " ".join(text for name, text in directives.items() if name != "frame-ancestors")
+    assert set(sources.split()) == {"'none'", "'self'", "blob:", "data:"}
+
+
+def test_only_the_viewer_may_be_framed(client):
+    for path, frames, header in (("/", "'none'", "DENY"), ("/embed", "*", None), ("/assets/main.js", "'none'", "DENY")):
+        headers = client.get(path).headers
+        assert headers["content-security-policy"].endswith(f"frame-ancestors {frames}")
+        assert headers.get("x-frame-options") == header
+
+
+@pytest.mark.parametrize("path", ["/", "/embed", *(f"/assets/{name}" for name in routes.FILES)])
+def test_a_file_has_its_type_and_is_sent_once(client, path):
+    name = {"/": "index.html", "/embed": "embed.html"}.get(path, path.removeprefix("/assets/"))
+    response = client.get(path)
+    assert response.content == routes.FILES[name].read_bytes()
+    assert response.headers["content-type"].split(";")[0] == TYPES[name.rpartition(".")[2]]
+    assert response.headers["x-content-type-options"] == "nosniff"
+    assert response.headers["referrer-policy"] == "no-referrer"
+    tag = response.headers["etag"]
+    again = client.get(path, headers={"If-None-Match": tag})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+    assert client.get(path, headers={"If-None-Match": '"other"'}).status_code == 200
+    head = client.head(path)
+    assert (head.status_code, head.content, head.headers["etag"]) == (200, b"", tag)
+
+
+def test_names_with_a_version_never_change(client, monkeypatch, tmp_path):
+    (tmp_path / "a.js").write_text("1")
+    monkeypatch.setitem(routes.FILES, "vendor/a-1.0/a.js", tmp_path / "a.js")
+    assert "immutable" in client.get("/assets/vendor/a-1.0/a.js").headers["cache-control"]
+    assert client.get("/assets/main.js").headers["cache-control"] == "no-cache"
+
+
+@pytest.mark.parametrize(
+    "name", ["", "gone.js", "../routes.py", "%2e%2e/routes.py", "..%2froutes.py", "viewer/../../html.py", "/etc/passwd"]
+)
+def test_nothing_else_is_a_file_of_the_page(client, name):
+    check_problem(client.get(f"/assets/{name}"), 404)
+
+
+def test_the_viewer_is_that_of_the_html_export(client):
+    assert b"class LightFieldViewer" in client.get("/assets/viewer/viewer.js").content
+
+
+def test_the_page_needs_no_key_and_the_api_does(tmp_path):
+    with run_app(tmp_path, api_keys="k") as other:
+        for path in ("/", "/embed", "/assets/main.js"):
+            assert other.get(path).status_code == 200
+        check_problem(other.get("/v1/models"), 401)
+
+
+def test_the_page_is_for_the_hosts_of_the_server(tmp_path):
+    with run_app(tmp_path, hosts="ciir.example") as other:
+        assert other.get("/", headers={"Host": "ciir.example"}).status_code == 200
+        check_problem(other.get("/", headers={"Host": "evil.example"}), 403, "Host")
+
+
+def test_every_text_of_the_page_stands_in_texts():
+    assets = Path(routes.FILES["index.html"]).parent
+    texts = set(re.findall(r"^  (\w+):", (assets / "texts.js").read_text(), re.MULTILINE))
+    for page in ("index.html", "embed.html"):
+        html = (assets / page).read_text()
+        assert set(re.findall(r'data-text="(\w+)"', html)) <= texts
+        assert set(re.findall(r">\s*([^<>\s][^<>]*)<", html)) == {"ciir"}
