@@ -14,6 +14,7 @@ import numpy as np
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known, KnownShape, LensGrid
 from ciir.renderer.readers.lytro.container import SIGNATURE, read_frame
+from ciir.renderer.readers.registry import find_by_signature
 
 CELL = ("r", "gr", "gb", "b")
 """Colours of two rows of two pixels."""
@@ -121,7 +122,8 @@ def find_camera(data: bytes, name: str) -> Camera | None:
     """Of a Lytro's file `data`; None for another picture. Raises `Unreadable` for other metadata than a Lytro's."""
     if data.startswith(SIGNATURE):
         return read_camera(read_frame(data, name)[1], name)
-    return Camera(Known(shape="hexagonal")) if len(data) in RAW_SENSORS else None
+    is_raw = len(data) in RAW_SENSORS and not find_by_signature(data)
+    return Camera(Known(shape="hexagonal")) if is_raw else None
 
 
 def read_camera(metadata: dict[str, Any], name: str) -> Camera:

@@ -11,8 +11,9 @@ from ciir.renderer.readers.inputs import read
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid
 from ciir.renderer.readers.lytro.container import read_frame
-from ciir.renderer.readers.lytro.metadata import F01, ILLUM, find_camera
+from ciir.renderer.readers.lytro.metadata import F01, ILLUM, RAW_SENSORS, find_camera
 from ciir.renderer.readers.lytro.picture import unpack
+from ciir.renderer.readers.registry import LYTRO_RAW_SIZES
 from tests.support.lenslet.camera import make_camera, take_picture
 from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 from tests.support.lenslet.trials import measure_errors
@@ -92,6 +93,13 @@ def test_pixels_are_those_that_imageio_reads(sensor, suffix, tmp_path):
     assert ours == theirs.meta["metadata"]
     levels = 2**sensor.bits - 1
     assert np.array_equal(unpack(packed, sensor), np.rint(theirs * levels).astype(np.uint16))
+
+
+def test_a_png_of_a_raw_files_size_is_none():
+    (size, other) = LYTRO_RAW_SIZES
+    assert {size, other} == set(RAW_SENSORS)
+    assert find_camera(bytes(other), "a").known.shape == "hexagonal"
+    assert find_camera(b"\x89PNG\r\n\x1a\n".ljust(other), "a") is None
 
 
 def test_a_raw_file_is_its_pixels_alone():
