@@ -129,7 +129,7 @@ class Spectra:
                 yield np.where(is_reached, self._offset + plane / np.where(is_reached, reach, 1), 0)
 
     def _limit(self, shifts: NDArray[np.float64], length: int) -> NDArray[np.float64]:
-        """Shifts, whole where pixels are not interpolated; those beyond a view of `length` pixels just move it outside."""
+        """Shifts, whole where pixels are not interpolated, at most to just outside a view of `length` pixels."""
         return np.clip(np.floor(shifts + 0.5) if self._is_whole else shifts, -length - 2, length + 2)
 
     def _transform(self, row: NDArray[Any]) -> NDArray[np.complex64]:
