@@ -141,10 +141,9 @@ def _describe_grid(found: Calibration) -> str:
     )
     if found.cue is None:
         return f"{text}, as given"
-    text += (
-        f"; {found.share:.0%} of the lenses agree, within {found.scatter:.2f} pixels (median), which settles the pitch "
-        f"times all lenses to {found.uncertainty:.2f} pixels (standard error)"
-    )
+    text += f"; {found.share:.0%} of the lenses agree, within {found.scatter:.2f} pixels (median)"
+    if found.uncertainty > 0:  # the pitch was not given
+        text += f", which settles the pitch times all lenses to {found.uncertainty:.2f} pixels (standard error)"
     if found.cue == "edges":
         text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
     elif found.uncertainty > _SETTLED:

@@ -71,6 +71,7 @@ def test_a_grid_that_is_not_certain_is_noted():
         "rotation 0.500 degrees; 20% of the lenses agree, within 0.03 pixels (median), which settles the pitch times "
         "all lenses to 0.02 pixels (standard error)"
     )
+    assert reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03)).endswith("within 0.03 pixels (median)")
     assert "a white picture would settle it" in reader._describe_grid(Calibration(grid, "borders", 0.2, 0.03, 0.06))
     assert "may be wrong: see --show-grid" in reader._describe_grid(Calibration(grid, "edges", 0.2, 0.03))
 
