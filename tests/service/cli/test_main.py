@@ -347,10 +347,15 @@ def test_views_in_a_wrong_order_are_put_right_with_a_note(tmp_path, capsys):
 
 
 def test_upscale_says_what_it_takes(tmp_path, capsys):
-    for name, data in (("a.bmp", b"BM"), ("a.png", b"hello"), ("b.jpg", encode(EIA, ".png"))):
+    takes = [".png", ".tif", "folder"]
+    for name, data, parts in (
+        ("a.bmp", b"BM", takes),
+        ("a.png", b"hello", ["text", "PNG", "save it again"]),
+        ("b.jpg", encode(EIA, ".png"), takes),
+    ):
         (tmp_path / name).write_bytes(data)
         line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
-        assert contains_all(line, [name, ".png", ".tif", "folder"])
+        assert contains_all(line, [name, *parts])
         assert ".glb" not in line
 
 
