@@ -95,6 +95,7 @@ def make_model(
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
     model: Model | None = None
+    limits: tuple[float, float] | None = None
     for view in dict.fromkeys([center, *corners]):
         is_used: NDArray[np.bool_] = is_shown[view]
         if model is not None:
@@ -103,8 +104,9 @@ def make_model(
             is_used = is_used & ~np.isfinite(depth)
         if not is_used.any():
             continue
-        disparity = estimate_disparity(field, view).disparity
-        patch = make_patch(_read_picture(field.views[view]), disparity, is_used, most)
+        mapped = estimate_disparity(field, view, limits=limits)
+        limits = float(mapped.planes[0]), float(mapped.planes[-1])  # of the centre view for all
+        patch = make_patch(_read_picture(field.views[view]), mapped.disparity, is_used, most)
         vertices = _place(patch.x, patch.y, patch.disparity, array, view)
         faces = patch.faces[_lies_in_hull(vertices[patch.faces].mean(axis=1), is_shown, array)].astype(np.int32)
         found = Model(vertices, (patch.colors + 0.5).astype(np.uint8), faces, array)
