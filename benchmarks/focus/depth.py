@@ -14,6 +14,7 @@ side, twice as large by linear interpolation.
 from __future__ import annotations
 
 import argparse
+import ctypes
 import sys
 import time
 from pathlib import Path
@@ -49,12 +50,16 @@ def score_map(found: Map, true: Map) -> tuple[float, float]:
 def measure_peak(work: Callable[[], None]) -> tuple[int, int]:
     """The peak of this process during `work`, and how far above its start, in MB; 0 where the system doesn't count it.
 
-    Linux counts it in `VmHWM`, which a 5 in `clear_refs` sets back (man 5 proc).
+    Linux counts it in `VmHWM`, which a 5 in `clear_refs` sets back (man 5 proc). Memory that is free, but kept for the
+    next call, is given back before.
     """
     clear, status = Path("/proc/self/clear_refs"), Path("/proc/self/status")
     if not clear.exists():
         work()
         return 0, 0
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc has it
+    if trim is not None:
+        trim(0)
     clear.write_text("5")
 
     def read_peak() -> int:

@@ -40,7 +40,7 @@ def test_unknown_scenes_are_refused(tmp_path):
 
 
 def test_memory_that_is_freed_again_counts():
-    peak, added = measure_peak(lambda: np.ones(16 << 17).sum())  # 16 MB
+    peak, added = measure_peak(lambda: np.ones(64 << 17).sum())  # 64 MB: more than any allocator keeps
     if peak == 0:
         pytest.skip("this system doesn't count it")
-    assert 15 <= added <= peak
+    assert 60 <= added <= peak
