@@ -39,8 +39,9 @@ TIMEOUT_SECONDS = 60.0
 class Client(httpx2.Client):
     """A connection to the server at `url`. Not to be shared between threads.
 
-    `source` is a file, or a folder, which is sent as a zip. `options` are those of the command, as `ciir.reconstruct`
-    takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All methods raise `ciir.Error`.
+    `source` is a file, a folder, which is sent as a zip, or `scene:NAME`. `options` are those of the command, as
+    `ciir.reconstruct` takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All methods raise
+    `ciir.Error`.
     """
 
     def __init__(
@@ -115,9 +116,9 @@ class Client(httpx2.Client):
         self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(options)
-        name, file = messages.open_source(Path(source))
+        field, name, file = messages.open_source(Path(source))
         with file:
-            return self.post(f"/v1/{KINDS[kind].plural}", files={"file": (name, file)}, data=fields, headers=headers)
+            return self.post(f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers)
 
 
 class AsyncClient(httpx2.AsyncClient):
@@ -191,10 +192,10 @@ class AsyncClient(httpx2.AsyncClient):
         self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(options)
-        name, file = await to_thread.run_sync(messages.open_source, Path(source))
+        field, name, file = await to_thread.run_sync(messages.open_source, Path(source))
         with file:
             return await self.post(
-                f"/v1/{KINDS[kind].plural}", files={"file": (name, file)}, data=fields, headers=headers
+                f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import tempfile
 import zipfile
@@ -12,7 +13,6 @@ from typing import IO, TYPE_CHECKING, Any
 from ciir.errors import (
     ConnectionFailed,
     Error,
-    InvalidOption,
     NotDone,
     NotFound,
     QueueFull,
@@ -107,23 +107,19 @@ def write_fields(options: Mapping[str, object]) -> dict[str, str]:
     return write_texts(rest | texts) | ({} if form is None else {"format": str(form)})
 
 
-def open_source(path: Path) -> tuple[str, IO[bytes]]:
-    """The name and the content to send; a folder's files as a zip, the same bytes for the same files.
-
-    Raises `Unreadable`, and `InvalidOption` for a shipped scene.
+def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
+    """The form's field, the file's name and the content to send: a file, a folder's files as a zip, the same bytes for
+    the same files, or the name of a shipped scene. Raises `Unreadable`.
     """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.limits import read_limits
     from ciir.service.pipeline.source import SCENE
 
     if str(path).startswith(SCENE):
-        raise InvalidOption(
-            f"{path}: a shipped scene is no file to send; render it without a server (ciir.render), and send the result"
-        )
-
+        return "scene", None, io.BytesIO(str(path).removeprefix(SCENE).encode())
     try:
         if not path.is_dir():
-            return path.name, path.open("rb")
+            return "file", path.name, path.open("rb")
         packed = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
         with zipfile.ZipFile(packed, "w") as archive:
             for name, data in Folder(path, read_limits()).items():
@@ -131,7 +127,7 @@ def open_source(path: Path) -> tuple[str, IO[bytes]]:
     except OSError as error:
         raise Unreadable(f"{path}: {error.strerror}; give a file or a folder that can be read") from error
     packed.seek(0)
-    return f"{path.resolve().name}.zip", packed
+    return "file", f"{path.resolve().name}.zip", packed
 
 
 def find_pause(response: httpx2.Response, failures: int, retries: int) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -40,13 +39,13 @@ _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
 def compute_id(request: Request, content: str, limits: Mapping[str, int]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of the file's SHA-256 `content`, the suffix, the options, the kind, the
+    """`DIGITS` hexadecimal digits: the hash of the file's SHA-256 `content`, the name, the options, the kind, the
     format, the limits and the installation. Options are parsed first: an option's default and leaving it out give the
     same id.
     """
     inputs = [
         hash_installation(),
-        os.path.splitext(request.name)[1],  # noqa: PTH122 - a name, no path
+        request.name,
         KINDS[request.kind].parse(request.options).as_dict(NAMES),
         request.kind,
         request.format,

@@ -23,6 +23,7 @@ from ciir.service.pipeline.focus.models import build_model
 from ciir.service.pipeline.focus.planes import count_planes, refocus
 from ciir.service.pipeline.options import MODELS
 from ciir.service.pipeline.pictures import output_names, upscale_files
+from ciir.service.pipeline.source import SCENE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,8 +34,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import KindName, Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import Source
 
-    Run = Callable[[Bundle, "Options", "Output"], tuple[str, "Report"]]
+    Run = Callable[[Source, "Options", "Output"], tuple[str, "Report"]]
     """Returns the name of the format that was written, and the report; raises as `service.pipeline.run` does."""
 
 _SUFFIXES = {entry.name: entry.suffixes[0] for entry in FORMATS}
@@ -60,34 +62,37 @@ class Output:
     clock: Clock
 
 
-def open_upload(kind: KindName, name: str, data: bytes, limits: Limits) -> Bundle:
-    """As `Bundle.from_upload`; the message of `UnsupportedType` lists what that kind takes."""
+def open_upload(kind: KindName, name: str, data: bytes, limits: Limits) -> Source:
+    """As `Bundle.from_upload`, or the name of a shipped scene; `UnsupportedType` lists what the kind takes."""
+    if name.startswith(SCENE):
+        return name.removeprefix(SCENE)
     try:
         return Bundle.from_upload(name, data, limits)
     except UnsupportedType as error:
         raise UnsupportedType(str(error).replace(READ, _TAKEN.get(kind, READ))) from error
 
 
-def _reconstruct(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+def _reconstruct(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     with FileWriter(output.file, output.format, options.make_writer_options()) as writer:
         report = run.reconstruct(
-            bundle, options, writer, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+            source, options, writer, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
         )
     return writer.format.name, report
 
 
-def _upscale(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
-    if bundle.main is None:
-        raise InvalidOption(f"{bundle.name}: holds several files; send one picture, or views as a reconstruction")
-    name = output_names([bundle.main])[bundle.main] if output.format is None else f"upload{_SUFFIXES[output.format]}"
+def _upscale(source: Source, options: Options, output: Output) -> tuple[str, Report]:
+    assert isinstance(source, Bundle)  # noqa: S101 - the kind takes no scenes
+    if source.main is None:
+        raise InvalidOption(f"{source.name}: holds several files; send one picture, or views as a reconstruction")
+    name = output_names([source.main])[source.main] if output.format is None else f"upload{_SUFFIXES[output.format]}"
     report = upscale_files(
-        bundle.files,
-        {bundle.main: name},
+        source.files,
+        {source.main: name},
         lambda _, data: output.file.write(data),
         model=options.model,
         scale=options.scale,
         skip=options.skip == "exact",
-        limits=bundle.limits,
+        limits=source.limits,
         max_pixels=output.max_pixels,
         progress=output.progress,
         clock=output.clock,
@@ -95,7 +100,7 @@ def _upscale(bundle: Bundle, options: Options, output: Output) -> tuple[str, Rep
     return BY_SUFFIX[name[name.rindex(".") :]].name, report
 
 
-def _render_eia(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+def _render_eia(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     name = output.format or "png"
 
     def keep(pixels: Pixels) -> None:
@@ -103,27 +108,27 @@ def _render_eia(bundle: Bundle, options: Options, output: Output) -> tuple[str, 
         output.progress(1, 1)
 
     output.progress(0, 1)
-    return name, run.render_eia(bundle, options, keep, max_pixels=output.max_pixels, clock=output.clock)
+    return name, run.render_eia(source, options, keep, max_pixels=output.max_pixels, clock=output.clock)
 
 
-def _show(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+def _show(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     kind = cast("DisplayKind | None", output.format)
     picture, report = make_picture(
-        bundle, options, kind, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+        source, options, kind, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
     )
     with output.clock.stage("encode"):
         output.file.write(encode_png(picture.pixels))
     return report["display"]["kind"], report | {"timings_ms": output.clock.timings_ms()}
 
 
-def _refocus(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     is_one = count_planes(options) == 1
     name, writers = output.format or ("png" if is_one else "zip"), PLANE if is_one else STACK
     if name not in writers:
         what = "one plane" if is_one else "a stack of planes"
         raise InvalidOption(f"format: {name} can't hold {what}; give {', '.join(writers)}")
     report = refocus(
-        bundle,
+        source,
         options,
         partial(writers[name], output.file),
         max_pixels=output.max_pixels,
@@ -133,16 +138,16 @@ def _refocus(bundle: Bundle, options: Options, output: Output) -> tuple[str, Rep
     return name, report
 
 
-def _find_disparity(bundle: Bundle, options: Options, output: Output) -> tuple[str, Report]:
+def _find_disparity(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     name = output.format or "pfm"
     if name in MODELS:
         model, report = build_model(
-            bundle, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+            source, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
         )
         output.file.write(encode_model(model, MODELS[name].suffix))
         return name, report
     found, report = find_disparity(
-        bundle, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+        source, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
     )
     with output.clock.stage("encode"):
         data, confidence, reading = encode_disparity(found, "pfm" if name == "zip" else name)

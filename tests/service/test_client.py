@@ -96,10 +96,15 @@ def test_errors_are_raised_by_class(client, eia_file, tmp_path):
             getattr(client_module.Job(client, JOB), method)()
     with pytest.raises(Unreadable, match=r"gone\.png: No such file"):
         client.reconstruct(tmp_path / "gone.png")
-    with pytest.raises(InvalidOption, match=r"scene:vase: a shipped scene .* without a server"):
-        client.reconstruct("scene:vase")
+    with pytest.raises(InvalidOption, match=r"^scene: no 'cup' here; give one of vase, globe, hamburger$"):
+        client.reconstruct("scene:cup")
     with pytest.raises(ConnectionFailed, match=r"begins with http:// or https://$"):
         client_module.Client("localhost:8000", retries=0).models()
+
+
+def test_a_shipped_scene(client):
+    scene = client.reconstruct("scene:vase", lenses=(8, 6), pixels=(3, 3), model="none")
+    assert decode(scene.content, name="x").shape == (8, 6, 3)
 
 
 def test_the_other_kinds(client, eia_file, cube_file, tmp_path):

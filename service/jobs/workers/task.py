@@ -162,10 +162,10 @@ def write_result(
     from ciir.service.pipeline import one_file
     from ciir.service.pipeline.options import KINDS
 
-    bundle = one_file.open_upload(request.kind, request.name, source.read(), limits.limits)
+    given = one_file.open_upload(request.kind, request.name, source.read(), limits.limits)
     clock = ProgressClock(progress)
     output = one_file.Output(target, request.format, limits.output_pixels, clock.count_views, clock)
-    name, report = one_file.RUNS[request.kind](bundle, KINDS[request.kind].parse(request.options), output)
+    name, report = one_file.RUNS[request.kind](given, KINDS[request.kind].parse(request.options), output)
     views = report.pop("views", None)  # each poll parses the record, and views may be 65,536
     stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
     target.flush()

@@ -74,6 +74,11 @@ class Kind:
         """`POST /v1/PLURAL` makes one."""
         return "disparities" if self.name == "disparity" else f"{self.name}s"
 
+    @property
+    def takes_scenes(self) -> bool:
+        """Whether a shipped scene may take the file's place, as any mesh may."""
+        return not set(self.options).isdisjoint(MESH)
+
     def parse(self, texts: Mapping[str, str]) -> Options:
         """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`."""
         return Options.parse({**self.defaults, **texts})

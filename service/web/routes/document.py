@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
 
+from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import KINDS
 from ciir.service.web.routes import schemas, upload
 
@@ -15,13 +16,15 @@ if TYPE_CHECKING:
 
 def describe_form(kind: Kind) -> dict[str, Any]:
     """JSON schema of the form of a kind of job."""
+    scene = {"type": "string", "enum": list(SCENES), "description": "a shipped scene, in place of the file"}
     described = {
         upload.FILE: {"type": "string", "format": "binary", "description": kind.takes},
+        **({upload.SCENE: scene} if kind.takes_scenes else {}),
         upload.FORMAT: {"type": "string", "enum": list(kind.formats), "description": f"default: {kind.default_format}"},
     }
     return {
         "type": "object",
-        "required": [upload.FILE],
+        **({} if kind.takes_scenes else {"required": [upload.FILE]}),
         "additionalProperties": False,
         "properties": described | {name: kind.describe_option(name) for name in kind.options},
     }

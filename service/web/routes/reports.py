@@ -24,8 +24,9 @@ class Input(TypedDict):
     name: str
     kind: str
     """A file type, or `views` for a set of pictures."""
-    bytes: int
-    files: int
+    bytes: NotRequired[int]
+    """Of the files; none of a shipped scene."""
+    files: NotRequired[int]
     triangles: NotRequired[int]
     """Of a mesh."""
     parts: NotRequired[int]

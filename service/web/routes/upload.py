@@ -1,29 +1,32 @@
-"""The form of a job: a file, the options by name, and the format of the result.
+"""The form of a job: a file or a shipped scene, the options by name, and the format of the result.
 
 Options whose value is the text of a file may be sent as one.
 """
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.scenes import SCENES
 from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
 from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.source import SCENE as SCENE_PREFIX
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from ciir.service.pipeline.options import Kind
 
-FILE, FORMAT = "file", "format"
+FILE, SCENE, FORMAT = "file", "scene", "format"
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,13 @@ class Upload:
     file: BinaryIO
     size: int
     """Bytes."""
+
+
+class _Input(NamedTuple):
+    name: str
+    """Of a `Request`."""
+    file: BinaryIO
+    size: int
 
 
 def check_content_type(content_type: str | None) -> None:
@@ -68,21 +78,39 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
                     f"{clean_text(name)}: a file; only {allowed} may be one, send this as a plain field"
                 )
             texts[name] = decode_text(value.file.read(MOST_TEXT + 1), name)
-        elif value.strip() or name not in (*kind.options, FORMAT):  # web forms send empty fields too
+        elif value.strip() or name not in (*kind.options, *_list_others(kind)):  # web forms send empty fields too
             texts[name] = value
     format_ = texts.pop(FORMAT, None)
+    scene = texts.pop(SCENE, None) if kind.takes_scenes else None
     unknown = sorted(set(texts) - set(kind.options))
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
-        raise InvalidOption(f"{listed}: no such field; the fields are {', '.join((FILE, FORMAT, *kind.options))}")
+        fields = ", ".join((FILE, *_list_others(kind), *kind.options))
+        raise InvalidOption(f"{listed}: no such field; the fields are {fields}")
     if format_ is not None and format_ not in kind.formats:
         others = "".join(f", or POST to /v1/{other.plural}" for other in KINDS.values() if format_ in other.formats)
         raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}{others}")
     kind.check_model(kind.parse(texts).model)
+    found = _find_input(upload, scene, kind)
+    return Upload(Request(found.name, texts, format_, kind.name), found.file, found.size)
+
+
+def _list_others(kind: Kind) -> tuple[str, ...]:
+    """The fields beside the file and the options."""
+    return (SCENE, FORMAT) if kind.takes_scenes else (FORMAT,)
+
+
+def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _Input:
+    if scene is not None:
+        if upload is not None:
+            raise InvalidOption(f"{SCENE}: given beside a file; send one of them")
+        if scene not in SCENES:
+            raise InvalidOption(f"{SCENE}: no {clean_text(scene)[:40]!r} here; give one of {', '.join(SCENES)}")
+        return _Input(SCENE_PREFIX + scene, io.BytesIO(), 0)
     if upload is None:
-        raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}")
-    request = Request("upload" + _find_suffix(upload.filename or ""), texts, format_, kind.name)
-    return Upload(request, upload.file, upload.size or 0)
+        either = f", or a shipped scene as {SCENE!r}" if kind.takes_scenes else ""
+        raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}{either}")
+    return _Input("upload" + _find_suffix(upload.filename or ""), upload.file, upload.size or 0)
 
 
 def _find_suffix(name: str) -> str:

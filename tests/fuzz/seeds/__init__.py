@@ -235,7 +235,7 @@ def options() -> list[bytes]:
 
 
 def multipart() -> list[bytes]:
-    """Forms with the boundary `BOUNDARY`: whole, with empty fields, and with names of RFC 5987 and RFC 2047."""
+    """Forms with the boundary `BOUNDARY`: whole, with empty fields, names of RFC 5987 and RFC 2047, a shipped scene."""
     head = b'--bound\r\nContent-Disposition: form-data; name="%b"%b\r\n\r\n%b\r\n'
     file = head % (b"file", b'; filename="a.off"\r\nContent-Type: application/octet-stream', off()[0])
     fields = head % (b"lenses", b"", b"4x4") + head % (b"views", b"", b"0,0;1,1") + head % (b"format", b"", b"npz")
@@ -244,4 +244,5 @@ def multipart() -> list[bytes]:
         file + fields + b"--bound--\r\n",
         fields + head % (b"model", b"", b"") + file + b"--bound--\r\nepilogue",
         encoded + b"--bound--",
+        head % (b"scene", b"", b"vase") + fields + b"--bound--\r\n",
     ]

@@ -40,6 +40,7 @@ def test_the_shell_examples(server, tmp_path):
     done = run(tmp_path, "bash", "-c", script)
     assert decode((tmp_path / "view.png").read_bytes(), name="x").shape == (100, 100, 3)
     assert decode((tmp_path / "eia.png").read_bytes(), name="x").shape == (450, 450, 3)
+    assert decode((tmp_path / "vase.png").read_bytes(), name="x").shape == (50, 50, 3)
     assert decode((tmp_path / "large.png").read_bytes(), name="x").shape == (200, 200, 3)
     with zipfile.ZipFile(tmp_path / "views.zip") as archive:
         assert len(archive.namelist()) == 6

@@ -16,6 +16,8 @@ REQUESTS = {
     "mesh with a light-field network": ("reconstruction", "cube.off", MESH | {"model": "field", "neighbour_time": "9"}),
     "mesh rendered at the larger size": ("reconstruction", "cube.off", MESH | {"strategy": "direct"}),
     "elemental image array": ("reconstruction", "eia.png", {"lenses": "6x9", "views": "all", "format": "npz"}),
+    "shipped scene": ("reconstruction", "scene:vase", MESH),
+    "elemental of a shipped scene": ("elemental", "scene:globe", MESH),
     "views as mapped": ("reconstruction", "eia.png", {"lenses": "6x9", "model": "none"}),
     "a light field in another format": (
         "reconstruction",
@@ -65,7 +67,8 @@ def check(document):
 def test_real_answers(client, check, eia, case):
     kind, name, fields = REQUESTS[case]
     root = find_root(kind)
-    file = {"file": (name, eia if name.endswith("png") else CUBE)}
+    scene = name.removeprefix("scene:")
+    file = {"file": (name, eia if name.endswith("png") else CUBE)} if scene == name else {"scene": (None, scene)}
     accepted = check(client.post(root, files=file, data=fields, headers={"Prefer": "respond-async"}), root)
     assert accepted.status_code == 202
     done = check(client.post(root, files=file, data=fields), root)
@@ -129,7 +132,7 @@ def test_a_form_names_every_option_with_its_values(document, kind):
     }
     assert {parameter["name"] for parameter in operation["parameters"]} == {"Prefer", "If-None-Match"}
     form = document["components"]["schemas"][f"{kind.name.title()}Form"]["properties"]
-    assert set(form) == {"file", "format", *kind.options}
+    assert set(form) == {"file", "format", *kind.options} | ({"scene"} if kind.name != "upscale" else set())
     assert set(form["format"]["enum"]) <= set(FILE_TYPES)
     for name in kind.options:
         schema = form[name]

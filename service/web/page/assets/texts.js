@@ -2,7 +2,8 @@
 /** Every text that the page shows. */
 export const TEXTS = {
   title: "Look around in a light field",
-  file: "A mesh, an elemental image array or views",
+  scene: "A shipped scene",
+  file: "or a mesh, an elemental image array or views",
   lenses: "Rows x columns of lenses",
   show: "Show",
   loading: "Making the centre view",

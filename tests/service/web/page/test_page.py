@@ -36,10 +36,20 @@ def page(browser, server):
     assert problems == []
 
 
-def test_a_file_is_shown(page):
-    page.locator("#file").set_input_files({"name": "eia.png", "mimeType": "image/png", "buffer": EIA_PNG})
-    page.locator("#lenses").fill("6x9")
+def show(page, lenses):
+    """The height and the width of the view that the button shows."""
+    page.locator("#lenses").fill(lenses)
     page.get_by_role("button", name="Show").click()
     page.get_by_role("img").wait_for()
     page.wait_for_function("document.querySelector('#view').naturalWidth > 0")
-    assert page.evaluate("[view.naturalHeight, view.naturalWidth]") == [6, 9]
+    return page.evaluate("[view.naturalHeight, view.naturalWidth]")
+
+
+def test_a_file_is_shown(page):
+    page.locator("#file").set_input_files({"name": "eia.png", "mimeType": "image/png", "buffer": EIA_PNG})
+    assert show(page, "6x9") == [6, 9]
+
+
+def test_a_shipped_scene_is_shown(page):
+    page.locator("#scene").select_option("vase")
+    assert show(page, "20x30") == [20, 30]

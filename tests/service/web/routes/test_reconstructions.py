@@ -8,6 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
+import ciir
 from ciir.errors import QueueFull, QueueUnavailable
 from ciir.renderer.readers.pictures import decode
 from ciir.service.jobs.job import Problem
@@ -316,6 +317,21 @@ def test_bad_input(client, bad_input):
     assert client.pool.runs == runs  # an input error is final
 
 
+def test_a_shipped_scene_takes_the_place_of_the_file(own):
+    fields = {"lenses": "8x6", "pixels": "3x3", "model": "none"}
+    shown = {}
+    for scene in ("vase", "globe"):
+        done = own.post(POST, files={"scene": (None, scene)}, data=fields)
+        shown[scene] = decode(done.content, name="x")
+        status = own.get(f"{POST}/{done.headers['x-reconstruction-id']}").json()
+        assert (status["input"], status["report"]["input"]["kind"]) == (f"scene:{scene}", "scene")
+    for scene, picture in shown.items():
+        expected = ciir.render(f"scene:{scene}", lenses=(8, 6), pixels=(3, 3)).view(1, 1)
+        assert np.array_equal(picture, expected)
+    assert own.post(POST, files={"scene": (None, "vase")}, data=fields).headers["server-timing"].startswith("stored")
+    assert own.pool.runs == 2
+
+
 def test_bad_forms(client, eia):
     problem, send = check_problem, post_file
     problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
@@ -323,6 +339,10 @@ def test_bad_forms(client, eia):
     problem(send(client, data=eia, lenses="6x9", format="bmp"), 422, "bmp", "npz")
     problem(client.post(POST, files={"other": ("a.png", eia)}), 422, "other")
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
+    problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
+    problem(client.post(POST, files={"scene": ("vase.png", eia)}), 422, "scene: a file")
+    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "beside a file")
+    problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
