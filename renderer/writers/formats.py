@@ -134,6 +134,7 @@ FORMATS = {
         _container("quilt", STILL, "image/png", "displays:QuiltWriter", USES["quilt"]),
         _container("lenticular", EXACT, "image/png", "displays:LenticularWriter", USES["lenticular"]),
         _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
+        _container("tiles", (".zip",), "application/zip", "tiles:TilesWriter"),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
         _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),

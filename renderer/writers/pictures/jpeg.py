@@ -17,8 +17,8 @@ MAX_SIDE = 65_500
 """Most pixels along one side: libjpeg's own limit."""
 
 
-def encode(pixels: Pixels) -> bytes:
-    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, quality 95, full chroma resolution.
+def encode(pixels: Pixels, quality: int = 95) -> bytes:
+    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, with full chroma resolution.
 
     Raises `InvalidOption` where JPEG can't hold the pixels.
     """
@@ -34,5 +34,5 @@ def encode(pixels: Pixels) -> bytes:
             "name the file .png or .tif"
         )
     file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "JPEG", quality=95, subsampling=0)
+    Image.fromarray(pixels).save(file, "JPEG", quality=quality, subsampling=0)
     return file.getvalue()
