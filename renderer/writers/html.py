@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 MOST_VIEWS = 2048
 """The layers of a WebGL 2 texture that usual graphics processors have; 256 are certain."""
 
+MODULES = ("texts.js", "disparity.js", "viewer.js", "movement.js", "page.js")
+"""The viewer's, each after those that it imports."""
+
 
 class HtmlWriter(Writer):
     """Writes one page with all views as JPEG of quality 95 and 8 bit; alpha is left out."""
@@ -65,13 +68,11 @@ class HtmlWriter(Writer):
             "views": [self._views[view] for view in sorted(self._views)],
         }
         folder = files("ciir.renderer.writers") / "viewer"
-        style, page, viewer, template = (
-            (folder / name).read_text("utf-8") for name in ("viewer.css", "page.js", "viewer.js", "viewer.html")
-        )
-        filled = Template(template).substitute(
+        script = "\n".join((folder / name).read_text("utf-8") for name in MODULES)
+        filled = Template((folder / "viewer.html").read_text("utf-8")).substitute(
             title=html.escape(str(report.get("input", {}).get("name", "Light field"))),
-            style=style,
-            script=viewer + re.sub(r"(?m)^import .*$", "", page),
+            style=(folder / "viewer.css").read_text("utf-8"),
+            script=re.sub(r"(?m)^import .*$", "", script),
             light_field=json.dumps(light_field),
         )
         self._file.write(filled.encode())

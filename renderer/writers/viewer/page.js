@@ -1,116 +1,167 @@
 // @ts-check
-/** The page around a viewer: drag, arrow keys, sliders, a tour that stops at a touch; the address holds what is shown. */
+/** The elements around a viewer: picture, sliders, tour and status; the address holds what is shown. */
+import { followDevice, followKeys, followPointer, followTour } from "./movement.js";
+import { VIEWER_TEXTS } from "./texts.js";
 import { LightFieldViewer } from "./viewer.js";
 
 /** @import { LightField } from "./viewer.js" */
 
-/**
- * Starts the viewer in the elements of `viewer.html`.
- * @param {LightField} lightField
- */
-export async function start(lightField) {
-  const canvas = /** @type {HTMLCanvasElement} */ (document.querySelector("canvas"));
-  const status = /** @type {HTMLElement} */ (document.querySelector("[role=status]"));
-  const focus = /** @type {HTMLInputElement} */ (document.querySelector("#focus"));
-  const aperture = /** @type {HTMLInputElement} */ (document.querySelector("#aperture"));
-  const tour = /** @type {HTMLInputElement} */ (document.querySelector("#tour"));
-  /** @type {LightFieldViewer} */
-  let viewer;
-  try {
-    viewer = new LightFieldViewer(canvas, lightField);
-    await viewer.load((done, total) => (status.textContent = `Loading view ${done} of ${total}`));
-  } catch (error) {
-    status.textContent = error instanceof Error ? error.message : String(error);
-    return;
+const MARKUP = `<div class="picture"><canvas tabindex="0" role="img" aria-label="${VIEWER_TEXTS.picture}" aria-busy="true"></canvas></div>
+<div class="controls">
+<label>${VIEWER_TEXTS.far} <input name="focus" type="range" step="0.05" aria-label="${VIEWER_TEXTS.depth}"> ${VIEWER_TEXTS.near}</label>
+<label>${VIEWER_TEXTS.aperture} <input name="aperture" type="range" min="0" step="0.1"></label>
+<label><input name="tour" type="checkbox"> ${VIEWER_TEXTS.tour}</label>
+<label><input name="tilt" type="checkbox"> ${VIEWER_TEXTS.tilt}</label>
+<p role="status">${VIEWER_TEXTS.loading}</p>
+</div>`;
+const REST = 200; // milliseconds after the last move, when the picture is drawn with all views
+
+/** A viewer in an element, with everything that moves it. Load views into `viewer`; then call `begin`, and `show` for each change. */
+export class Stage {
+  /**
+   * @param {HTMLElement} element What is in it is replaced.
+   * @param {LightField} lightField
+   * @throws {Error} As `LightFieldViewer`.
+   */
+  constructor(element, lightField) {
+    element.innerHTML = MARKUP;
+    element.classList.add("light-field");
+    const find = (/** @type {string} */ name) => /** @type {HTMLInputElement} */ (element.querySelector(`[name=${name}]`));
+    this.element = element;
+    this.lightField = lightField;
+    this.canvas = /** @type {HTMLCanvasElement} */ (element.querySelector("canvas"));
+    this.status = /** @type {HTMLElement} */ (element.querySelector("[role=status]"));
+    this.focus = find("focus");
+    this.aperture = find("aperture");
+    this.tour = find("tour");
+    this.tilt = find("tilt");
+    this.viewer = new LightFieldViewer(this.canvas, lightField);
+    /** Aborted when the stage is closed. */
+    this.stopped = new AbortController();
+    /** So that the slider's right end is near, and the right arrow key goes to the right. */
+    this.sign = lightField.depthSense === "lenses" ? -1 : 1;
+    this.canvas.style.setProperty("--ratio", String(lightField.width / lightField.height));
+    const label = /** @type {HTMLElement} */ (this.tilt.closest("label"));
+    label.hidden = !("DeviceOrientationEvent" in window && matchMedia("(any-pointer: coarse)").matches);
+    this.isQueued = this.hasBegun = false;
+    this.settled = 0;
   }
-  canvas.style.setProperty("--ratio", String(lightField.width / lightField.height));
-  const sign = lightField.depthSense === "lenses" ? -1 : 1; // so that the slider's right end is near
-  const middle = viewer.measureDisparity() ?? 0;
-  const range = Math.max(2, Math.min(lightField.width / 16, 32));
-  const given = new URLSearchParams(location.hash.slice(1));
-  const read = (/** @type {string} */ name, /** @type {number} */ otherwise) => Number(given.get(name) ?? otherwise) || 0;
-  focus.min = String(sign * middle - range);
-  focus.max = String(sign * middle + range);
-  aperture.max = String(Math.max(lightField.rows, lightField.cols) / 2);
-  viewer.disparity = read("focus", middle);
-  viewer.aperture = read("aperture", 0);
-  viewer.move(read("v", viewer.viewpoint[0]) - viewer.viewpoint[0], read("u", viewer.viewpoint[1]) - viewer.viewpoint[1]);
-  focus.value = String(sign * viewer.disparity);
-  aperture.value = String(viewer.aperture);
 
-  let isQueued = false;
-  let settled = 0;
-  const show = () => {
-    if (!isQueued) requestAnimationFrame(() => ((isQueued = false), viewer.draw(true)));
-    isQueued = true;
-    clearTimeout(settled);
-    settled = setTimeout(settle, 200);
-    const [v, u] = viewer.viewpoint;
-    status.textContent = `View ${v.toFixed(1)}, ${u.toFixed(1)}. Focus ${viewer.disparity.toFixed(1)} pixels a view.`;
-  };
-  const settle = () => {
-    viewer.draw();
-    const place = { v: viewer.viewpoint[0], u: viewer.viewpoint[1], focus: viewer.disparity, aperture: viewer.aperture };
-    const texts = Object.entries(place).map(([name, value]) => `${name}=${Number(value.toFixed(3))}`);
-    history.replaceState(null, "", `#${texts.join("&")}`);
-  };
-  const move = (/** @type {number} */ v, /** @type {number} */ u) => {
-    viewer.move(v, u);
-    show();
+  /** Shows what the address names, or the centre, focused on what the whole picture moves by. Call it when there is something to see. */
+  begin() {
+    const { viewer, focus, aperture, lightField, sign } = this;
+    const middle = viewer.meter.measure() ?? 0;
+    const range = Math.max(2, Math.min(lightField.width / 16, 32));
+    const given = new URLSearchParams(location.hash.slice(1));
+    const read = (/** @type {string} */ name, /** @type {number} */ otherwise) => Number(given.get(name) ?? otherwise) || 0;
+    focus.min = String(Math.floor(sign * middle - range)); // whole, for the steps of the slider
+    focus.max = String(Math.ceil(sign * middle + range));
+    aperture.max = String(Math.max(lightField.rows, lightField.cols) / 2);
+    viewer.disparity = read("focus", middle);
+    viewer.aperture = read("aperture", 0);
+    viewer.moveTo(read("v", viewer.viewpoint[0]), read("u", viewer.viewpoint[1]));
+    focus.value = String(sign * viewer.disparity);
+    aperture.value = String(viewer.aperture);
+    focus.addEventListener("input", () => ((viewer.disparity = sign * Number(focus.value)), this.show()));
+    aperture.addEventListener("input", () => ((viewer.aperture = Number(aperture.value)), this.show()));
+    followPointer(this, this.focusOn);
+    followKeys(this);
+    followDevice(this, () => (this.status.textContent = VIEWER_TEXTS.noTilt));
+    followTour(this);
+    this.hasBegun = true;
+    this.show();
+  }
+
+  /** Draws in the next frame, and with all views when nothing has moved for a while. */
+  show = () => {
+    if (!this.isQueued) requestAnimationFrame(this.#draw);
+    this.isQueued = true;
+    this.canvas.ariaBusy = "true";
+    clearTimeout(this.settled);
+    this.settled = setTimeout(this.#settle, REST);
   };
 
-  focus.addEventListener("input", () => ((viewer.disparity = sign * Number(focus.value)), show()));
-  aperture.addEventListener("input", () => ((viewer.aperture = Number(aperture.value)), show()));
-  canvas.addEventListener("pointerdown", (event) => {
-    tour.checked = false;
-    const from = [event.clientX, event.clientY];
-    let last = from;
-    const drag = (/** @type {PointerEvent} */ moved) => {
-      const { width, height } = canvas.getBoundingClientRect();
-      move(
-        (-sign * (moved.clientY - last[1]) * lightField.rows) / height,
-        (-sign * (moved.clientX - last[0]) * lightField.cols) / width,
-      );
-      last = [moved.clientX, moved.clientY];
-    };
-    const end = (/** @type {PointerEvent} */ up) => {
-      canvas.removeEventListener("pointermove", drag);
-      if (Math.hypot(up.clientX - from[0], up.clientY - from[1]) < 4) focusOn(up);
-    };
-    canvas.setPointerCapture(event.pointerId);
-    canvas.addEventListener("pointermove", drag);
-    canvas.addEventListener("pointerup", end, { once: true });
-  });
-  const focusOn = (/** @type {PointerEvent} */ event) => {
-    const { left, top, width, height } = canvas.getBoundingClientRect();
-    const found = viewer.measureDisparity((event.clientX - left) / width, (event.clientY - top) / height);
+  /**
+   * Moves the viewpoint by views, down and to the right as one sees them.
+   * @param {number} down
+   * @param {number} across
+   */
+  move = (down, across) => {
+    const [v, u] = this.viewer.viewpoint;
+    this.viewer.moveTo(v + this.sign * down, u + this.sign * across);
+    this.show();
+  };
+
+  /**
+   * Moves the viewpoint to a share of the way from the centre to the outermost views, -1 to 1.
+   * @param {number} down
+   * @param {number} across
+   */
+  moveFromCentre = (down, across) => {
+    const middle = [(this.lightField.rows - 1) / 2, (this.lightField.cols - 1) / 2];
+    this.viewer.moveTo(middle[0] * (1 + this.sign * down), middle[1] * (1 + this.sign * across));
+    this.show();
+  };
+
+  /**
+   * Focuses on what is at a place of the picture, 0 to 1 from the top left.
+   * @param {number} x
+   * @param {number} y
+   */
+  focusOn = (x, y) => {
+    const found = this.viewer.meter.measure(x, y);
     if (found === null) {
-      status.textContent = "Nothing there shows its depth; click an edge or a pattern.";
+      this.status.textContent = VIEWER_TEXTS.flat;
       return;
     }
-    viewer.disparity = found;
-    focus.value = String(sign * found);
-    show();
+    this.viewer.disparity = found;
+    this.focus.value = String(this.sign * found);
+    this.show();
   };
-  const keys = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
-  canvas.addEventListener("keydown", (event) => {
-    const step = keys[/** @type {keyof typeof keys} */ (event.key)];
-    if (!step) return;
-    event.preventDefault();
-    tour.checked = false;
-    move(sign * step[0] * 0.5, sign * step[1] * 0.5);
-  });
-  const travel = (/** @type {number} */ time) => {
-    if (!tour.checked) return;
-    const angle = (2 * Math.PI * time) / 6000;
-    viewer.viewpoint = [
-      ((lightField.rows - 1) / 2) * (1 + 0.8 * Math.sin(angle)),
-      ((lightField.cols - 1) / 2) * (1 + 0.8 * Math.cos(angle)),
-    ];
-    viewer.draw(true);
-    requestAnimationFrame(travel);
+
+  /** Ends all that goes on and frees the memory of the graphics processor. */
+  close() {
+    this.stopped.abort();
+    clearTimeout(this.settled);
+    this.viewer.close();
+  }
+
+  #draw = () => {
+    this.isQueued = false;
+    if (!this.stopped.signal.aborted) this.viewer.draw(true);
   };
-  tour.addEventListener("change", () => (tour.checked ? requestAnimationFrame(travel) : show()));
-  show();
-  if (tour.checked) requestAnimationFrame(travel);
+
+  #settle = () => {
+    const { viewer, status } = this;
+    const [v, u] = viewer.viewpoint;
+    viewer.draw();
+    const shown = new URLSearchParams(location.hash.slice(1));
+    for (const [name, value] of Object.entries({ v, u, focus: viewer.disparity, aperture: viewer.aperture })) {
+      shown.set(name, String(Number(value.toFixed(3))));
+    }
+    history.replaceState(null, "", `#${shown}`);
+    status.textContent = VIEWER_TEXTS.place(v.toFixed(1), u.toFixed(1), viewer.disparity.toFixed(1));
+    this.canvas.ariaBusy = "false";
+  };
+}
+
+/**
+ * Shows a light field whose views are pictures, row by row.
+ * @param {HTMLElement} element
+ * @param {LightField & {views: string[]}} lightField With the pictures' addresses.
+ */
+export async function start(element, lightField) {
+  try {
+    const stage = new Stage(element, lightField);
+    for (const [index, address] of lightField.views.entries()) {
+      const picture = new Image();
+      picture.src = address;
+      await picture.decode();
+      stage.viewer.setView(index, picture);
+      stage.status.textContent = VIEWER_TEXTS.loadingViews(index + 1, lightField.views.length);
+    }
+    stage.begin();
+  } catch (error) {
+    element.textContent = error instanceof Error ? error.message : String(error);
+  }
 }

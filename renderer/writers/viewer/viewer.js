@@ -6,6 +6,8 @@
  * `disparity` pixels for every view between them (shift and sum: Ng et al. 2005, "Light field photography with a hand-held
  * plenoptic camera", section 4). A point of that disparity is sharp. With the aperture 0 the nearest two to four views are blended.
  */
+import { DisparityMeter } from "./disparity.js";
+import { VIEWER_TEXTS } from "./texts.js";
 
 /**
  * @typedef {object} LightField
@@ -15,7 +17,17 @@
  * @property {number} height
  * @property {"lenses" | "cameras"} depthSense Whether what is farther (lenses) or nearer (cameras) moves further to the left in the
  *   next view on the right.
- * @property {string[]} views Addresses of the pictures, row by row.
+ */
+
+/**
+ * @typedef {object} Tile A mosaic: view (v, u) of `rows` rows of views from `row` on begins at pixel ((v - row) * cell_height, u * cell_width).
+ * @property {string} file
+ * @property {number} row
+ * @property {number} rows
+ * @property {number} height Of a view in it.
+ * @property {number} width
+ * @property {number} cell_height
+ * @property {number} cell_width
  */
 
 const VERTEX = `#version 300 es
@@ -30,6 +42,8 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2DArray;
 uniform sampler2DArray views;
+uniform sampler2DArray coarse;
+uniform ivec2 fine;       // first and last row of views that are loaded
 uniform ivec2 grid;       // columns and rows of views
 uniform vec2 viewpoint;   // u, v
 uniform vec2 disparity;   // by which a view's picture moves to the left and up from one view to the next, as a share of its size
@@ -46,7 +60,8 @@ void main() {
       vec2 away = vec2(u, v) - viewpoint;
       float weight = clamp(float(stride) + aperture - length(away), 0.0, 1.0);
       if (weight > 0.0) {
-        vec3 sampled = texture(views, vec3(place - disparity * away, float(v * grid.x + u))).rgb;
+        vec3 at = vec3(place - disparity * away, float(v * grid.x + u));
+        vec3 sampled = v >= fine.x && v <= fine.y ? textureLod(views, at, 0.0).rgb : textureLod(coarse, at, 0.0).rgb;
         sum += weight * vec4(sampled, 1.0);
       }
     }
@@ -54,10 +69,7 @@ void main() {
   color = vec4(sum.rgb / max(sum.a, 1e-6), 1.0);
 }`;
 
-const SMALL = 96; // pixels along a side of the views in which disparity is measured
-const CLEAR = 0.5; // of 255: by how much the best disparity must fit better than half of all
-
-/** Shows a light field on a canvas. Call `load`; then set `viewpoint`, `disparity` and `aperture`, and call `draw`. */
+/** Shows a light field on a canvas. Load the views with `setView` or `setTile`; set `viewpoint`, `disparity` and `aperture`; call `draw`. */
 export class LightFieldViewer {
   /**
    * @param {HTMLCanvasElement} canvas
@@ -66,10 +78,10 @@ export class LightFieldViewer {
    */
   constructor(canvas, lightField) {
     const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
-    if (!gl) throw new Error("This browser has no WebGL 2; switch on hardware acceleration, or use a newer one.");
+    if (!gl) throw new Error(VIEWER_TEXTS.noWebgl);
     const most = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
     const { rows, cols, width, height } = lightField;
-    if (rows * cols > most) throw new Error(`${rows * cols} views; this graphics processor holds ${most}. Write fewer views.`);
+    if (rows * cols > most) throw new Error(VIEWER_TEXTS.tooMany(rows * cols, most));
     this.canvas = canvas;
     this.lightField = lightField;
     this.gl = gl;
@@ -79,30 +91,75 @@ export class LightFieldViewer {
     this.disparity = 0;
     /** Radius of the views that are added up, in views. */
     this.aperture = 0;
-    /** Brightness of each small view, for `measureDisparity`. @type {(Float32Array | undefined)[]} */
-    this.small = new Array(rows * cols);
+    this.meter = new DisparityMeter(lightField);
+    /** The first and the last row of views that are loaded; coarse views stand for the others. */
+    this.fine = [0, rows - 1];
     canvas.width = width;
     canvas.height = height;
     this.uniforms = this.#compile();
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, gl.createTexture());
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, width, height, rows * cols);
-    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, side, gl.CLAMP_TO_EDGE);
-    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, filter, gl.LINEAR);
+    this.texture = this.#allocate(gl.TEXTURE0, width, height);
+    gl.activeTexture(gl.TEXTURE1); // a sampler must have a texture, also where there are no coarse views
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.texture);
   }
 
   /**
-   * Loads all views, those around the centre first.
-   * @param {(done: number, total: number) => void} [progress]
+   * Loads a mosaic of views. Small views stand for those that are not there yet; rows of views come from the middle outwards.
+   * @param {Tile} tile
+   * @param {ImageBitmap} mosaic
    */
-  async load(progress = () => {}) {
-    const { rows, cols, views } = this.lightField;
-    const distance = (/** @type {number} */ index) =>
-      Math.hypot(Math.floor(index / cols) - (rows - 1) / 2, (index % cols) - (cols - 1) / 2);
-    const order = views.map((_, index) => index).sort((a, b) => distance(a) - distance(b));
-    for (const [done, index] of order.entries()) {
-      await this.#loadView(index);
-      progress(done + 1, order.length);
+  async setTile(tile, mosaic) {
+    const { gl, lightField } = this;
+    const isCoarse = tile.width < lightField.width || tile.height < lightField.height;
+    if (isCoarse) this.#allocate(gl.TEXTURE1, tile.width, tile.height);
+    for (let v = 0; v < tile.rows; v++) {
+      for (let u = 0; u < lightField.cols; u++) {
+        const view = await createImageBitmap(mosaic, u * tile.cell_width, v * tile.cell_height, tile.width, tile.height);
+        this.setView((tile.row + v) * lightField.cols + u, view, isCoarse ? gl.TEXTURE1 : gl.TEXTURE0);
+        view.close();
+      }
     }
+    const [first, last] = this.fine;
+    this.fine = isCoarse ? [lightField.rows, -1] : [Math.min(tile.row, first), Math.max(tile.row + tile.rows - 1, last)];
+  }
+
+  /**
+   * Loads a view.
+   * @param {number} index
+   * @param {ImageBitmap | HTMLImageElement} picture
+   * @param {number} [unit] That of the views, or of the small ones.
+   */
+  setView(index, picture, unit = this.gl.TEXTURE0) {
+    const { gl } = this;
+    gl.activeTexture(unit);
+    gl.texSubImage3D(
+      gl.TEXTURE_2D_ARRAY, 0, 0, 0, index, picture.width, picture.height, 1, gl.RGBA, gl.UNSIGNED_BYTE, picture,
+    );
+    if (this.meter.needs(index)) this.meter.add(index, picture);
+  }
+
+  /**
+   * The epipolar plane image of a row of pixels, RGBA: the row in each view of the middle row of views, from left to right.
+   * @param {number} y
+   */
+  readEpi(y) {
+    const { gl, lightField } = this;
+    const { rows, cols, width } = lightField;
+    const pixels = new Uint8ClampedArray(cols * width * 4);
+    const buffer = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+    for (let col = 0; col < cols; col++) {
+      const layer = ((rows - 1) >> 1) * cols + col;
+      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.texture, 0, layer);
+      gl.readPixels(0, y, width, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixels, col * width * 4);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.deleteFramebuffer(buffer);
+    return new ImageData(pixels, width, cols);
+  }
+
+  /** Frees the memory of the graphics processor; the viewer can't be used any more. */
+  close() {
+    this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
   /** Draws the picture. @param {boolean} [isQuick] With a large aperture, whether some views are left out. */
@@ -111,6 +168,8 @@ export class LightFieldViewer {
     const most = Math.ceil((2 * this.aperture + 1) / 7);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.uniform2i(uniforms.grid, lightField.cols, lightField.rows);
+    gl.uniform2i(uniforms.fine, this.fine[0], this.fine[1]);
+    gl.uniform1i(uniforms.coarse, 1);
     gl.uniform2f(uniforms.viewpoint, this.viewpoint[1], this.viewpoint[0]);
     gl.uniform2f(uniforms.disparity, this.disparity / lightField.width, this.disparity / lightField.height);
     gl.uniform1f(uniforms.aperture, this.aperture);
@@ -119,43 +178,13 @@ export class LightFieldViewer {
   }
 
   /**
-   * Moves the viewpoint by rows and columns of views, within the grid.
+   * Moves the viewpoint to a place between the views.
    * @param {number} v
    * @param {number} u
    */
-  move(v, u) {
+  moveTo(v, u) {
     const { rows, cols } = this.lightField;
-    this.viewpoint = [clamp(this.viewpoint[0] + v, 0, rows - 1), clamp(this.viewpoint[1] + u, 0, cols - 1)];
-  }
-
-  /**
-   * The disparity at a place of the centre view, in pixels, or of the whole of it: the one at which the views around differ least.
-   * @param {number} [x] 0 to 1 from the left.
-   * @param {number} [y] 0 to 1 from the top.
-   * @returns {number | null} null where nothing there tells disparities apart, or the views are not loaded.
-   */
-  measureDisparity(x, y) {
-    const { rows, cols, width, height } = this.lightField;
-    const v = (rows - 1) >> 1, u = (cols - 1) >> 1;
-    const centre = this.small[v * cols + u];
-    /** @type {{picture: Float32Array, v: number, u: number}[]} */
-    const others = [];
-    for (const [dv, du] of [[0, 1], [0, -1], [1, 0], [-1, 0], [0, 2], [2, 0]]) {
-      const row = v + dv, col = u + du;
-      const picture = row >= 0 && row < rows && col >= 0 && col < cols ? this.small[row * cols + col] : undefined;
-      if (picture) others.push({ picture, v: dv, u: du });
-    }
-    if (!centre || others.length === 0) return null;
-    const radius = x === undefined ? SMALL / 2 : 5;
-    const left = Math.round((x ?? 0.5) * SMALL), top = Math.round((y ?? 0.5) * SMALL);
-    const errors = [];
-    for (let shift = -SMALL / 4; shift <= SMALL / 4; shift += 0.25) {
-      const error = difference(centre, others, left, top, radius, [(shift * width) / height, shift]);
-      errors.push({ disparity: (shift * width) / SMALL, error });
-    }
-    errors.sort((a, b) => a.error - b.error);
-    const best = errors[0], usual = errors[errors.length >> 1];
-    return usual.error - best.error < CLEAR ? null : best.disparity;
+    this.viewpoint = [clamp(v, 0, rows - 1), clamp(u, 0, cols - 1)];
   }
 
   /** @returns {Record<string, WebGLUniformLocation | null>} */
@@ -164,7 +193,7 @@ export class LightFieldViewer {
     const program = gl.createProgram();
     for (const [kind, source] of /** @type {const} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
       const shader = gl.createShader(kind);
-      if (!shader) throw new Error("WebGL was lost; load the page again.");
+      if (!shader) throw new Error(VIEWER_TEXTS.lostWebgl);
       gl.shaderSource(shader, source);
       gl.compileShader(shader);
       gl.attachShader(program, shader);
@@ -172,71 +201,26 @@ export class LightFieldViewer {
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) ?? "");
     gl.useProgram(program);
-    const names = ["grid", "viewpoint", "disparity", "aperture", "stride"];
+    const names = ["grid", "coarse", "fine", "viewpoint", "disparity", "aperture", "stride"];
     return Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
   }
 
-  /** @param {number} index */
-  async #loadView(index) {
+  /**
+   * Makes a texture for all views and binds it.
+   * @param {number} unit
+   * @param {number} width
+   * @param {number} height
+   */
+  #allocate(unit, width, height) {
     const { gl, lightField } = this;
-    const picture = new Image();
-    picture.src = lightField.views[index];
-    await picture.decode();
-    gl.texSubImage3D(
-      gl.TEXTURE_2D_ARRAY, 0, 0, 0, index, lightField.width, lightField.height, 1, gl.RGBA, gl.UNSIGNED_BYTE, picture,
-    );
-    this.small[index] = shrink(picture);
+    const texture = gl.createTexture();
+    gl.activeTexture(unit);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, width, height, lightField.rows * lightField.cols);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, side, gl.CLAMP_TO_EDGE);
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, filter, gl.LINEAR);
+    return texture;
   }
-}
-
-/**
- * The brightness of a picture that is scaled to SMALL x SMALL pixels.
- * @param {HTMLImageElement} picture
- */
-function shrink(picture) {
-  const canvas = new OffscreenCanvas(SMALL, SMALL);
-  const context = canvas.getContext("2d");
-  if (!context) throw new Error("The browser refused a canvas; close other pages and load this one again.");
-  context.drawImage(picture, 0, 0, SMALL, SMALL);
-  const { data } = context.getImageData(0, 0, SMALL, SMALL);
-  return Float32Array.from({ length: SMALL * SMALL }, (_, i) => (data[4 * i] + 2 * data[4 * i + 1] + data[4 * i + 2]) / 4);
-}
-
-/**
- * The mean difference between the centre view and the others, shifted by `shift` for each view, in a square.
- * @param {Float32Array} centre
- * @param {{picture: Float32Array, v: number, u: number}[]} others
- * @param {number} left
- * @param {number} top
- * @param {number} radius
- * @param {[number, number]} shift Down and across.
- */
-function difference(centre, others, left, top, radius, shift) {
-  let sum = 0, count = 0;
-  for (let y = Math.max(0, top - radius); y < Math.min(SMALL, top + radius + 1); y++) {
-    for (let x = Math.max(0, left - radius); x < Math.min(SMALL, left + radius + 1); x++) {
-      for (const other of others) {
-        const across = x - shift[1] * other.u, down = y - shift[0] * other.v;
-        if (across < 0 || down < 0 || across > SMALL - 1 || down > SMALL - 1) continue;
-        sum += Math.abs(centre[y * SMALL + x] - interpolate(other.picture, across, down));
-        count++;
-      }
-    }
-  }
-  return count > 0 ? sum / count : Infinity;
-}
-
-/**
- * @param {Float32Array} picture
- * @param {number} x
- * @param {number} y
- */
-function interpolate(picture, x, y) {
-  const left = Math.min(Math.floor(x), SMALL - 2), top = Math.min(Math.floor(y), SMALL - 2);
-  const at = top * SMALL + left, across = x - left, down = y - top;
-  const upper = picture[at] * (1 - across) + picture[at + 1] * across;
-  const lower = picture[at + SMALL] * (1 - across) + picture[at + SMALL + 1] * across;
-  return upper * (1 - down) + lower * down;
 }
 
 /**

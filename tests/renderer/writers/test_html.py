@@ -23,7 +23,7 @@ def make_light_field(dtype=np.uint8, **options):
 
 
 def read_data(page):
-    return json.loads(re.search(r"await start\((.*)\);", page)[1])
+    return json.loads(re.search(r"await start\(.*?, (.*)\);", page)[1])
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
