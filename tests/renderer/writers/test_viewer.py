@@ -46,7 +46,7 @@ def show(browser, tmp_path):
 
 def wait_for_rest(page):
     """Waits until the last picture is drawn with all views: the address names then what is shown."""
-    page.wait_for_function("document.querySelector('canvas')?.ariaBusy === 'false'")
+    page.locator("canvas[aria-busy=false]").wait_for()
 
 
 def read_address(page):

@@ -1,0 +1,107 @@
+// @ts-check
+/** Shows a light field that arrives as `format=tiles`: small views first, then rows of views from the middle outwards. */
+import { PICTURE_TEXTS } from "./texts.js";
+import { Stage } from "./viewer/page.js";
+
+/** @import { LightField, Tile } from "./viewer/viewer.js" */
+
+const MEMBER = 0x04034b50, DIRECTORY = 0x02014b50; // of a zip (APPNOTE.TXT 6.3.10, sections 4.3.7 and 4.3.12)
+const HEADER = 30; // bytes of a member before its name
+/** The settings in the address that say what is seen of a light field. */
+export const PLACE = ["v", "u", "focus", "aperture"];
+/** What is shown in each element. @type {WeakMap<HTMLElement, Stage>} */
+const shown = new WeakMap();
+
+/**
+ * Shows a light field in an element, in place of what is there, while its tiles arrive. The viewpoint in the address is kept
+ * unless a light field of another size was there.
+ * @param {HTMLElement} element
+ * @param {Response} response
+ * @returns {Promise<Stage>} When all views are there.
+ * @throws {Error} For what is no light field, without WebGL 2, and where the connection breaks.
+ */
+export async function showLightField(element, response) {
+  const previous = shown.get(element);
+  previous?.close();
+  /** @type {Stage | undefined} */
+  let stage;
+  /** @type {Tile[]} */
+  let tiles = [];
+  for await (const { name, bytes } of readMembers(response)) {
+    if (stage?.stopped.signal.aborted) return stage; // another light field took its place
+    const tile = tiles.find(({ file }) => file === name);
+    if (name === "light_field.json") {
+      const { depth_sense: depthSense, tiles: planned, ...size } = JSON.parse(new TextDecoder().decode(bytes));
+      tiles = planned;
+      if (previous && !hasSize(previous.lightField, size)) forgetPlace();
+      stage = new Stage(element, { ...size, depthSense });
+      shown.set(element, stage);
+    } else if (stage && tile) {
+      const mosaic = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
+      await stage.viewer.setTile(tile, mosaic);
+      mosaic.close();
+      if (stage.hasBegun) stage.show();
+      else stage.begin();
+    }
+  }
+  if (!stage) throw new Error(PICTURE_TEXTS.noLightField);
+  return stage;
+}
+
+/**
+ * The stored members of a zip, as they arrive.
+ * @param {Response} response
+ */
+async function* readMembers(response) {
+  if (!response.body) return;
+  const reader = response.body.getReader();
+  const take = readExactly(reader);
+  for (;;) {
+    const header = new DataView((await take(HEADER)).buffer);
+    if (header.getUint32(0, true) === DIRECTORY) break;
+    const isPlain = header.getUint32(0, true) === MEMBER && header.getUint16(8, true) === 0 && !(header.getUint16(6, true) & 8);
+    if (!isPlain) throw new Error(PICTURE_TEXTS.noLightField);
+    const name = new TextDecoder().decode(await take(header.getUint16(26, true)));
+    await take(header.getUint16(28, true));
+    yield { name, bytes: await take(header.getUint32(18, true)) };
+  }
+  await reader.cancel();
+}
+
+/**
+ * A function that reads the next `count` bytes.
+ * @param {ReadableStreamDefaultReader<Uint8Array>} reader
+ */
+function readExactly(reader) {
+  let left = new Uint8Array();
+  return async (/** @type {number} */ count) => {
+    const bytes = new Uint8Array(count);
+    for (let filled = 0; filled < count; ) {
+      if (left.length === 0) {
+        const { done, value } = await reader.read();
+        if (done) throw new Error(PICTURE_TEXTS.broken);
+        left = new Uint8Array(value);
+      }
+      const some = left.subarray(0, count - filled);
+      bytes.set(some, filled);
+      filled += some.length;
+      left = left.subarray(some.length);
+    }
+    return bytes;
+  };
+}
+
+/**
+ * @param {LightField} one
+ * @param {LightField} other
+ */
+function hasSize(one, other) {
+  return one.rows === other.rows && one.cols === other.cols && one.width === other.width && one.height === other.height;
+}
+
+/** Removes the viewpoint from the address. */
+function forgetPlace() {
+  const settings = new URLSearchParams(location.hash.slice(1));
+  for (const name of PLACE) settings.delete(name);
+  history.replaceState(null, "", `#${settings}`);
+}

@@ -1,0 +1,162 @@
+"""Light fields that arrive in tiles: small views first, then the others, in the viewer of the page."""
+
+import re
+import zipfile
+from base64 import b64encode
+
+import numpy as np
+import pytest
+
+from ciir.renderer.light_field import LightField
+from ciir.service.web.page.routes import FILES
+from tests.support.browser import needs_browser, open_browser, read_canvas
+from tests.support.light_fields import make_views
+from tests.support.pages import open_page
+
+pytestmark = needs_browser
+
+FIELD = LightField(make_views((5, 5), side=100, disparities=(-2, 3), channels=3), depth_sense="cameras")
+JPEG = 4
+"""Levels by which JPEG of quality 90 changes this texture in the mean, at most."""
+STREAM = """
+  window.stream = null;
+  window.push = (text) => stream.enqueue(Uint8Array.from(atob(text), (each) => each.charCodeAt(0)));
+  const body = new ReadableStream({ start: (controller) => (window.stream = controller) });
+  window.shown = import("/assets/light_field.js")
+    .then(({ showLightField }) => showLightField(document.querySelector("main"), new Response(body)))
+    .then(() => "all views", (error) => error.message);
+"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser):
+    """A page into which `push` sends the bytes of a light field; nothing may fail in it."""
+    context = browser.new_context(has_touch=True)
+    page, problems = open_page(context, "v=1&u=1&focus=0&aperture=0&scene=vase")
+    page.evaluate(f"() => {{ {STREAM} }}")
+    yield page
+    context.close()
+    assert problems == []
+
+
+def make_tiles(path, field=FIELD):
+    """The zip, and where its members begin."""
+    field.save(path, "tiles")
+    with zipfile.ZipFile(path) as archive:
+        names = [member.filename for member in archive.infolist()]
+        starts = [member.header_offset for member in archive.infolist()]
+        return path.read_bytes(), dict(zip(names, [*starts[1:], archive.start_dir], strict=True))
+
+
+def push(page, content):
+    page.evaluate("text => push(text)", b64encode(content).decode())
+
+
+def wait_for_rest(page):
+    page.locator("canvas[aria-busy=false]").wait_for()
+
+
+def measure_error(page, view=(1, 1)):
+    return np.abs(read_canvas(page).astype(float) - FIELD.view(*view)).mean()
+
+
+def test_small_views_show_first_and_give_way_to_the_others(page, tmp_path):
+    content, ends = make_tiles(tmp_path / "a.zip")
+    assert list(ends)[:3] == ["light_field.json", "coarse.jpg", "row_02.jpg"]
+    push(page, content[: ends["coarse.jpg"]])
+    wait_for_rest(page)
+    coarse = measure_error(page)
+    assert coarse > 2 * JPEG
+    small = FIELD.view(1, 1).reshape(25, 4, 25, 4, 3).mean((1, 3)).repeat(4, 0).repeat(4, 1)
+    shown = read_canvas(page).reshape(25, 4, 25, 4, 3).mean((1, 3))
+    assert np.corrcoef(shown.ravel(), small[::4, ::4].ravel())[0, 1] > 0.9  # the same view, interpolated
+    push(page, content[ends["coarse.jpg"] : ends["row_02.jpg"]])
+    page.locator("canvas").press("ArrowDown")
+    page.locator("canvas").press("ArrowDown")
+    wait_for_rest(page)
+    assert measure_error(page, (2, 1)) < JPEG
+    push(page, content[ends["row_02.jpg"] : ends["row_01.jpg"] - 9])  # a part of a row
+    page.locator("canvas").press("ArrowUp")
+    page.locator("canvas").press("ArrowUp")
+    wait_for_rest(page)
+    assert measure_error(page) == pytest.approx(coarse, abs=0.1)
+    push(page, content[ends["row_01.jpg"] - 9 :])
+    assert page.evaluate("shown") == "all views"
+    wait_for_rest(page)
+    assert measure_error(page) < JPEG
+    assert re.search(r"#v=1&u=1&focus=0&aperture=0&scene=vase$", page.url)  # other settings are kept
+
+
+@pytest.mark.parametrize(("depth", "other", "y"), [(-2, 3, 0.25), (3, -2, 0.75)])
+def test_what_one_clicks_is_sharp(page, tmp_path, depth, other, y):
+    push(page, make_tiles(tmp_path / "a.zip")[0])
+    page.evaluate("shown")
+    rows, columns = slice(int(100 * y) - 10, int(100 * y) + 10), slice(20, -20)
+    sharpness = {}
+    page.locator("[name=aperture]").fill("2")
+    for clicked in (y, 1 - y):
+        box = page.locator("canvas").bounding_box()
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + clicked * box["height"])
+        wait_for_rest(page)
+        focus = float(re.search(r"focus=([-.\d]+)", page.url)[1])
+        assert focus == pytest.approx(-depth if clicked == y else -other, abs=0.15)
+        sharpness[clicked] = np.abs(np.diff(read_canvas(page)[rows, columns].astype(float), axis=1)).mean()
+    assert sharpness[y] > 2 * sharpness[1 - y]
+
+
+def test_the_place_is_forgotten_for_a_light_field_of_another_size(page, tmp_path):
+    push(page, make_tiles(tmp_path / "a.zip")[0])
+    page.evaluate("shown")
+    wait_for_rest(page)
+    page.evaluate(f"() => {{ {STREAM} }}")
+    push(page, make_tiles(tmp_path / "b.zip", LightField(FIELD.views[:3, :3], depth_sense="cameras"))[0])
+    page.evaluate("shown")
+    wait_for_rest(page)
+    assert "v=1&u=1&" in page.url  # the centre
+    assert page.locator("canvas").count() == 1
+    assert not page.url.endswith("focus=0&aperture=0")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda content: b"<html>" + content, "no light field"),
+        (lambda content: content[:100], "connection broke"),
+        (lambda content: content[:8] + b"\x08" + content[9:], "no light field"),  # deflated
+    ],
+)
+def test_what_is_no_light_field_is_refused(page, tmp_path, change, message):
+    push(page, change(make_tiles(tmp_path / "a.zip")[0]))
+    page.evaluate("stream.close()")
+    assert message in page.evaluate("shown")
+
+
+@pytest.mark.parametrize(
+    ("address", "path", "sent"),
+    [
+        (
+            "scene=vase&lenses=40x40&u=0&v=3&focus=0&aperture=0",
+            "/v1/reconstructions",
+            {"scene": "vase", "lenses": "40x40"},
+        ),
+        ("job=abc&u=0&v=3&focus=0&aperture=0", "/v1/reconstructions/abc/result", {}),
+    ],
+)
+def test_the_viewer_alone_shows_what_the_address_names(browser, tmp_path, address, path, sent):
+    tiles = make_tiles(tmp_path / "a.zip")[0]
+    context = browser.new_context()
+    bodies = []
+    context.on("request", lambda each: bodies.append(each.post_data or ""))
+    page, problems = open_page(context, address, FILES["embed.html"].read_text(), {path: tiles})
+    wait_for_rest(page)
+    page.locator("[role=status]", has_text="View 3.0, 0.0").wait_for()
+    fields = dict(re.findall(r'name="(\w+)"\r\n\r\n(.*)\r', "".join(bodies)))
+    assert fields == (sent and sent | {"model": "none", "views": "all", "format": "tiles"})
+    assert problems == []
+    context.close()
