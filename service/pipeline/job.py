@@ -118,7 +118,7 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
         delta = _resolve_delta(options, grid)
     check_view_count(options.views, grid, max_views)
     wanted = _parse_views(content, options, grid)
-    _check_kind(name, content, options)
+    check_kind(name, content, options)
     known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if options.model not in known:
         raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
@@ -169,7 +169,7 @@ def _parse_views(content: Content, options: Options, grid: tuple[int, int]) -> t
         raise InvalidOption(f"{error}{order}") from error
 
 
-def _check_kind(name: str, content: Content, options: Options) -> None:
+def check_kind(name: str, content: Content, options: Options) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input."""
     if isinstance(content, Scene):
         if options.pickup != "virtual":

@@ -24,7 +24,8 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
 from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
-from ciir.service.pipeline.options import KINDS, MESH
+from ciir.service.pipeline.job import check_kind
+from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.options.options import Options
 from ciir.service.pipeline.report import Clock, find_versions
 from ciir.service.pipeline.source import Input
@@ -67,7 +68,7 @@ def make_picture(
     with clock.stage("decode"):
         opened = given.open(options, views="all")
         content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
-    _check_options(given.name, content, options)
+    _check_options(given.name, content, options, target)
     matrix = None
     with clock.stage("render" if isinstance(content, Scene) else "map"):
         if isinstance(content, Scene):
@@ -103,17 +104,19 @@ def _load_views(views: ViewFiles, target: Target) -> LightField:
     return views.load()
 
 
-def _check_options(name: str, content: Scene | LightField, options: Options) -> None:
+def _check_options(name: str, content: Scene | LightField, options: Options, target: Target) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input, or that the display settles."""
+    check_kind(name, content, options)
     is_mesh = isinstance(content, Scene)
-    for option in ("lenses", "pixels", "pitch", "delta", "parallax", "pickup", "order") if is_mesh else MESH:
-        if getattr(options, option) != getattr(Options, option):
-            why = "the display gives it" if is_mesh else f"this is for meshes and {name} holds pictures"
-            raise InvalidOption(f"{option}: {why}; leave it out")
+    for option in ("lenses", "pixels", "pitch", "delta", "parallax") if is_mesh else ():
+        if getattr(options, option) is not None:
+            raise InvalidOption(f"{option}: the display gives it; leave it out")
     if is_mesh and options.disparity:
         raise InvalidOption(f"disparity: this is for light fields and {name} is a mesh; give place")
     if options.backend == "raster":
         raise InvalidOption("backend: pictures for displays are cast by rays; leave it out or give raytrace")
+    if isinstance(target, Calibration) and options.sampling != Options.sampling:
+        raise InvalidOption("sampling: a native picture takes one ray for each subpixel; leave it out")
 
 
 def _find_array(target: Target) -> LensArray:

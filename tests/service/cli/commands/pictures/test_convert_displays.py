@@ -155,6 +155,15 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
         ("in.npz -o a.png --display p.toml --disparity x", "disparity: 'x' is not a number"),
         ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
         ("scene:vase -o a.png --display p.toml --lenses 9x9", "lenses: the display gives it; leave it out"),
+        *(
+            (f"scene:vase -o a.png --calibration c.json --{given}", "this is for pictures and ")
+            for given in (
+                *("flip u", "transpose", "depth-sense lenses", "crop 1,1,1,1"),
+                *("arrangement eia", "frame 3", "order given"),
+            )
+        ),
+        ("scene:vase -o a.png --display p.toml --pickup optical", "pickup: optical is for elemental image arrays"),
+        ("scene:vase -o a.png --calibration c.json --sampling lenslet", "sampling: a native picture takes one ray"),
         ("scene:vase -o a.png --display p.toml --disparity 1", "disparity: this is for light fields"),
         ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are cast by rays"),
     ],
