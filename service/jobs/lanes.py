@@ -67,6 +67,8 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
         single = {name: text for name, text in request.options.items() if name != "time"}
         return len(options.time) * estimate_seconds(replace(request, options=single, format=None), size, pixels)
     read = size * _READ if pixels is None else pixels * _DECODE
+    if request.kind == "inspection":
+        return read
     if request.kind == "upscale":
         return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.DEFAULT)
     if request.kind == "display":

@@ -21,6 +21,7 @@ from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.models import build_model
 from ciir.service.pipeline.focus.planes import count_planes, refocus
+from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import MODELS
 from ciir.service.pipeline.pictures import output_names, upscale_files
 from ciir.service.pipeline.source import SCENE
@@ -163,6 +164,12 @@ def _find_disparity(source: Source, options: Options, output: Output) -> tuple[s
     return name, report
 
 
+def _inspect(source: Source, options: Options, output: Output) -> tuple[str, Report]:
+    report = inspect(source, options, output.clock)
+    output.file.write(report_json(report))
+    return "json", report
+
+
 RUNS: dict[KindName, Run] = {
     "reconstruction": _reconstruct,
     "upscale": _upscale,
@@ -170,5 +177,6 @@ RUNS: dict[KindName, Run] = {
     "display": _show,
     "plane": _refocus,
     "disparity": _find_disparity,
+    "inspection": _inspect,
 }
 """By kind."""

@@ -105,6 +105,11 @@ class Input:
         else:
             self.name = "light field" if isinstance(source, LightField) else "mesh"
 
+    @property
+    def bundle(self) -> Bundle | None:
+        """The files, counted as they are read; None for what is in memory."""
+        return self._source if isinstance(self._source, Bundle) else None
+
     def read(self, options: Options) -> Scene | LightField:
         """The mesh, or the light field with all its views in memory. Raises `InputError`."""
         content = self.open(options, views="all")
@@ -118,7 +123,7 @@ class Input:
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
             field = self._source.transpose() if options.order == "columns" else self._source
-            field = reorient(field, self._layout(options))
+            field = reorient(field, make_layout(options))
             return replace(field, is_ordered=field.is_ordered or options.order == "given")
         pose = _make_pose(options)
         if not isinstance(self._source, Bundle) and pose != AS_STORED:
@@ -137,26 +142,11 @@ class Input:
             return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
-        layout = self._layout(options)
+        layout = make_layout(options)
         content = inputs.open_input(self._source, layout, options.placement, pose, views)
         if not isinstance(content, Scene) and not is_raw and inputs.holds_views(self._source, layout):
             self._check_views(content, options)
         return content
-
-    def _layout(self, options: Options) -> Layout:
-        return Layout(
-            lenses=options.lenses,
-            pixels=options.pixels,
-            pickup=options.pickup,
-            frame=options.frame,
-            arrangement=options.arrangement,
-            crop=options.crop,
-            order=options.order,
-            flip=options.flip,
-            transpose=options.transpose == "yes",
-            depth_sense=None if options.depth_sense == "auto" else options.depth_sense,
-            lens_grid=options.known_grid,
-        )
 
     def _check_views(self, light_field: LightField | ViewFiles, options: Options) -> None:
         """Raises `InvalidOption` for an option of meshes and elemental image arrays that does nothing with views."""
@@ -208,6 +198,23 @@ class Input:
 
         found = find_main(self._source, is_raw=is_raw)
         return "views" if found is None else found[0].extension
+
+
+def make_layout(options: Options) -> Layout:
+    """How views lie in the input, as far as `options` say."""
+    return Layout(
+        lenses=options.lenses,
+        pixels=options.pixels,
+        pickup=options.pickup,
+        frame=options.frame,
+        arrangement=options.arrangement,
+        crop=options.crop,
+        order=options.order,
+        flip=options.flip,
+        transpose=options.transpose == "yes",
+        depth_sense=None if options.depth_sense == "auto" else options.depth_sense,
+        lens_grid=options.known_grid,
+    )
 
 
 def _make_pose(options: Options) -> MeshPose:

@@ -54,6 +54,7 @@ HEADS = (
 )
 """Without version and Host."""
 DECLARED = {200, 202, 204, 304, 400, 401, 403, 404, 405, 408, 409, 410, 413, 415, 422, 429, 431, 503}
+INSPECTIONS = "/v1/inspections"
 _FORM = {"Content-Type": f"multipart/form-data; boundary={seeds.BOUNDARY.decode()}"}
 
 
@@ -101,7 +102,7 @@ class Attacker:
 
     def _post(self, body: bytes, headers: dict[str, str]) -> Answer:
         prefer = self._random.choice(({}, {}, {"Prefer": "respond-async"}))
-        self._http.request("POST", PATH, body, headers | prefer)
+        self._http.request("POST", self._random.choice((PATH, PATH, INSPECTIONS)), body, headers | prefer)
         answer = self._http.getresponse()
         return _check_answer(answer, answer.read())
 

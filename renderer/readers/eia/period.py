@@ -21,6 +21,7 @@ FIRST = 0.75
 """Of the shifts with almost the highest correlation, this share of it, the smallest is the period."""
 LEAST_OWN_CORRELATION = 0.1
 """What an elemental image array has at the size of its elemental images."""
+MOST_SIZES = 3
 LEAST_SIDE = 64
 """Pixels along a side of a picture that is looked at."""
 
@@ -62,6 +63,32 @@ class Periods:
             first = start + int(np.argmax(searched >= FIRST * best))
             found.append(first + int(np.argmax(values[first : first + 1 + first // 8])))
         return (found[0], found[1]) if found else None
+
+    def rank_sizes(self) -> list[tuple[int, int]]:
+        """Rows and columns of pixels that divide the picture and after which it repeats, the likeliest first, at most
+        `MOST_SIZES`; none where it shows none. Of equal rows and columns, if there are such.
+        """
+        down, across = [_score_divisors(values) for values in self._correlations] or [{}, {}]
+        same = sorted(down.keys() & across.keys(), key=lambda size: (-down[size] - across[size], size))
+        if same or not (down and across):
+            return [(size, size) for size in same[:MOST_SIZES]]
+        return [(max(down, key=down.__getitem__), max(across, key=across.__getitem__))]
+
+
+def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
+    """The highest correlation near each divisor of the length that has `LEAST_OWN_CORRELATION` there; less of it counts
+    the farther away it is.
+    """
+    start = int(np.argmax(values <= 0))
+    beyond = np.where(np.arange(len(values)) < start, -1.0, values)  # neighbouring pixels are alike in any picture
+    found = {}
+    for size in range(2, len(values) // 2 + 1):
+        reach = 1 + size // 8  # parallax
+        near = beyond[size - reach : size + reach + 1]
+        if len(values) % size == 0 and near.max() >= LEAST_OWN_CORRELATION:
+            away = np.abs(np.arange(-reach, reach + 1)) / (reach + 1)
+            found[size] = float((near * (1 - away / 2)).max())
+    return found
 
 
 def _find_highest(values: NDArray[np.float64], shift: int, reach: int) -> float:

@@ -51,6 +51,14 @@ class Calibration:
     in_columns: bool = False
     """Whether the grid is that of the transposed picture, since every other column of lenses is shifted."""
 
+    @property
+    def known(self) -> Known:
+        """The grid in the picture's own rows and columns."""
+        pitch, (y, x), rotation, shape = self.grid.pitch, self.grid.offset, self.grid.rotation, self.grid.shape
+        if self.in_columns:
+            return Known(pitch, (x, y), -rotation, "hexagonal-columns", 1 / self.grid.stretch)
+        return Known(pitch, (y, x), rotation, shape, self.grid.stretch)
+
 
 def calibrate(
     picture: NDArray[np.uint8] | NDArray[np.uint16],
@@ -162,6 +170,6 @@ def _move_to_corner(grid: LensGrid) -> LensGrid:
     i, j = grid.find_nearest(np.zeros(2))
     around = np.mgrid[-2:3, -2:3].reshape(2, -1)
     centers = grid.find_centers(i + around[0], j + around[1])
-    inside = centers[(centers > -0.5).all(axis=1)]
+    inside = centers[(centers >= 0).all(axis=1)]
     y, x = min(inside, key=lambda center: float(np.hypot(*center)))
     return replace(grid, offset=(float(y), float(x)))

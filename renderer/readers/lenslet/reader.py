@@ -87,6 +87,11 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     return LightField(views, tuple(notes), depth_sense=sense, lens_pitch=grid.pitch)
 
 
+def find_grid(bundle: Bundle, key: str, known: Known) -> Calibration:
+    """The lens grid of the picture `key`, as `read` finds it. Raises `InputError`."""
+    return _load(bundle, key, known).calibration
+
+
 def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     name = clean_text(bundle.name)
     picture = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
@@ -131,13 +136,11 @@ def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixe
 
 
 def _describe_grid(found: Calibration) -> str:
-    grid = found.grid
-    shape, (y, x), rotation = f"{grid.shape}", grid.offset, grid.rotation
-    if found.in_columns:
-        shape, (y, x), rotation = "hexagonal-columns", (x, y), -rotation
+    grid = found.known
+    y, x = grid.offset or (0.0, 0.0)
     text = (
-        f"lens grid: {shape}, pitch {grid.pitch:.3f} pixels, first lens at {y:.2f},{x:.2f} (y, x), "
-        f"rotation {rotation:.3f} degrees"
+        f"lens grid: {grid.shape}, pitch {grid.pitch:.3f} pixels, first lens at {y:.2f},{x:.2f} (y, x), "
+        f"rotation {grid.rotation:.3f} degrees"
     )
     if found.cue is None:
         return f"{text}, as given"

@@ -24,7 +24,7 @@ from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity"]
+KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity", "inspection"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
 _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbour_time")
 """Options of what is made of all views."""
@@ -43,6 +43,7 @@ class FileType(NamedTuple):
 MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", BINARY)}
 """Formats of captured models, by name."""
 FILE_TYPES = {
+    "json": FileType(".json", "application/json", holds_report=True),
     **MODELS,
     **{entry.name: FileType(entry.suffix, entry.media_type) for entry in maps.FORMATS.values()},
     **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
@@ -186,6 +187,14 @@ KINDS: dict[KindName, Kind] = {
             "pfm",
             {"model": _MODEL},
             {"model": NO_MODEL},
+        ),
+        Kind(
+            "inspection",
+            "Find out what a file is, and which lens grid it may have",
+            "any file that a reconstruction takes",
+            _INPUT,
+            ("json",),
+            "json",
         ),
     )
 }

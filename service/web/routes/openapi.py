@@ -18,6 +18,8 @@ Responses = dict[int | str, dict[str, Any]]
 
 _PROBLEM = {problems.MEDIA_TYPE: {"schema": schemas.refer("Problem")}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
+_CONTENTS = {"json": {"schema": schemas.refer("InspectionReport")}}
+"""By the formats of results that are no files of their own."""
 _ERRORS = {
     400: "the request is malformed",
     401: "the server has API keys, and the request has none of them",
@@ -70,7 +72,12 @@ def describe_result(kind: Kind) -> Responses:
     return {
         200: {
             "description": f"the result, in one of the formats {', '.join(kind.formats)}",
-            "content": {FILE_TYPES[name].media_type: _BINARY for name in kind.formats},
+            "content": {
+                FILE_TYPES[name].media_type: _BINARY
+                if name != "json"
+                else {"schema": schemas.refer("InspectionReport")}
+                for name in kind.formats
+            },
             "headers": headers,
         },
         304: {"description": "the client has the result that If-None-Match names", "headers": headers},

@@ -236,3 +236,60 @@ class DisparityReport(ReconstructionReport):
     disparity: NotRequired[DisparityMap]
     surface: NotRequired[Surface]
     """Of a model."""
+
+
+@described
+class LensGrid(TypedDict):
+    """The lens grid of a raw lenslet picture, whose pixels have their centres at whole numbers."""
+
+    pitch: float
+    """Pixels."""
+    offset: list[float]
+    """(y, x) of the centre of the first lens."""
+    rotation: float
+    """Degrees; rows of a positive one go down to the right."""
+    shape: Literal["square", "hexagonal", "hexagonal-columns"]
+    stretch: float
+    """Distance between rows over that of a regular grid."""
+
+
+@described
+class Candidate(TypedDict):
+    """What a picture may be."""
+
+    kind: Literal["eia", "mosaic", "raw"]
+    options: dict[str, str]
+    """Form fields with which it is read so."""
+    pixels: list[int]
+    """Rows and columns of views."""
+    lenses: NotRequired[list[int]]
+    """Rows and columns of lenses: of the pixels of a view."""
+    lens_grid: NotRequired[LensGrid]
+    """Of a raw lenslet picture."""
+
+
+@described
+class FoundViews(TypedDict):
+    """The views of a light field."""
+
+    rows: int
+    cols: int
+    height: int
+    """Of a view, in pixels."""
+    width: int
+    depth_sense: DepthSense
+
+
+@described
+class InspectionReport(_AnyReport):
+    """What a file is."""
+
+    kind: Literal["mesh", "views", "eia", "mosaic", "raw", "picture"]
+    """`picture`: one that shows no lenses; it needs `lenses` or `pixels`."""
+    input: Input
+    candidates: list[Candidate]
+    """Of a picture whose lenses are not given, the likeliest first."""
+    bounds: NotRequired[list[list[float]]]
+    """Of a mesh: the lowest and the highest (x, y, z) in its own coordinates."""
+    light_field: NotRequired[FoundViews]
+    """Of views, and of a picture whose lenses are given."""

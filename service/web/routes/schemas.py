@@ -14,6 +14,7 @@ from ciir.service.web.routes.reports import (
     DisparityReport,
     DisplayReport,
     ElementalReport,
+    InspectionReport,
     PlaneReport,
     ReconstructionReport,
     UpscaleReport,
@@ -137,6 +138,14 @@ class Disparity(_Status):
 
 
 @described
+class Inspection(_Status):
+    """Status of an inspection."""
+
+    report: NotRequired[InspectionReport]
+    """If it is done."""
+
+
+@described
 class Model(TypedDict):
     """A model of the catalogue."""
 
@@ -159,6 +168,7 @@ STATUSES: dict[KindName, type] = {
     "display": Display,
     "plane": Planes,
     "disparity": Disparity,
+    "inspection": Inspection,
 }
 """The type of a status, by kind of job."""
 TYPES = (Event, Problem, Model, *STATUSES.values())

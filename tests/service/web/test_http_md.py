@@ -76,7 +76,7 @@ def test_the_tables_agree_with_openapi(server):
     for method, path, statuses in rows:
         above = above if statuses == "as above" else statuses
         named[method, path] = set(map(int, above.split()))
-    for kind in ("upscales", "elementals", "displays", "planes", "disparities"):  # they have the same
+    for kind in ("upscales", "elementals", "displays", "planes", "disparities", "inspections"):  # they have the same
         named |= {
             (method, path.replace("reconstructions", kind)): statuses
             for (method, path), statuses in named.items()

@@ -11,6 +11,7 @@ from tests.support.inputs import CUBE
 from tests.support.web import run_app
 
 MESH = {"lenses": "8x6", "pixels": "3x3", "backend": "raytrace"}
+GRID = {"lens_pitch": "5.5", "lens_offset": "2,2.5", "lens_rotation": "0", "lens_grid": "hexagonal-columns"}
 REQUESTS = {
     "mesh": ("reconstruction", "cube.off", MESH),
     "mesh with a light-field network": ("reconstruction", "cube.off", MESH | {"model": "field", "neighbour_time": "9"}),
@@ -37,6 +38,11 @@ REQUESTS = {
     "a view in focus everywhere": ("plane", "eia.png", {"lenses": "6x9", "all_in_focus": "yes"}),
     "a captured model": ("disparity", "cube.off", {**MESH, "lenses": "24x24", "format": "glb"}),
     "disparity": ("disparity", "eia.png", {"lenses": "6x9", "limits": "-2:2", "format": "png"}),
+    "inspected mesh": ("inspection", "cube.off", {}),
+    "inspected scene": ("inspection", "scene:globe", {}),
+    "inspected picture": ("inspection", "eia.png", {}),
+    "inspected elemental image array": ("inspection", "eia.png", {"lenses": "6x9"}),
+    "inspected raw lenslet picture": ("inspection", "eia.png", GRID),
     "disparity of a mesh": ("disparity", "cube.off", MESH | {"view": "0,2", "format": "zip"}),
 }
 

@@ -1,0 +1,1 @@
+"""What an input is, before anything is made of it."""

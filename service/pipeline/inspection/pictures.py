@@ -1,0 +1,92 @@
+"""What a picture may be: an elemental image array, a mosaic of views, or a raw lenslet picture, with its lens grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import pictures
+from ciir.renderer.readers.eia.period import Periods
+from ciir.renderer.readers.eia.reader import SAME_PITCH
+from ciir.renderer.readers.lenslet.calibration import detect_grid
+from ciir.renderer.readers.lenslet.grid import Known
+from ciir.renderer.readers.lenslet.reader import find_grid
+from ciir.renderer.readers.lenslet.resampling import fit_pixels
+from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, identify
+from ciir.service.pipeline.options import write_texts
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ciir.renderer.readers.lenslet.calibration import Calibration
+    from ciir.renderer.readers.lenslet.grid import LensGrid
+    from ciir.service.pipeline.options import Options
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Input
+
+    Candidate = dict[str, Any]
+
+USUAL_PIXELS = 15
+"""Under a lens, where a picture shows no period."""
+
+
+def describe_picture(given: Input, key: str, options: Options) -> Report:
+    """The report of the picture `key`, without times. Raises `InputError`."""
+    bundle = given.bundle
+    assert bundle is not None  # noqa: S101 - the key is of its files
+    data = bundle.files[key]
+    picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
+    periods = Periods(picture)
+    sizes = periods.rank_sizes()
+    is_lytro = identify(key, data) in (LYTRO, LYTRO_RAW)
+    is_raw = options.known_grid is not None or is_lytro or bundle.main is None
+    candidates = []
+    if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
+        grid = find_grid(bundle, key, options.known_grid or Known())
+        is_raw = is_raw or not _is_regular(grid.grid, sizes)
+        candidates.append(_describe_raw(grid, is_lytro=is_lytro))
+    if not is_raw:
+        candidates = [*_list_arrangements(periods, picture.shape, sizes), *candidates]
+    return {
+        "kind": candidates[0]["kind"] if candidates else "picture",
+        "input": given.describe(LightField(picture[None, None])),
+        "candidates": candidates,
+        "notes": [],
+    }
+
+
+def _is_regular(grid: LensGrid, sizes: Sequence[tuple[int, int]]) -> bool:
+    """Whether the lenses are those of elemental images of a whole number of pixels."""
+    return grid.shape == "square" and any(abs(grid.pitch / side - 1) < SAME_PITCH for size in sizes for side in size)
+
+
+def _list_arrangements(periods: Periods, shape: tuple[int, ...], sizes: Sequence[tuple[int, int]]) -> list[Candidate]:
+    """What may repeat after each of `sizes`: views of a mosaic, where they are larger, and elemental images."""
+    found: list[Candidate] = []
+    for size in sizes:
+        others = shape[0] // size[0], shape[1] // size[1]
+        # Views have more pixels than there are views, elemental images fewer than there are lenses.
+        if math.prod(size) > math.prod(others) and periods.find_arrangement(others) == "mosaic":
+            texts = write_texts({"arrangement": "mosaic", "pixels": others})
+            found.append({"kind": "mosaic", "options": texts, "lenses": size, "pixels": others})
+        found.append({"kind": "eia", "options": write_texts({"pixels": size}), "lenses": others, "pixels": size})
+    return found
+
+
+def _describe_raw(calibration: Calibration, *, is_lytro: bool) -> Candidate:
+    grid = calibration.known
+    texts = {
+        "lens_pitch": grid.pitch,
+        "lens_offset": grid.offset,
+        "lens_rotation": grid.rotation,
+        "lens_grid": grid.shape,
+    }
+    fits = fit_pixels(calibration.grid)
+    return {
+        "kind": "raw",
+        "options": {} if is_lytro else write_texts(texts),
+        "pixels": (fits, fits),
+        "lens_grid": asdict(grid),
+    }
