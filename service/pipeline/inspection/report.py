@@ -50,6 +50,8 @@ def _describe_content(given: Input, options: Options) -> Report:
     if isinstance(content, Scene):
         return {"kind": "mesh", **report, "bounds": content.bounds().tolist()}
     pixels_v, pixels_u, rows, cols, _ = content.shape
-    is_eia = given.bundle is not None and not inputs.holds_views(given.bundle, make_layout(options))
+    kind = "views"
+    if given.bundle is not None and not inputs.holds_views(given.bundle, make_layout(options)):
+        kind = "eia" if content.depth_sense == "lenses" else "mosaic"
     view = {"rows": pixels_v, "cols": pixels_u, "height": rows, "width": cols, "depth_sense": content.depth_sense}
-    return {"kind": "eia" if is_eia and content.depth_sense == "lenses" else "mosaic" if is_eia else "views", **report, "light_field": view}
+    return {"kind": kind, **report, "light_field": view}
