@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,4 +40,10 @@ def load_scene(name: str, placement: Placement = AS_GIVEN) -> Scene:
 
 @lru_cache(maxsize=8)
 def _light_scene(name: str, light: tuple[float, ...]) -> Scene:
-    return assemble_scene(SCENES[name](), name=f"scene:{name}", light=np.array(light))
+    return assemble_scene(_make_surfaces(name), name=f"scene:{name}", light=np.array(light))
+
+
+@cache
+def _make_surfaces(name: str) -> list[Surface]:
+    """Kept, since a scene that is turned is lit anew: painting the globe takes a second, lighting it a fiftieth."""
+    return SCENES[name]()

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.scenes import SCENES, load_scene
+from ciir.renderer.placement import Placement
+from ciir.renderer.scenes import SCENES, load_scene, registry
 from ciir.renderer.shading import normalize, shade
 from ciir.renderer.surface import assemble_scene
 
@@ -53,3 +54,14 @@ def test_the_vase_is_one_closed_surface_lit_from_outside() -> None:
 def test_unknown_scene() -> None:
     with pytest.raises(InvalidOption, match="scene:teapot: no such scene; the scenes are vase, globe, hamburger"):
         load_scene("teapot")
+
+
+def test_a_turned_scene_is_lit_anew_but_not_made_again(monkeypatch):
+    upright = load_scene("vase")
+    monkeypatch.setitem(SCENES, "vase", None)  # can't be called
+    turned = load_scene("vase", Placement(rotate=(20, 30, 0)))
+    assert turned is not upright
+    assert not np.array_equal(turned.parts[0].colors, upright.parts[0].colors)
+    again = load_scene("vase")
+    for one, other in zip(again.parts, assemble_scene(registry.vase.make_surfaces(), name="vase").parts, strict=True):
+        assert np.array_equal(one.colors, other.colors)  # what is kept has not changed
