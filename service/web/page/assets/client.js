@@ -1,7 +1,34 @@
 // @ts-check
 /** Requests to the HTTP API of this server, with the API key if one is set; it is kept as long as the tab. */
+import { PROBLEMS, TEXTS } from "./texts.js";
 
 const KEY = "key";
+const RETRY_MILLISECONDS = 1000;
+const ENDED = ["done", "failed", "cancelled"];
+
+/**
+ * @typedef {object} Status Of a job, as docs/http.md describes it.
+ * @property {string} id
+ * @property {"queued" | "running" | "done" | "failed" | "cancelled"} state
+ * @property {Progress | null} progress
+ * @property {{url: string}} [result]
+ * @property {Record<string, any>} [report]
+ * @property {{status: number, detail: string}} [problem]
+ */
+/** @typedef {{stage: string, views_done: number, views: number}} Progress */
+
+/** An error with a sentence of the page, what the server said, and its HTTP status: 0 where it did not answer. */
+export class Problem extends Error {
+  /**
+   * @param {number} status
+   * @param {string} [detail]
+   */
+  constructor(status, detail = "") {
+    super(PROBLEMS[status] ?? PROBLEMS[status >= 500 ? 500 : 400]);
+    this.status = status;
+    this.detail = detail;
+  }
+}
 
 /** @param {string} key Empty to forget it. */
 export function setKey(key) {
@@ -9,15 +36,107 @@ export function setKey(key) {
 }
 
 /**
- * Posts a job and waits for its result.
- * @param {string} kind Such as `reconstructions`.
- * @param {FormData} form
- * @returns {Promise<Blob>}
- * @throws {Error} With the `detail` of the server's problem.
+ * @param {string} path
+ * @param {RequestInit} [init]
+ * @returns {Promise<Response>} Of a success.
+ * @throws {Problem}
  */
-export async function post(kind, form) {
+export async function request(path, init = {}) {
   const key = sessionStorage.getItem(KEY);
-  const response = await fetch(`/v1/${kind}`, { method: "POST", body: form, headers: key ? { "X-API-Key": key } : {} });
-  if (response.status !== 200) throw new Error((await response.json()).detail);
-  return response.blob();
+  const headers = { ...init.headers, ...(key ? { "X-API-Key": key } : {}) };
+  const response = await fetch(path, { ...init, headers }).catch((error) => {
+    throw error.name === "AbortError" ? error : new Problem(0);
+  });
+  if (response.ok) return response;
+  const problem = await response.json().catch(() => ({}));
+  throw new Problem(response.status, typeof problem.detail === "string" ? problem.detail : "");
+}
+
+/** A job of the server. */
+export class Job {
+  /**
+   * @param {string} url Its path.
+   * @param {Status} status
+   */
+  constructor(url, status) {
+    this.url = url;
+    this.status = status;
+  }
+
+  /**
+   * Posts a job.
+   * @param {string} kind Such as `reconstructions`.
+   * @param {FormData} form
+   * @param {AbortSignal} signal
+   */
+  static async post(kind, form, signal) {
+    const response = await request(`/v1/${kind}`, { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal });
+    const status = await response.json();
+    return new Job(`/v1/${kind}/${status.id}`, status);
+  }
+
+  /**
+   * Follows the job to its end.
+   * @param {(status: Status) => void} report
+   * @param {AbortSignal} signal
+   * @returns {Promise<Response>} The result, whose body may still be arriving.
+   * @throws {Problem}
+   */
+  async follow(report, signal) {
+    let last = "";
+    while (!ENDED.includes(this.status.state)) {
+      report(this.status);
+      try {
+        for await (const event of readEvents(`${this.url}/events`, last, signal)) {
+          last = event.id;
+          if (event.kind === "progress") report({ ...this.status, state: "running", progress: event.data });
+        }
+      } catch (error) {
+        if (!(error instanceof Problem) || ![0, 429, 503].includes(error.status)) throw error;
+      }
+      this.status = await (await request(this.url, { signal })).json();
+      if (!ENDED.includes(this.status.state)) await pause(signal);
+    }
+    if (this.status.problem) throw new Problem(this.status.problem.status, this.status.problem.detail);
+    if (this.status.state === "cancelled") throw new Problem(409, TEXTS.cancelledElsewhere);
+    return request(`${this.url}/result`, { signal });
+  }
+
+  /** Cancels the job. */
+  async cancel() {
+    await request(this.url, { method: "DELETE" });
+  }
+}
+
+/** @param {AbortSignal} signal */
+function pause(signal) {
+  return new Promise((resolve, reject) => {
+    signal.addEventListener("abort", () => reject(signal.reason), { once: true });
+    setTimeout(resolve, RETRY_MILLISECONDS);
+  });
+}
+
+/**
+ * Server-sent events (HTML, section 9.2): `EventSource` sends no key.
+ * @param {string} path
+ * @param {string} last The id of the last event that was received.
+ * @param {AbortSignal} signal
+ */
+async function* readEvents(path, last, signal) {
+  const { body } = await request(path, { headers: last ? { "Last-Event-ID": last } : {}, signal });
+  if (!body) return;
+  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  for (;;) {
+    const { done, value } = await reader.read().catch((error) => {
+      throw error.name === "AbortError" ? error : new Problem(0);
+    });
+    if (done) return;
+    const events = (text + value.replaceAll("\r", "")).split("\n\n");
+    text = events.pop() ?? "";
+    for (const lines of events) {
+      const fields = Object.fromEntries(lines.split("\n").map((line) => line.split(/: ?(.*)/s, 2)));
+      if (fields.data) yield { id: fields.id ?? "", kind: fields.event, data: JSON.parse(fields.data) };
+    }
+  }
 }

@@ -1,31 +1,231 @@
 // @ts-check
-/** The page: a file or a shipped scene is chosen, and its centre view is shown as mapped. */
-import { post } from "./client.js";
-import { TEXTS, writeTexts } from "./texts.js";
+/** The page: what is opened is shown as mapped at once, then as the user chose. */
+import { Job, Problem, request, setKey } from "./client.js";
+import { find, make } from "./dom.js";
+import { offerFormats, saveResponse, watchExport } from "./export.js";
+import { describe, joinFiles, listChosen, listDropped, makeForm } from "./inputs.js";
+import { clear, run, say, showProblem, stop } from "./job.js";
+import { PLACE, showLightField } from "./light_field.js";
+import { keepJob, showRecent } from "./recent.js";
+import { fitSettings, offerModels, readSettings, watchSettings, writeSettings } from "./settings.js";
+import { readState, writeState } from "./state.js";
+import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
-const form = /** @type {HTMLFormElement} */ (document.querySelector("#input"));
-const file = /** @type {HTMLInputElement} */ (document.querySelector("#file"));
-const scene = /** @type {HTMLSelectElement} */ (document.querySelector("#scene"));
-const lenses = /** @type {HTMLInputElement} */ (document.querySelector("#lenses"));
-const status = /** @type {HTMLElement} */ (document.querySelector("[role=status]"));
-const view = /** @type {HTMLImageElement} */ (document.querySelector("#view"));
+/** @import { Input } from "./inputs.js" */
+/** @import { Entry } from "./recent.js" */
+
+const frame = find("frame", HTMLElement);
+const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
+/** What is open. @type {Input | null} */
+let input = null;
+let kind = "";
+/** Pictures of what is open, by what they were made with. @type {Map<string, Blob>} */
+const pictures = new Map();
+/** The light field that is shown. @type {{close: () => void} | undefined} */
+let stage;
+
+/**
+ * Opens an input: says what it is, and shows it.
+ * @param {Promise<Input> | Input} chosen
+ * @param {Record<string, string>} settings Of the address.
+ */
+async function open(chosen, settings) {
+  clear();
+  pictures.clear();
+  find("caption", HTMLElement).textContent = "";
+  frame.replaceChildren(make("p", TEXTS.waiting));
+  showPart("work");
+  say(TEXTS.packing);
+  try {
+    input = await chosen;
+    const found = await describe(input);
+    kind = found.kind;
+    writeName(input, KINDS[kind] ?? "");
+    fitSettings(kind);
+    writeSettings({ ...found.settings, ...settings });
+    offerFormats(kind);
+  } catch (error) {
+    return showProblem(error, "", () => void open(chosen, settings));
+  }
+  await show();
+}
+
+/** @param {Input} named */
+function nameInput(named) {
+  return named.scene ? (TEXTS[/** @type {"vase"} */ (named.scene)] ?? named.scene) : named.name;
+}
+
+/**
+ * @param {Input} named
+ * @param {string} what It is.
+ */
+function writeName(named, what) {
+  find("name", HTMLElement).textContent = document.title = nameInput(named);
+  find("kind", HTMLElement).textContent = what;
+}
+
+/** Shows one of the page's parts. @param {"start" | "work"} part */
+function showPart(part) {
+  for (const name of ["start", "work"]) find(name, HTMLElement).hidden = name !== part;
+  find("close", HTMLElement).hidden = part === "start";
+}
+
+/** Makes and shows the picture that is chosen, as mapped first. */
+async function show() {
+  stop();
+  stage?.close();
+  if (!input) return;
+  const settings = readSettings();
+  const mode = modes.find((field) => field.checked)?.value ?? "upscaled";
+  keepState({ ...settings, show: mode });
+  try {
+    await showPicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped, mode === "mapped");
+    if (mode === "upscaled") await showPicture(settings, TEXTS.upscaled, true);
+    if (mode === "around") await showAround(settings);
+  } catch (error) {
+    const isGridMissing = error instanceof Problem && error.status === 422 && kind === "eia" && !settings.lenses && !settings.pixels;
+    if (isGridMissing) askForLenses();
+    else showProblem(error, input.name, () => void show());
+  }
+}
+
+/** Says that an elemental image array needs its lens grid. */
+function askForLenses() {
+  say("");
+  frame.replaceChildren(make("p", TEXTS.needsLenses));
+  /** @type {HTMLInputElement | null} */ (document.querySelector("[name=lenses]"))?.focus();
+}
+
+/** Puts the input and its settings into the address. @param {Record<string, string>} settings */
+function keepState(settings) {
+  const old = Object.keys(readState()).filter((name) => !PLACE.includes(name));
+  const source = input?.scene ? { scene: input.scene, file: null } : { scene: null, file: input?.name ?? "" };
+  writeState({ ...Object.fromEntries(old.map((name) => [name, null])), ...source, ...settings });
+}
+
+/**
+ * Shows the centre view.
+ * @param {Record<string, string>} fields
+ * @param {string} what
+ * @param {boolean} isKept Whether the job is listed.
+ */
+async function showPicture(fields, what, isKept) {
+  const key = JSON.stringify(fields);
+  const picture = pictures.get(key) ?? (await (await makeFile("reconstructions", { ...fields, format: "png" }, what, isKept)).blob());
+  pictures.set(key, picture);
+  await showBlob(picture, what);
+}
+
+/** Shows all views. @param {Record<string, string>} settings */
+async function showAround(settings) {
+  const response = await makeFile("reconstructions", { ...settings, views: "all", format: "tiles" }, TEXTS.around);
+  const holder = make("div");
+  frame.replaceChildren(holder);
+  find("caption", HTMLElement).textContent = TEXTS.around;
+  stage = await showLightField(holder, response);
+}
+
+/**
+ * @param {Blob} picture
+ * @param {string} what
+ */
+async function showBlob(picture, what) {
+  const image = make("img", "", { alt: SENTENCES.job(what, input ? nameInput(input) : "") });
+  image.src = URL.createObjectURL(picture);
+  await image.decode();
+  frame.replaceChildren(image);
+  URL.revokeObjectURL(image.src);
+  find("caption", HTMLElement).textContent = SENTENCES.size(what, image.naturalHeight, image.naturalWidth);
+}
+
+/**
+ * Runs a job of what is open.
+ * @param {string} plural
+ * @param {Record<string, string | Blob>} fields
+ * @param {string} what It makes.
+ * @param {boolean} [isKept] Whether the job is listed.
+ */
+async function makeFile(plural, fields, what, isKept = true) {
+  if (!input) throw new Error(TEXTS.waiting);
+  if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
+  const { job, response } = await run(plural, makeForm(input, fields), what);
+  if (isKept) {
+    keepJob({ name: nameInput(input), what, url: job.url, hash: location.hash });
+    showRecent(reopen);
+  }
+  return response;
+}
+
+/** Opens a job of the list: a shipped scene with its settings, else its result. @param {Entry} entry */
+async function reopen(entry) {
+  clear();
+  try {
+    const job = new Job(entry.url, await (await request(entry.url)).json());
+    const response = await job.follow(() => {}, new AbortController().signal);
+    if (entry.what === TEXTS.export) return void saveResponse(response, entry.name);
+    history.replaceState(null, "", entry.hash);
+    if (readState().scene) return openAddress();
+    if (input?.name !== entry.name) input = { name: entry.name };
+    writeName(input, "");
+    showPart("work");
+    await showBlob(await response.blob(), entry.what);
+  } catch (error) {
+    showProblem(error, entry.name, () => void reopen(entry));
+  }
+}
+
+/** Opens what the address names. */
+function openAddress() {
+  const { scene, file, show: mode, ...settings } = readState();
+  for (const field of modes) field.checked = field.value === (mode ?? "upscaled");
+  if (scene) return void open({ name: scene, scene }, settings);
+  showPart("start");
+  find("again", HTMLElement).textContent = file ? SENTENCES.again(file) : "";
+}
+
+/** Opens files that were chosen, with the settings of the address where it is about a file. @param {{name: string, file: File}[]} files */
+function openFiles(files) {
+  if (files.length === 0) return;
+  const { scene, file, show: _, ...settings } = readState();
+  void open(joinFiles(files), file ? settings : {});
+}
 
 writeTexts();
-form.addEventListener("submit", async (event) => {
+watchSettings(() => void show());
+watchExport(
+  (plural, fields) => makeFile(plural, { ...readSettings(), ...fields }, TEXTS.export),
+  (error) => showProblem(error, input?.name ?? "", () => find("export-form", HTMLFormElement).requestSubmit()),
+  () => input?.name ?? "",
+);
+for (const field of modes) field.addEventListener("change", () => void show());
+for (const id of ["files", "folder"]) {
+  const field = find(id, HTMLInputElement);
+  field.addEventListener("change", () => openFiles(listChosen(field)));
+}
+for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-scene]"))) {
+  const scene = button.dataset.scene ?? "";
+  button.addEventListener("click", () => {
+    writeState(Object.fromEntries(Object.keys(readState()).map((name) => [name, null])));
+    void open({ name: scene, scene }, {});
+  });
+}
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", async (event) => {
   event.preventDefault();
-  const fields = new FormData();
-  fields.append("scene", scene.value); // the server ignores empty fields
-  if (file.files?.length) fields.append("file", file.files[0]);
-  fields.append("lenses", lenses.value);
-  fields.append("model", "none");
-  status.textContent = TEXTS.loading;
-  try {
-    const picture = await post("reconstructions", fields);
-    URL.revokeObjectURL(view.src);
-    view.src = URL.createObjectURL(picture);
-    view.alt = status.textContent = TEXTS.centre;
-    view.hidden = false;
-  } catch (error) {
-    status.textContent = error instanceof Error ? error.message : String(error);
-  }
+  if (event.dataTransfer) openFiles(await listDropped(event.dataTransfer));
 });
+find("close", HTMLButtonElement).addEventListener("click", () => {
+  clear();
+  input = null;
+  history.replaceState(null, "", location.pathname);
+  openAddress();
+});
+find("key-form", HTMLFormElement).addEventListener("submit", (event) => {
+  event.preventDefault();
+  setKey(find("key", HTMLInputElement).value);
+  find("retry", HTMLButtonElement).click();
+});
+addEventListener("hashchange", openAddress);
+showRecent(reopen);
+openAddress();
+offerModels().catch(() => {}); // without the list, the network is selected automatically

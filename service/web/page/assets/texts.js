@@ -1,13 +1,134 @@
 // @ts-check
 /** Every text that the page shows. */
 export const TEXTS = {
+  // the start
   title: "Look around in a light field",
+  intro: "A lens array records a scene from many viewpoints at once. This page makes those views from such a recording or from "
+    + "a mesh, and then larger and sharper ones. Drop a file, or begin with an example.",
+  drop: "Drop a file here, or choose one",
+  takes: "A mesh, an elemental image array, a raw lenslet picture, or several views",
+  folder: "Choose a folder of views",
+  examples: "Examples",
+  vase: "Vase",
+  globe: "Globe",
+  hamburger: "Hamburger",
+  local: "Files go to this server only.",
+  recent: "Recent jobs",
+  // what is open
+  close: "Another file",
+  picture: "Picture",
+  mapped: "As mapped",
+  upscaled: "Upscaled",
+  around: "Look around",
+  waiting: "The picture appears here.",
+  needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50.",
+  reading: "Reading the file",
+  packing: "Packing the files",
+  // settings
+  settings: "Settings",
+  array: "Lens array",
+  lenses: "Lenses, rows x columns",
+  pixels: "Pixels under each lens, rows x columns",
+  lens_pitch: "Pixels from lens to lens of a raw picture",
+  auto: "Automatic",
+  object: "Object",
+  yaw: "Turn to the right",
+  tilt: "Tilt forwards",
+  roll: "Roll to the left",
+  zoom: "Size",
+  place: "Place",
+  placeHelp: "-1 behind the lenses, 1 before them",
+  upscaling: "Upscaling",
+  model: "Network",
+  scale: "Times larger",
+  // the job
+  cancel: "Cancel",
+  queued: "Waiting for its turn",
+  cancelled: "Cancelled.",
+  cancelledElsewhere: "Another window or program cancelled it. Change a setting, or choose the picture again.",
+  details: "Where the time went",
+  retry: "Try again",
+  key: "Key of this server",
+  useKey: "Use key",
+  // export
+  export: "Export",
+  format: "Format",
+  download: "Download",
+  saved: "The download is ready.",
+  device: "Looking Glass",
+  calibration: "Calibration of the display, a JSON file",
+  display: "Panel and lenses, a TOML file",
+  stack: "Planes, from : to : count",
+  disparity: "Disparity of the plane, in pixels",
+  epi: "Row y=120, or column x=80",
+};
+
+/** What is shown of problems, by HTTP status; 0: the server did not answer. */
+export const PROBLEMS = /** @type {Record<number, string>} */ ({
+  0: "The server does not answer. Check that it runs, then try again.",
+  400: "The server did not understand the request.",
+  401: "This server needs a key.",
+  403: "The server refuses requests from this page's address.",
+  404: "The server no longer has this job. Open the file again.",
+  408: "The upload took too long. Try a smaller file or a faster connection.",
+  409: "The job was cancelled.",
+  410: "The server no longer keeps this result. Open the file again.",
+  413: "This is more than the server takes.",
+  415: "This is no file that the server can read.",
+  422: "The file or a setting does not fit.",
+  429: "The server is busy. Try again in a few seconds.",
+  500: "The server failed.",
+  503: "The server is not ready. Try again in a few seconds.",
+});
+
+/** Names of a job's stages, in the order of the work. */
+export const STAGES = /** @type {Record<string, string>} */ ({
+  decode: "Reading",
+  plan: "Planning",
+  render: "Rendering",
+  map: "Mapping",
+  upscale: "Upscaling",
+  focus: "Focusing",
+  encode: "Writing",
+});
+
+/** Names of what an input is. */
+export const KINDS = /** @type {Record<string, string>} */ ({
   scene: "A shipped scene",
-  file: "or a mesh, an elemental image array or views",
-  lenses: "Rows x columns of lenses",
-  show: "Show",
-  loading: "Making the centre view",
-  centre: "The centre view",
+  mesh: "A mesh",
+  eia: "An elemental image array",
+  raw: "A raw lenslet picture",
+  views: "A set of views",
+  "light field": "A light field",
+});
+
+/** Names of groups of export formats. */
+export const GROUPS = /** @type {Record<string, string>} */ ({
+  view: "The centre view",
+  all: "All views",
+  displays: "For displays",
+  elementals: "Elemental image array of the mesh",
+  plane: "In focus at one depth",
+  stack: "A stack of depth planes",
+  disparities: "Depth",
+});
+
+/** Sentences with numbers or names in them. */
+export const SENTENCES = {
+  /** @param {string} name @param {number} rows @param {number} cols */
+  size: (name, rows, cols) => `${name}, ${cols} x ${rows} pixels`,
+  /** @param {number} done @param {number} all */
+  views: (done, all) => `${done} of ${all} views`,
+  /** @param {number} seconds */
+  left: (seconds) => (seconds < 90 ? `about ${Math.ceil(seconds)} s left` : `about ${Math.round(seconds / 60)} min left`),
+  /** @param {number} milliseconds */
+  time: (milliseconds) => (milliseconds < 9950 ? `${Math.round(milliseconds)} ms` : `${(milliseconds / 1000).toFixed(1)} s`),
+  /** @param {string} time */
+  done: (time) => `Done in ${time}`,
+  /** @param {string} name */
+  again: (name) => `Choose ${name} again; its settings are kept.`,
+  /** @param {string} what @param {string} name */
+  job: (what, name) => `${name}: ${what.toLowerCase()}`,
 };
 
 /** Texts of the light field, of pictures side by side, and of what is laid over them. */
@@ -19,10 +140,12 @@ export const PICTURE_TEXTS = {
   nothing: "The address names no light field: give scene=vase and settings after #.",
 };
 
-/** Writes the texts into all elements that name one as `data-text`. */
+/** Writes the texts into all elements that name one as `data-text`, or as `data-label` for assistive technology. */
 export function writeTexts() {
-  for (const element of document.querySelectorAll("[data-text]")) {
-    const name = /** @type {keyof typeof TEXTS} */ (element.getAttribute("data-text"));
-    element.textContent = TEXTS[name];
+  const read = (/** @type {string | undefined} */ name) => TEXTS[/** @type {keyof typeof TEXTS} */ (name)];
+  for (const element of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-text], [data-label]"))) {
+    const { text, label } = element.dataset;
+    if (text) element.textContent = read(text);
+    if (label) element.setAttribute("aria-label", read(label));
   }
 }

@@ -1,0 +1,31 @@
+// @ts-check
+/** Elements by id, and new ones; texts never become markup. */
+
+/**
+ * The element with an id.
+ * @template {HTMLElement} T
+ * @param {string} id
+ * @param {new () => T} type
+ * @returns {T}
+ */
+export function find(id, type) {
+  const found = document.getElementById(id);
+  if (!(found instanceof type)) throw new Error(`The page has no ${type.name} ${id}.`);
+  return found;
+}
+
+/**
+ * A new element.
+ * @template {keyof HTMLElementTagNameMap} T
+ * @param {T} tag
+ * @param {string | Node[]} [content] A text, or children.
+ * @param {Record<string, string>} [attributes]
+ * @returns {HTMLElementTagNameMap[T]}
+ */
+export function make(tag, content = "", attributes = {}) {
+  const element = document.createElement(tag);
+  if (typeof content === "string") element.textContent = content;
+  else element.append(...content);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  return element;
+}

@@ -1,0 +1,110 @@
+// @ts-check
+/** Downloads in every format that the server writes. */
+import { find, make } from "./dom.js";
+import { GROUPS, TEXTS } from "./texts.js";
+
+/**
+ * @typedef {object} Group Formats of one kind of job.
+ * @property {string} kind
+ * @property {string[]} formats
+ * @property {Record<string, string>} [fields] Options that make it.
+ * @property {string[]} [asks] Options that the user gives.
+ * @property {string[]} [only] The kinds of inputs that it is for.
+ */
+
+const PICTURES = ["png", "tiff", "jpeg", "webp"];
+const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
+const MESHES = ["mesh", "scene"];
+/** Options that are asked for, with an example; those in FILES are the texts of files. */
+const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", device: "go", epi: "" });
+const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", display: ".toml" });
+
+/** By the names of `GROUPS`, those with the same start being one group. @type {Record<string, Group>} */
+export const EXPORTS = {
+  view: { kind: "reconstructions", formats: PICTURES },
+  all: {
+    kind: "reconstructions",
+    formats: ["zip", "html", "tiles", "npz", "eia", "mosaic", "eslf", "stack", "npy", "mat", "mat73", "hci", ...VIDEOS],
+    fields: { views: "all" },
+  },
+  "all epi": { kind: "reconstructions", formats: ["epi"], fields: { views: "all" }, asks: ["epi"] },
+  displays: { kind: "displays", formats: ["quilt"], asks: ["device"] },
+  "displays lenticular": { kind: "displays", formats: ["lenticular"], asks: ["calibration"] },
+  "displays panel": { kind: "displays", formats: ["panel"], asks: ["display"] },
+  elementals: { kind: "elementals", formats: PICTURES, only: MESHES },
+  plane: { kind: "planes", formats: PICTURES, asks: ["disparity"] },
+  stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], asks: ["stack"] },
+  disparities: { kind: "disparities", formats: ["pfm", "png", "npy", "viridis", "zip", "glb", "ply"] },
+};
+/** Options that a kind of job has no use for. */
+const USELESS = /** @type {Record<string, string[]>} */ ({
+  displays: ["model", "scale"],
+  elementals: ["model", "scale"],
+});
+
+const form = find("export-form", HTMLFormElement);
+const select = find("format", HTMLSelectElement);
+const asked = find("asked", HTMLElement);
+
+/** Offers the formats that an input can be written in. @param {string} input What it is. */
+export function offerFormats(input) {
+  /** @type {Map<string, HTMLOptGroupElement>} */
+  const groups = new Map();
+  for (const [name, { formats, only }] of Object.entries(EXPORTS)) {
+    if (only && !only.includes(input)) continue;
+    const start = name.split(" ")[0];
+    const group = groups.get(start) ?? make("optgroup", "", { label: GROUPS[start] });
+    group.append(...formats.map((format) => make("option", format, { value: `${name}/${format}` })));
+    groups.set(start, group);
+  }
+  select.replaceChildren(...groups.values());
+  ask();
+}
+
+/** Shows the fields that the format needs. */
+function ask() {
+  const { asks = [] } = EXPORTS[select.value.split("/")[0]];
+  const fields = asks.map((name) => {
+    /** @type {Record<string, string>} */
+    const field = name in FILES ? { type: "file", accept: FILES[name], required: "" } : { value: EXAMPLES[name] };
+    const label = make("span", TEXTS[/** @type {keyof typeof TEXTS} */ (name)]);
+    return make("label", [label, make("input", "", { name, ...field })]);
+  });
+  asked.replaceChildren(...fields);
+}
+
+/**
+ * Begins to listen.
+ * @param {(kind: string, fields: Record<string, string | Blob>) => Promise<Response>} run Makes a file of what is open, with
+ *   the settings as they are; `fields` win.
+ * @param {(error: unknown) => void} fail
+ * @param {() => string} name Of what is open.
+ */
+export function watchExport(run, fail, name) {
+  select.addEventListener("change", ask);
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const [group, format] = select.value.split("/");
+    const { kind, fields = {} } = EXPORTS[group];
+    const given = /** @type {Record<string, string | Blob>} */ (Object.fromEntries(new FormData(form)));
+    const empty = Object.fromEntries((USELESS[kind] ?? []).map((option) => [option, ""]));
+    try {
+      const response = await run(kind, { ...empty, ...fields, ...given, format });
+      await saveResponse(response, name());
+    } catch (error) {
+      fail(error);
+    }
+  });
+}
+
+/**
+ * Saves a result under the name of the input with the end of its own: the suffix, and the layout of a quilt.
+ * @param {Response} response
+ * @param {string} name
+ */
+export async function saveResponse(response, name) {
+  const end = /filename="[0-9a-f]*([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "";
+  const href = URL.createObjectURL(await response.blob());
+  make("a", "", { download: name.replace(/\.\w+$/, "") + end, href }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 60_000); // once it is read
+}

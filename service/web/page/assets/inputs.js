@@ -1,0 +1,91 @@
+// @ts-check
+/** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
+import { writeZip } from "./zip.js";
+
+const MESHES = /\.(3mf|glb|gltf|obj|off|ply|stl)$/i;
+const PICTURES = /\.(bmp|gif|jpe?g|png|tiff?|webp)$/i;
+
+/**
+ * @typedef {object} Input
+ * @property {string} name As the user knows it.
+ * @property {string} [scene] A shipped scene, in place of a file.
+ * @property {File} [file]
+ */
+
+/**
+ * What an input is, as far as it is known.
+ * @typedef {object} Description
+ * @property {string} kind A name in `KINDS`, or empty.
+ * @property {string[]} notes
+ * @property {Record<string, string>} settings That fit it, such as the lens grid that was found.
+ */
+
+/**
+ * @param {{name: string, file: File}[]} files With their paths as names.
+ * @returns {Promise<Input>}
+ */
+export async function joinFiles(files) {
+  if (files.length === 1) return { name: files[0].name, file: files[0].file };
+  const sorted = files.toSorted((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
+  const name = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0] ?? sorted[0].name;
+  return { name, file: new File([await writeZip(sorted)], `${name}.zip`) };
+}
+
+/**
+ * The files that were dropped, also those in folders.
+ * @param {DataTransfer} dropped
+ */
+export async function listDropped(dropped) {
+  const entries = [...dropped.items].map((item) => item.webkitGetAsEntry()).filter((entry) => entry !== null);
+  return (await Promise.all(entries.map(listEntry))).flat();
+}
+
+/**
+ * @param {FileSystemEntry} entry
+ * @returns {Promise<{name: string, file: File}[]>}
+ */
+async function listEntry(entry) {
+  if (entry instanceof FileSystemFileEntry || entry.isFile) {
+    const file = await new Promise((resolve, reject) => /** @type {FileSystemFileEntry} */ (entry).file(resolve, reject));
+    return [{ name: entry.fullPath.slice(1), file }];
+  }
+  const reader = /** @type {FileSystemDirectoryEntry} */ (entry).createReader();
+  /** @type {FileSystemEntry[]} */
+  const entries = [];
+  for (;;) {
+    const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject)); // up to 100 at a time
+    if (some.length === 0) break;
+    entries.push(...some);
+  }
+  return (await Promise.all(entries.map(listEntry))).flat();
+}
+
+/** @param {HTMLInputElement} field Of files. */
+export function listChosen(field) {
+  return [...(field.files ?? [])].map((file) => ({ name: file.webkitRelativePath || file.name, file }));
+}
+
+/**
+ * The form of a job.
+ * @param {Input} input
+ * @param {Record<string, string | Blob>} fields
+ */
+export function makeForm(input, fields) {
+  const form = new FormData();
+  if (input.scene) form.append("scene", input.scene);
+  else if (input.file) form.append("file", input.file);
+  for (const [name, value] of Object.entries(fields)) if (value) form.append(name, value);
+  return form;
+}
+
+/**
+ * What an input is.
+ * @param {Input} input
+ * @returns {Promise<Description>}
+ */
+export async function describe(input) {
+  if (input.scene) return { kind: "scene", notes: [], settings: {} };
+  const name = input.file?.name ?? "";
+  const kind = MESHES.test(name) ? "mesh" : PICTURES.test(name) ? "eia" : name.endsWith(".zip") ? "views" : "";
+  return { kind, notes: [], settings: {} };
+}

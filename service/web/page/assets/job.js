@@ -1,0 +1,140 @@
+// @ts-check
+/** A job on the page: its progress with the time left, cancelling, what failed, and what was done in how much time. */
+import { Job, Problem } from "./client.js";
+import { find, make } from "./dom.js";
+import { SENTENCES, STAGES, TEXTS } from "./texts.js";
+
+/** @import { Status } from "./client.js" */
+
+const panel = find("job", HTMLElement);
+const bar = find("progress", HTMLProgressElement);
+const text = find("progress-text", HTMLElement);
+const problem = find("problem", HTMLElement);
+const details = find("details", HTMLDetailsElement);
+
+let current = new AbortController();
+/** The job at work. @type {Job | null} */
+let job = null;
+
+find("cancel", HTMLButtonElement).addEventListener("click", () => {
+  stop();
+  say(TEXTS.cancelled);
+});
+
+/** Ends the job at work, here and on the server. */
+export function stop() {
+  current.abort();
+  job?.cancel().catch(() => {}); // it may have ended
+  job = null;
+  panel.hidden = true;
+}
+
+/** Forgets the last job, before something else is opened. */
+export function clear() {
+  stop();
+  hideProblem();
+  details.hidden = true;
+}
+
+/** @param {string} message For all to read, and for screen readers. */
+export function say(message) {
+  find("status", HTMLElement).textContent = message;
+}
+
+/**
+ * Runs a job in place of the one at work.
+ * @param {string} kind Such as `reconstructions`.
+ * @param {FormData} form
+ * @param {string} name Of what it makes.
+ * @returns {Promise<{job: Job, response: Response}>} Rejects with an `AbortError` where another one took its place.
+ */
+export async function run(kind, form, name) {
+  stop();
+  hideProblem();
+  const { signal } = (current = new AbortController());
+  panel.hidden = false;
+  say(name);
+  const started = performance.now();
+  const report = (/** @type {Status | null} */ status) => showProgress(status, started);
+  report(null);
+  try {
+    const mine = await Job.post(kind, form, signal);
+    job = mine;
+    const response = await mine.follow(report, signal);
+    showDetails(mine.status);
+    say(SENTENCES.done(SENTENCES.time(performance.now() - started)));
+    return { job: mine, response };
+  } finally {
+    if (!signal.aborted) {
+      job = null;
+      panel.hidden = true;
+    }
+  }
+}
+
+/**
+ * @param {Status | null} status null while the file is sent.
+ * @param {number} started Milliseconds.
+ */
+function showProgress(status, started) {
+  const { stage, views_done: done, views } = status?.progress ?? { stage: "", views_done: 0, views: 0 };
+  if (views > 1) bar.max = views;
+  if (views > 1) bar.value = done;
+  else bar.removeAttribute("value");
+  const left = done ? ((performance.now() - started) * (views - done)) / done / 1000 : 0;
+  const parts = [status?.state === "queued" ? TEXTS.queued : (STAGES[stage] ?? TEXTS.reading)];
+  if (views > 1) parts.push(SENTENCES.views(done, views));
+  if (left) parts.push(SENTENCES.left(left));
+  text.textContent = parts.join(", ");
+}
+
+/**
+ * Shows what failed, and what helps.
+ * @param {unknown} error
+ * @param {string} name Of what is open.
+ * @param {() => void} retry
+ */
+export function showProblem(error, name, retry) {
+  if (error instanceof DOMException && error.name === "AbortError") return;
+  const message = error instanceof Error ? error.message : String(error);
+  const { status, detail } = error instanceof Problem ? error : { status: -1, detail: "" };
+  say("");
+  find("problem-text", HTMLElement).textContent = message;
+  find("problem-detail", HTMLElement).textContent = detail.replace(/\bupload(\.\w+)?/, () => name);
+  find("key-form", HTMLFormElement).hidden = status !== 401;
+  const again = find("retry", HTMLButtonElement);
+  again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
+  again.onclick = () => {
+    hideProblem();
+    retry();
+  };
+  problem.hidden = false;
+  const field = document.querySelector(`#settings [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`);
+  if (field) field.setAttribute("aria-invalid", "true");
+}
+
+/** Hides what failed. */
+export function hideProblem() {
+  problem.hidden = true;
+  for (const field of document.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
+}
+
+/** @param {Status} status */
+function showDetails(status) {
+  const { timings_ms: timings = {}, plan, notes = [] } = status.report ?? {};
+  const shown = Object.entries(timings).filter(([stage]) => stage in STAGES);
+  const stages = shown.map(([stage, time]) => {
+    const share = make("i", "", { class: `stage-${stage}` });
+    share.style.flexGrow = String(time);
+    return share;
+  });
+  find("stages", HTMLElement).replaceChildren(...stages);
+  find("times", HTMLElement).replaceChildren(
+    ...shown.map(([stage, time]) =>
+      make("li", [make("i", "", { class: `stage-${stage}` }), make("span", `${STAGES[stage]} ${SENTENCES.time(Number(time))}`)]),
+    ),
+  );
+  const remarks = [...notes, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  find("remarks", HTMLElement).replaceChildren(...remarks);
+  details.hidden = false;
+}

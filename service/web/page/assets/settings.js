@@ -1,0 +1,98 @@
+// @ts-check
+/** The form of settings: options of the API by their names, but for three angles that are one, `rotate`. */
+import { request } from "./client.js";
+import { find, make } from "./dom.js";
+import { TEXTS } from "./texts.js";
+
+const form = find("settings", HTMLFormElement);
+/** Scales of the networks. @type {Map<string, number[]>} */
+const scales = new Map([["auto", [2]]]);
+
+/** The fields that count for the input that is open. */
+function listFields() {
+  const all = /** @type {NodeListOf<HTMLInputElement | HTMLSelectElement>} */ (form.querySelectorAll("[name]"));
+  return [...all].filter((field) => field.closest("[hidden]") === null);
+}
+
+/** @param {HTMLInputElement | HTMLSelectElement} field */
+function isDefault(field) {
+  return field instanceof HTMLInputElement && field.value.trim() === field.defaultValue;
+}
+
+/** The settings that differ from the defaults. @returns {Record<string, string>} */
+export function readSettings() {
+  const fields = listFields();
+  const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, field.value.trim()]);
+  const { yaw = "0", tilt = "0", roll = "0", ...settings } = Object.fromEntries(changed);
+  const rotate = [yaw, tilt, roll].join(",");
+  return rotate === "0,0,0" ? settings : { ...settings, rotate };
+}
+
+/**
+ * Fills the form in.
+ * @param {Record<string, string>} settings What it lacks becomes the default.
+ */
+export function writeSettings(settings) {
+  form.reset();
+  const [yaw, tilt, roll] = (settings.rotate ?? "0,0,0").split(",");
+  if (settings.model && !scales.has(settings.model)) offerModel(settings.model, [Number(settings.scale) || 2]);
+  for (const [name, value] of Object.entries({ ...settings, yaw, tilt, roll })) {
+    const field = form.elements.namedItem(name);
+    if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
+    if (name === "model") offerScales();
+  }
+  showValues();
+}
+
+/** Shows the fields for what is open. @param {string} kind Of the input. */
+export function fitSettings(kind) {
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-for]"))) {
+    part.hidden = !part.dataset.for?.split(" ").includes(kind);
+  }
+}
+
+/**
+ * @param {string} name
+ * @param {number[]} sizes
+ */
+function offerModel(name, sizes) {
+  if (!scales.has(name)) form.model.append(make("option", name));
+  scales.set(name, sizes);
+}
+
+/** Offers the scales of the chosen network. */
+function offerScales() {
+  const sizes = scales.get(form.model.value) ?? [2];
+  const chosen = form.scale.value;
+  form.scale.replaceChildren(...sizes.map((size) => make("option", String(size))));
+  if (sizes.includes(Number(chosen))) form.scale.value = chosen;
+}
+
+/** Writes the values of sliders beside them. */
+function showValues() {
+  for (const field of /** @type {NodeListOf<HTMLInputElement>} */ (form.querySelectorAll("[type=range]"))) {
+    const shown = field.parentElement?.querySelector(".value");
+    if (shown) shown.textContent = field.value + ("angle" in field.dataset ? "°" : "");
+  }
+}
+
+/** Offers the networks of the server. */
+export async function offerModels() {
+  for (const { name, scales: sizes } of await (await request("/v1/models")).json()) offerModel(name, sizes);
+  offerScales();
+}
+
+/**
+ * Begins to listen.
+ * @param {() => void} changed Called where a setting has changed.
+ */
+export function watchSettings(changed) {
+  form.model.append(make("option", TEXTS.auto, { value: "auto" }));
+  offerScales();
+  form.addEventListener("input", showValues);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("change", (event) => {
+    if (event.target === form.model) offerScales();
+    changed();
+  });
+}

@@ -1,0 +1,38 @@
+import pytest
+
+from tests.support.browser import open_browser
+from tests.support.servers import run_server
+
+WAIT_MILLISECONDS = 15_000
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with run_server(tmp_path_factory.mktemp("page") / "log", CIIR_WORKERS="1") as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser, server):
+    """The page; nothing may fail, and no other host may be asked.
+
+    `page.expected` are parts of the console's errors that a test expects: a browser reports each refusal there.
+    """
+    context = browser.new_context(accept_downloads=True)
+    page, problems = context.new_page(), []
+    page.set_default_timeout(WAIT_MILLISECONDS)
+    page.expected = []
+    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    own = (server.url, "blob:")
+    page.on("request", lambda sent: None if sent.url.startswith(own) else problems.append(sent.url))
+    page.goto(server.url)
+    yield page
+    context.close()
+    assert [problem for problem in problems if not any(part in problem for part in page.expected)] == []
