@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.displays.quilt import MAX_ASPECT
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import read_file
 
@@ -23,6 +23,13 @@ TEXT_FILES = ("calibration", "display")
 """Options whose value is the text of a file."""
 MOST_TEXT = 1 << 16
 """Most bytes of it."""
+RANGES: dict[str, tuple[float, float]] = {
+    "aspect": (1 / MAX_ASPECT, MAX_ASPECT),
+    "disparity": (-1000, 1000),
+    "frames": (1, 3600),
+    "fps": (1, 240),
+}
+"""The least and the largest value of each number in `WriterOptions`."""
 PathName = Literal["circle", "sweep", "spiral"]
 """Paths of a camera among the views."""
 
@@ -62,7 +69,8 @@ class WriterOptions:
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
         """Options by name; `calibration` and `display` are paths. The output's path gives those of `OF_FILE`.
 
-        Raises `InvalidOption` for a name that is not known, and `Unreadable` for a file that can't be read.
+        Raises `InvalidOption` for a name that is not known or a value out of range, and `Unreadable` for a file that
+        can't be read.
         """
         known = [field.name for field in fields(cls) if field.name not in OF_FILE]
         unknown = sorted(given.keys() - set(known))
@@ -70,14 +78,13 @@ class WriterOptions:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
         files = {name: read_text(Path(given[name])) for name in TEXT_FILES if given.get(name)}
         for name, value in given.items():
-            default = getattr(cls, name)
-            is_number = not isinstance(default, str)
-            if name not in files and not isinstance(value, (int, float) if is_number else str):
-                raise InvalidOption(
-                    f"{name}: {str(value)[:40]!r} is not taken; give a {'number' if is_number else 'text'}"
-                )
-            if is_number and not math.isfinite(value):
-                raise InvalidOption(f"{name}: {value} is not taken; give a finite number")
+            is_number, is_whole = name in RANGES, isinstance(getattr(cls, name), int)
+            if name not in files and not isinstance(value, int if is_whole else (int, float) if is_number else str):
+                needed = "whole number" if is_whole else "number" if is_number else "text"
+                raise InvalidOption(f"{name}: {str(value)[:40]!r} is not taken; give a {needed}")
+            least, most = RANGES.get(name, (0, 0))
+            if is_number and not least <= value <= most:
+                raise InvalidOption(f"{name}: {str(value)[:40]} is out of range; give {least:g} to {most:g}")
         return cls(**{**given, **files})
 
 

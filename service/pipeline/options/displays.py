@@ -8,8 +8,8 @@ from typing import get_args
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.devices import DEFAULT, DEVICES
 from ciir.renderer.displays.panel import Conversion
-from ciir.renderer.displays.quilt import MAX_ASPECT, parse_grid
-from ciir.renderer.writers.options import MOST_TEXT
+from ciir.renderer.displays.quilt import parse_grid
+from ciir.renderer.writers.options import MOST_TEXT, RANGES
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import LABEL, ValueType, make_name, make_number
 
@@ -43,7 +43,7 @@ DISPLAYS = {
     "aspect": Option(
         "NUMBER",
         "quilt: width / height of a view as the display shows it, in place of the device's",
-        make_number(1 / MAX_ASPECT, MAX_ASPECT),
+        make_number(*RANGES["aspect"]),
         "0.75",
     ),
     "calibration": Option(
@@ -67,7 +67,7 @@ DISPLAYS = {
     "disparity": Option(
         "PIXELS",
         "of a light field: the disparity of what is to lie in the display's plane (default 0)",
-        make_number(-1000, 1000),
+        make_number(*RANGES["disparity"]),
         "0.5",
     ),
 }

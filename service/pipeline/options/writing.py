@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import get_args
 
-from ciir.renderer.writers.options import EpiLine, PathName, WriterOptions
+from ciir.renderer.writers.options import RANGES, EpiLine, PathName, WriterOptions
 from ciir.service.pipeline.options.displays import DisplayOptions
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import ValueType, make_integer, make_name, make_number
@@ -30,11 +30,11 @@ WRITING = {
         make_name(get_args(PathName)),
         "sweep",
     ),
-    "frames": Option("N", "frames of a video, 1 to 3600 (default 60)", make_integer(1, 3600), "3"),
+    "frames": Option("N", "frames of a video, 1 to 3600 (default 60)", make_integer(*map(int, RANGES["frames"])), "3"),
     "fps": Option(
         "RATE",
         "frames per second of a video, 1 to 240 (default 30; with several times: as they pass)",
-        make_number(1, 240),
+        make_number(*RANGES["fps"]),
         "25",
     ),
     "epi": Option(

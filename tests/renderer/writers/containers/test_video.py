@@ -101,6 +101,25 @@ def test_what_is_refused_before_any_view_is_made(name, options, contents, messag
         writer.begin(given)
 
 
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frames": 0}, "frames: 0 is out of range; give 1 to 3600"),
+        ({"frames": 2.5}, "frames: '2.5' is not taken; give a whole number"),
+        ({"fps": -5}, "fps: -5 is out of range; give 1 to 240"),
+        ({"fps": 0}, "fps: 0 is out of range"),
+        ({"fps": 1e9}, "fps: 1000000000.0 is out of range"),
+    ],
+)
+def test_numbers_out_of_range_leave_the_earlier_file(tmp_path, name, options, message):
+    path = tmp_path / f"a{FORMATS[name]}"
+    path.write_bytes(b"earlier")
+    with pytest.raises(InvalidOption, match=message):
+        make_field().save(path, name, **options)
+    assert path.read_bytes() == b"earlier"
+
+
 @pytest.mark.parametrize(
     ("times", "rate"),
     [
