@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ciir.renderer.readers.pictures import decode
+from ciir.service.web.page.routes import FILES, MEDIA_TYPES, POLICY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import numpy as np
     from numpy.typing import NDArray
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, BrowserContext, Page, Route
 
 CHROMIUM = shutil.which("chromium")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+HOST = "https://page.test"
+EMPTY = '<!doctype html><title>page</title><link rel="stylesheet" href="/assets/viewer/viewer.css"><main></main>'
 SOFTWARE_WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
@@ -39,3 +42,30 @@ def read_canvas(page: Page) -> NDArray[np.uint8]:
     address = page.evaluate("document.querySelector('canvas').toDataURL('image/png')")
     picture: NDArray[np.uint8] = decode(b64decode(address.split(",")[1]), name="canvas")[..., :3]
     return picture
+
+
+def open_page(
+    context: BrowserContext, address: str = "", content: str = EMPTY, answers: dict[str, bytes] | None = None
+) -> tuple[Page, list[str]]:
+    """A page under the policy of ours, and a list of the errors in it; `answers`: of the server, by path."""
+
+    def respond(route: Route) -> None:
+        path = route.request.url.removeprefix(HOST).partition("?")[0]
+        name = path.removeprefix("/assets/")
+        if path == "/":
+            headers = {"Content-Security-Policy": POLICY, "Content-Type": "text/html"}
+            route.fulfill(body=content, headers=headers)
+        elif name in FILES:
+            route.fulfill(body=FILES[name].read_bytes(), content_type=MEDIA_TYPES[FILES[name].suffix])
+        elif path in (answers or {}):
+            route.fulfill(body=(answers or {})[path])
+        else:
+            route.fulfill(status=404)
+
+    problems: list[str] = []
+    page = context.new_page()
+    page.route("**/*", respond)
+    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(f"{HOST}/#{address}")
+    return page, problems

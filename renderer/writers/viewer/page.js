@@ -78,7 +78,6 @@ export class Stage {
     this.isQueued = true;
     this.canvas.ariaBusy = "true";
     clearTimeout(this.settled);
-    this.settled = setTimeout(this.#settle, REST);
   };
 
   /**
@@ -126,9 +125,12 @@ export class Stage {
     this.viewer.close();
   }
 
-  #draw = () => {
+  #draw = (/** @type {number} */ time) => {
     this.isQueued = false;
-    if (!this.stopped.signal.aborted) this.viewer.draw(true);
+    if (this.stopped.signal.aborted) return;
+    this.viewer.draw(true);
+    requestAnimationFrame((next) => this.viewer.adapt(next - time));
+    this.settled = setTimeout(this.#settle, REST);
   };
 
   #settle = () => {

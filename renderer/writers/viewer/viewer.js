@@ -38,36 +38,22 @@ void main() {
   gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
 }`;
 
+const MOST_TAPS = 1024; // vectors that a uniform block holds everywhere
 const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2DArray;
 uniform sampler2DArray views;
-uniform sampler2DArray coarse;
-uniform ivec2 fine;       // first and last row of views that are loaded
-uniform ivec2 grid;       // columns and rows of views
-uniform vec2 viewpoint;   // u, v
-uniform vec2 disparity;   // by which a view's picture moves to the left and up from one view to the next, as a share of its size
-uniform float aperture;   // radius, in views
-uniform int stride;       // of the views that are added up
+uniform int count;
+layout(std140) uniform Taps { vec4 taps[${MOST_TAPS}]; };  // of each view: what its picture is shifted by, its layer, its weight
 in vec2 place;
 out vec4 color;
 void main() {
-  ivec2 first = max(ivec2(ceil(viewpoint - aperture - 1.0)), 0);
-  ivec2 last = min(ivec2(floor(viewpoint + aperture + 1.0)), grid - 1);
-  vec4 sum = vec4(0.0);
-  for (int v = first.y; v <= last.y; v += stride) {
-    for (int u = first.x; u <= last.x; u += stride) {
-      vec2 away = vec2(u, v) - viewpoint;
-      float weight = clamp(float(stride) + aperture - length(away), 0.0, 1.0);
-      if (weight > 0.0) {
-        vec3 at = vec3(place - disparity * away, float(v * grid.x + u));
-        vec3 sampled = v >= fine.x && v <= fine.y ? textureLod(views, at, 0.0).rgb : textureLod(coarse, at, 0.0).rgb;
-        sum += weight * vec4(sampled, 1.0);
-      }
-    }
-  }
-  color = vec4(sum.rgb / max(sum.a, 1e-6), 1.0);
+  vec3 sum = vec3(0.0);
+  for (int i = 0; i < count; i++) sum += taps[i].w * textureLod(views, vec3(place - taps[i].xy, taps[i].z), 0.0).rgb;
+  color = vec4(sum, 1.0);
 }`;
+const SLOW = 20; // milliseconds of a frame, above which less is drawn while something moves
+const FEW = 4; // views that are always added up
 
 /** Shows a light field on a canvas. Load the views with `setView` or `setTile`; set `viewpoint`, `disparity` and `aperture`; call `draw`. */
 export class LightFieldViewer {
@@ -77,7 +63,7 @@ export class LightFieldViewer {
    * @throws {Error} Without WebGL 2, or where the graphics processor holds fewer views.
    */
   constructor(canvas, lightField) {
-    const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error(VIEWER_TEXTS.noWebgl);
     const most = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
     const { rows, cols, width, height } = lightField;
@@ -91,15 +77,13 @@ export class LightFieldViewer {
     this.disparity = 0;
     /** Radius of the views that are added up, in views. */
     this.aperture = 0;
+    /** Views that are added up while something moves; below FEW the picture has half the pixels along a side. */
+    this.most = 64;
     this.meter = new DisparityMeter(lightField);
     /** The first and the last row of views that are loaded; coarse views stand for the others. */
     this.fine = [0, rows - 1];
-    canvas.width = width;
-    canvas.height = height;
     this.uniforms = this.#compile();
     this.texture = this.#allocate(gl.TEXTURE0, width, height);
-    gl.activeTexture(gl.TEXTURE1); // a sampler must have a texture, also where there are no coarse views
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.texture);
   }
 
   /**
@@ -116,6 +100,7 @@ export class LightFieldViewer {
         const view = await createImageBitmap(mosaic, u * tile.cell_width, v * tile.cell_height, tile.width, tile.height);
         this.setView((tile.row + v) * lightField.cols + u, view, isCoarse ? gl.TEXTURE1 : gl.TEXTURE0);
         view.close();
+        await new Promise((done) => setTimeout(done)); // so that the page answers in between
       }
     }
     const [first, last] = this.fine;
@@ -162,19 +147,49 @@ export class LightFieldViewer {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  /** Draws the picture. @param {boolean} [isQuick] With a large aperture, whether some views are left out. */
+  /** Draws the picture. @param {boolean} [isQuick] Whether views and pixels are left out where frames take long. */
   draw(isQuick = false) {
-    const { gl, uniforms, lightField } = this;
-    const most = Math.ceil((2 * this.aperture + 1) / 7);
+    const { gl, lightField } = this;
+    const most = isQuick ? Math.max(FEW, this.most) : MOST_TAPS;
+    let taps = this.#findTaps(1);
+    for (let stride = 2; taps.length > 4 * most && stride <= lightField.rows + lightField.cols; stride++) {
+      taps = this.#findTaps(stride);
+    }
+    const detail = isQuick && this.most < FEW ? 0.5 : 1;
+    const width = Math.ceil(lightField.width * detail), height = Math.ceil(lightField.height * detail);
+    if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
+    const rows = taps.filter((_, i) => i % 4 === 2).map((layer) => Math.floor(layer / lightField.cols));
+    const isFine = Math.min(...rows) >= this.fine[0] && Math.max(...rows) <= this.fine[1];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.uniform2i(uniforms.grid, lightField.cols, lightField.rows);
-    gl.uniform2i(uniforms.fine, this.fine[0], this.fine[1]);
-    gl.uniform1i(uniforms.coarse, 1);
-    gl.uniform2f(uniforms.viewpoint, this.viewpoint[1], this.viewpoint[0]);
-    gl.uniform2f(uniforms.disparity, this.disparity / lightField.width, this.disparity / lightField.height);
-    gl.uniform1f(uniforms.aperture, this.aperture);
-    gl.uniform1i(uniforms.stride, isQuick ? most : 1);
+    gl.uniform1i(this.uniforms.views, isFine ? 0 : 1);
+    gl.uniform1i(this.uniforms.count, taps.length / 4);
+    gl.bufferSubData(gl.UNIFORM_BUFFER, 0, new Float32Array(taps));
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  /** Fits the work of a quick picture to the time that the last one took. @param {number} milliseconds */
+  adapt(milliseconds) {
+    this.most = milliseconds > SLOW ? Math.max(1, this.most * 0.7) : Math.min(MOST_TAPS, this.most * 1.02);
+  }
+
+  /**
+   * The views around the viewpoint, four numbers each, as the shader has them.
+   * @param {number} stride Of the views that are taken.
+   */
+  #findTaps(stride) {
+    const { rows, cols, width, height } = this.lightField;
+    const [v, u] = this.viewpoint;
+    const reach = this.aperture + stride;
+    const taps = [];
+    for (let row = Math.max(0, Math.ceil(v - reach)); row <= Math.min(rows - 1, v + reach); row += stride) {
+      for (let col = Math.max(0, Math.ceil(u - reach)); col <= Math.min(cols - 1, u + reach); col += stride) {
+        const weight = clamp(reach - Math.hypot(row - v, col - u), 0, 1);
+        const shift = [(this.disparity * (col - u)) / width, (this.disparity * (row - v)) / height];
+        if (weight > 0) taps.push(...shift, row * cols + col, weight);
+      }
+    }
+    const sum = taps.reduce((total, value, i) => (i % 4 === 3 ? total + value : total), 0);
+    return taps.map((value, i) => (i % 4 === 3 ? value / sum : value));
   }
 
   /**
@@ -201,7 +216,9 @@ export class LightFieldViewer {
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) ?? "");
     gl.useProgram(program);
-    const names = ["grid", "coarse", "fine", "viewpoint", "disparity", "aperture", "stride"];
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
+    gl.bufferData(gl.UNIFORM_BUFFER, 16 * MOST_TAPS, gl.DYNAMIC_DRAW);
+    const names = ["views", "count"];
     return Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
   }
 

@@ -9,9 +9,8 @@ import pytest
 
 from ciir.renderer.light_field import LightField
 from ciir.service.web.page.routes import FILES
-from tests.support.browser import needs_browser, open_browser, read_canvas
+from tests.support.browser import needs_browser, open_browser, open_page, read_canvas
 from tests.support.light_fields import make_views
-from tests.support.pages import open_page
 
 pytestmark = needs_browser
 
