@@ -142,8 +142,9 @@ class LightField:
     def save(self, path: str | PathLike[str], /, format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
         """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.
 
-        A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, and a name without a suffix a folder of views.
-        `options` are those of `renderer.writers.options.WriterOptions`.
+        A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, but for a display where the options or a
+        quilt's name (`NAME_qs8x6a0.75.png`) ask for that; a name without a suffix is a folder of views. `options` are
+        those of `renderer.writers.options.WriterOptions`.
 
         Returns notes: what the format doesn't hold, or holds in another way. Raises `InvalidOption` where `path` can't
         be written or the format can't hold the light field.

@@ -12,7 +12,8 @@ from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.pictures import USES
+from ciir.renderer.displays.pictures import USES, find_kind
+from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
 from ciir.renderer.writers.html import HtmlWriter
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import PurePath
 
+    from ciir.renderer.displays.pictures import Kind
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Contents
@@ -109,8 +111,8 @@ def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> N
 
 STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
 """The suffixes of pictures without motion: of a whole light field, WebP is an animation."""
-EXACT = (".png", ".tif", ".tiff")
-"""The suffixes of those that keep every subpixel."""
+EXACT = tuple(suffix for suffix in pictures.SUFFIXES if suffix not in (".jpg", ".jpeg"))
+"""The suffixes of pictures that keep every subpixel, as lenses tell them apart."""
 VIDEO = ("path", "frames", "fps")
 """What a format of videos uses of `WriterOptions`."""
 BINARY = "application/octet-stream"
@@ -131,9 +133,6 @@ FORMATS = {
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
         _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
         _container("epi", STILL, "image/png", "pictures:EpiWriter", ("epi",)),
-        _container("quilt", STILL, "image/png", "displays:QuiltWriter", USES["quilt"]),
-        _container("lenticular", EXACT, "image/png", "displays:LenticularWriter", USES["lenticular"]),
-        _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
         _container("tiles", (".zip",), "application/zip", "tiles:TilesWriter"),
         _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
         _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
@@ -143,6 +142,9 @@ FORMATS = {
         _container("webm", (".webm",), "video/webm", "video:WebmWriter", VIDEO),
         _container("gif", (".gif",), "image/gif", "video:GifWriter", VIDEO),
         _container("animated-webp", (".webp",), "image/webp", "video:WebpWriter", VIDEO),
+        _container("quilt", pictures.SUFFIXES, "image/png", "displays:QuiltWriter", USES["quilt"]),
+        _container("lenticular", EXACT, "image/png", "displays:LenticularWriter", USES["lenticular"]),
+        _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
     )
 }
 """By name. Where several have a suffix, the first one is its format."""
@@ -164,6 +166,14 @@ WHOLE = {name: entry for name, entry in FORMATS.items() if name not in {picture.
 """The formats that can hold a whole light field, by name."""
 WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())
 """The format of a whole light field that a name asks for: a picture is an elemental image array."""
+
+
+def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
+    """The kind of picture for a display that the options, or a quilt's name, ask for where no format is given."""
+    if options.display or options.calibration or options.device or options.quilt:
+        return find_kind(options)
+    is_named = path.suffix.lower() in FORMATS["quilt"].suffixes and parse_name(path.name) is not None
+    return "quilt" if is_named else None
 
 
 def check_format(name: str) -> None:

@@ -16,6 +16,7 @@ from ciir.renderer.writers.formats import (
     BY_SUFFIX_OF_TIMES,
     WHOLE_BY_SUFFIX,
     check_options,
+    find_display,
     find_whole_format,
 )
 from ciir.renderer.writers.options import WriterOptions
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 def save_light_field(
     light_field: LightField, path: Path, name: str | None = None, options: WriterOptions | None = None
 ) -> tuple[str, ...]:
-    """Writes a light field in the format `name`, by default the one that `path` asks for: a picture is an elemental
-    image array, and a name without a suffix a folder of views.
+    """Writes a light field in the format `name`, by default the one that `options` or `path` ask for: a picture is an
+    elemental image array, and a name without a suffix a folder of views.
 
     Returns notes: what the format doesn't hold, or holds in another way. Raises as `save_views` does.
     """
@@ -46,9 +47,15 @@ def save_light_field(
     positions = tuple(np.ndindex(rows, columns))
     array = {"rows": height, "cols": width, "pixels_v": rows, "pixels_u": columns, "depth_sense": sense}
     contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
+    options = options or WriterOptions()
+    name = name or find_display(path, options)
     formats = WHOLE_BY_SUFFIX if name is None else {path.suffix.lower(): find_whole_format(name, path)}
-    with _open(path, formats, options or WriterOptions()) as writer:
-        return _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents)
+    with _open(path, formats, options) as writer:
+        notes = _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents)
+    for suffix, data in writer.beside.items():
+        with _named_errors(path), replacing(path.with_name(path.name + suffix)) as file:
+            file.write(data)
+    return notes
 
 
 def save_views(

@@ -67,6 +67,9 @@ class Writer(ABC):
     Where the block ends without `finish`, no part of an output stays.
     """
 
+    beside: Mapping[str, bytes] = {}
+    """Files that go beside the output, by what their names add to its name; complete after `finish`."""
+
     @abstractmethod
     def begin(self, contents: Contents) -> None:
         """Prepares for `contents`, before any view is made.

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.pictures import USES, find_kind
+from ciir.renderer.displays.pictures import USES
 from ciir.renderer.displays.quilt import parse_name
+from ciir.renderer.writers import formats
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.pictures import encode
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.displays.pictures import make_picture
 
@@ -25,23 +26,19 @@ def find_display(args: argparse.Namespace, options: Options) -> Kind | None:
     """The kind of picture for a display that is asked for, None for another format."""
     if args.to is not None:
         return next((kind for kind in USES if kind == args.to), None)
-    if options.display or options.calibration or options.device or options.quilt:
-        return find_kind(options.make_writer_options())
-    is_named = Path(args.out).suffix.lower() in SUFFIXES and parse_name(Path(args.out).name) is not None
-    return "quilt" if is_named else None
+    return formats.find_display(Path(args.out), options.make_writer_options())
 
 
 def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> None:
     """Writes the picture, beside a quilt its layout, and prints a line about it."""
     path = Path(args.out)
-    if path.suffix.lower() not in SUFFIXES:
+    suffixes = formats.FORMATS[kind].suffixes
+    if path.suffix.lower() not in suffixes:
         given = [f"--{name}" for name in USES[kind] if hasattr(args, f"option_{name}")]
         other = f", or leave {', '.join(given)} out" if args.to is None else ""
         raise InvalidOption(
-            f"{args.out}: a {kind} is written as a picture; end the name with one of {', '.join(SUFFIXES)}{other}"
+            f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"
         )
-    if kind != "quilt" and path.suffix.lower() in (".jpg", ".jpeg"):
-        raise InvalidOption(f"{args.out}: JPEG mixes the subpixels that lenses tell apart; end the name with .png")
     output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
     common.check_report(args.report, path)
     source = common.open_input(args, options)

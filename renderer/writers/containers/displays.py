@@ -31,9 +31,11 @@ class QuiltWriter(WholeWriter):
         picture = show_light_field(light_field, self._target, self.options)
         self.file.write(encode(picture.pixels, self.options.suffix or SUFFIXES[0]))
         notes = [*(() if isinstance(self._target, IntegralDisplay) else self._target.notes), *picture.notes]
-        if picture.layout is not None and parse_name(self.options.name) is None:
-            name = f"NAME{picture.layout.suffix}{SUFFIXES[0]}"
-            notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
+        if picture.layout is not None:
+            self.beside = {".json": picture.layout.to_json().encode()}
+            if parse_name(self.options.name) is None:
+                name = f"NAME{picture.layout.suffix}{SUFFIXES[0]}"
+                notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
         return notes
 
 

@@ -9,7 +9,10 @@ from ciir.renderer.displays.lenticular import interlace
 from ciir.renderer.displays.panel import resample_panel
 from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX
 from tests.support.displays import CALIBRATION, make_calibration
 from tests.support.light_fields import make_views
 
@@ -61,6 +64,26 @@ def test_the_name_of_a_quilt_may_hold_its_layout(tmp_path):
     assert np.array_equal(split_quilt(quilt, QuiltLayout(12, 4, 1.0), name="a"), FIELD.views[1])
     with pytest.raises(InvalidOption, match="name says qs12x4a1 and the options say qs11x6a"):
         FIELD.save(tmp_path / "a_qs12x4a1.png", "quilt", device="go")
+
+
+def test_a_quilts_name_or_a_displays_options_name_the_format(tmp_path):
+    FIELD.save(tmp_path / "a_qs12x4a1.png")
+    FIELD.save(tmp_path / "b_qs12x4a1.png", "quilt")
+    assert np.array_equal(read(tmp_path / "a_qs12x4a1.png"), read(tmp_path / "b_qs12x4a1.png"))
+    (tmp_path / "p.toml").write_text(PANEL)
+    FIELD.save(tmp_path / "p.png", display=tmp_path / "p.toml")
+    assert read(tmp_path / "p.png").shape == (40, 60, 3)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".webp"])
+def test_a_quilt_is_read_back_by_the_layout_beside_it(tmp_path, suffix):
+    FIELD.save(tmp_path / f"a{suffix}", "quilt", quilt="16x3")
+    found = inputs.read(Bundle.from_path(tmp_path / f"a{suffix}"))
+    assert np.array_equal(found.views, FIELD.views[1:2])
+
+
+def test_webp_of_a_whole_light_field_is_an_animation():
+    assert WHOLE_BY_SUFFIX[".webp"].name == "animated-webp"
 
 
 def test_a_calibration_makes_a_native_picture(tmp_path):
@@ -124,5 +147,5 @@ def test_mistakes_are_refused_before_any_work(folder, name, options, error, mess
 
 @pytest.mark.parametrize("name", ["lenticular", "panel"])
 def test_subpixels_are_not_written_as_jpeg(tmp_path, name):
-    with pytest.raises(InvalidOption, match=f"{name} is written as .png or .tif or .tiff"):
+    with pytest.raises(InvalidOption, match=f"{name} is written as .png or .tif or .tiff or .webp"):
         FIELD.save(tmp_path / "a.jpg", name)
