@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,7 @@ class WholeWriter(Writer):
     """Whether it can also hold one view at several times."""
     sense: DepthSense | None = None
     """That the format has; None for one that states it, or that holds pictures of another kind."""
+    holds_alpha = True
 
     def __init__(self, file: IO[bytes], options: WriterOptions) -> None:
         self.file, self.options = file, options
@@ -76,12 +78,21 @@ class WholeWriter(Writer):
         return file_name(view)
 
     def _encode(self, light_field: LightField) -> list[str]:
-        """Writes the light field, with its views reversed where the format has the other depth sense."""
-        if self.sense in (None, light_field.depth_sense):
-            return self.encode(light_field)
-        what = "cameras" if self.sense == "cameras" else "pixels under lenses"
-        note = REVERSED.format(name=self.name, what=what)
-        return [note, *self.encode(light_field.with_depth_sense(self.sense))]
+        """Writes the light field as the format holds it: with its depth sense, and without alpha where it has none.
+
+        Raises `InvalidOption` where that alpha is not opaque, which only the pixels show.
+        """
+        notes = []
+        if not self.holds_alpha and light_field.views.shape[4] in (2, 4):
+            if light_field.is_transparent():
+                raise InvalidOption(f"format: {self.name} holds no alpha; give views without it, or format npz")
+            light_field = replace(light_field, views=light_field.views[..., :-1])
+            notes.append(f"{self.name} holds no alpha: it is left out, and was opaque everywhere")
+        if self.sense not in (None, light_field.depth_sense):
+            what = "cameras" if self.sense == "cameras" else "pixels under lenses"
+            notes.append(REVERSED.format(name=self.name, what=what))
+            light_field = light_field.with_depth_sense(self.sense)
+        return [*notes, *self.encode(light_field)]
 
     def finish(self, report: dict[str, Any]) -> None:
         """Adds notes to the report."""

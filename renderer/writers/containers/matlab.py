@@ -32,11 +32,7 @@ class CameraWriter(WholeWriter):
     """Writes an array of a light field whose depth sense is that of cameras."""
 
     sense = "cameras"
-
-    def check(self, contents: Contents) -> None:
-        """Refuses alpha."""
-        if contents.channels in (2, 4):
-            raise InvalidOption(f"format: {self.name} holds no alpha; give views without it, or format npz")
+    holds_alpha = False
 
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the views."""
@@ -54,8 +50,7 @@ class MatWriter(CameraWriter):
     name = "mat"
 
     def check(self, contents: Contents) -> None:
-        """Refuses what doesn't fit into the format's 32-bit sizes, too."""
-        super().check(contents)
+        """Refuses what doesn't fit into the format's 32-bit sizes."""
         size = len(contents.views) * contents.height * contents.width * contents.channels * contents.dtype.itemsize
         if size >= 2**31:
             raise InvalidOption(f"format: mat holds less than 2 GiB and the views have {size:,} bytes; give mat73")

@@ -70,14 +70,16 @@ class EslfWriter(PictureWriter):
 
     name = "eslf"
     sense = "cameras"
+    holds_alpha = False
+    """It would be taken for a weight."""
 
     def check(self, contents: Contents) -> None:
-        """Refuses alpha, which would be taken for a weight, and more views than a lens has pixels."""
+        """Refuses more views than a lens has pixels."""
         super().check(contents)
-        if contents.channels in (2, 4) or max(contents.grid) > ESLF_PIXELS:
+        if max(contents.grid) > ESLF_PIXELS:
             raise InvalidOption(
-                f"format: eslf holds up to {ESLF_PIXELS}x{ESLF_PIXELS} views without alpha, not "
-                f"{contents.grid[0]}x{contents.grid[1]} of {contents.channels} channels; give format eia"
+                f"format: eslf holds up to {ESLF_PIXELS}x{ESLF_PIXELS} views, not {contents.grid[0]}x"
+                f"{contents.grid[1]}; give format eia"
             )
 
     def draw(self, light_field: LightField) -> Pixels:

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FORMATS, FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
@@ -63,3 +66,19 @@ def test_views_come_in_any_order(name):
         files.append(file.getvalue())
     assert files[0] == files[1]
     assert files[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "path"), [("mat", "a.mat"), ("mat73", "a.mat"), ("hci", "a.h5"), ("eslf", "a_eslf.png")]
+)
+@pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint16), (4, np.uint8)])
+def test_only_opaque_alpha_is_left_out_where_the_format_holds_none(tmp_path, name, path, channels, dtype):
+    views = np.random.default_rng(0).integers(0, 255, (3, 3, 8, 8, channels), dtype)
+    views[..., -1] = np.iinfo(dtype).max
+    notes = LightField(views, depth_sense="cameras").save(tmp_path / path, name)
+    assert notes[0] == f"{name} holds no alpha: it is left out, and was opaque everywhere"
+    found = inputs.read(Bundle.from_path(tmp_path / path))
+    np.testing.assert_array_equal(found.views, views[..., :-1])
+    views[0, 0, 0, 0, -1] -= 1
+    with pytest.raises(InvalidOption, match=f"{name} holds no alpha; give views without it"):
+        LightField(views).save(tmp_path / path, name)

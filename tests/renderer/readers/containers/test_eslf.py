@@ -107,5 +107,5 @@ def test_our_own_is_exact(tmp_path, sense):
 
 
 def test_what_eslf_cannot_hold():
-    with pytest.raises(InvalidOption, match="up to 14x14 views without alpha, not 15x2 of 3 channels; give format eia"):
+    with pytest.raises(InvalidOption, match="up to 14x14 views, not 15x2; give format eia"):
         LightField(np.zeros((15, 2, 4, 4, 3), np.uint8)).save("a.png", "eslf")

@@ -74,13 +74,6 @@ def test_reading_gives_the_same_light_field(tmp_path, name, suffix, sense, chann
     np.testing.assert_array_equal(found.with_depth_sense(sense).views, field.views)
 
 
-@pytest.mark.parametrize("name", ["mat", "mat73", "hci"])
-def test_alpha_is_refused(name):
-    contents = Contents(((0, 0),), (1, 1), 4, 4, 4, np.dtype(np.uint8))
-    with FileWriter(io.BytesIO(), name) as writer, pytest.raises(InvalidOption, match=f"{name} holds no alpha"):
-        writer.begin(contents)
-
-
 def test_what_is_over_the_sizes_of_version_5_is_refused():
     contents = Contents(tuple(np.ndindex(17, 17)), (17, 17), 2048, 2048, 3, np.dtype(np.uint8))
     with FileWriter(io.BytesIO(), "mat") as writer, pytest.raises(InvalidOption, match="give mat73"):
