@@ -13,7 +13,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.registry import PictureFormat, is_picture
+from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, PictureFormat, is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -76,7 +76,9 @@ def draw_grid_at(source: Source, options: Options, path: str) -> Source:
 
     is_raw = options.known_grid is not None
     found = find_main(source, is_raw=is_raw) if isinstance(source, Bundle) else None
-    if not is_raw or not isinstance(source, Bundle) or found is None or not isinstance(found[0], PictureFormat):
+    kind = None if found is None else found[0]
+    is_raw = kind in (LYTRO, LYTRO_RAW) or (is_raw and isinstance(kind, PictureFormat))
+    if not isinstance(source, Bundle) or not is_raw:
         raise InvalidOption("show_grid: this is for a raw lenslet picture; give one, with lens_pitch")
 
     def keep(drawn: NDArray[np.uint8]) -> None:

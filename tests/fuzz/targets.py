@@ -134,6 +134,12 @@ def gltf_values(data: bytes) -> None:
     mesh(SUFFIXES[".gltf"], "a.bin", pose=pose)(pack(json.dumps(document).encode(), binary))
 
 
+def lytro_values(data: bytes) -> None:
+    """Values of a Lytro file's metadata, changed as bytes say: the first one chooses the camera."""
+    which, *_ = data or b"\0"
+    container(SUFFIXES[".lfp"])(containers.lytro(data[1:])[which % 2])
+
+
 def archive(data: bytes) -> None:
     """A zip as it comes in."""
     _check_content(inputs.read(Bundle.from_upload("upload.zip", data, LIMITS), Layout(lenses=(1, 1))))
@@ -292,6 +298,7 @@ TARGETS: dict[str, Target] = {
     "tiff": Target(picture("tif"), seeds.tiffs),
     "webp": Target(picture("webp"), seeds.webps),
     "lytro": Target(container(SUFFIXES[".lfp"]), containers.lytro),
+    "lytro-values": Target(lytro_values, lambda: [bytes([number, 0, 3, 0]) for number in range(2)]),
     "ktx2": Target(picture("ktx2"), gltf_extensions.ktx2),
     "zip": Target(archive, seeds.zips),
     "views": Target(view_set, seeds.view_sets),

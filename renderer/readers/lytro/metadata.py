@@ -18,7 +18,7 @@ from ciir.renderer.readers.registry import find_by_signature
 
 CELL = ("r", "gr", "gb", "b")
 """Colours of two rows of two pixels."""
-_SHAPES: dict[object, KnownShape] = {
+_SHAPES: dict[str, KnownShape] = {
     "squareUniform": "square",
     "hexUniformRowMajor": "hexagonal",
     "hexUniformColumnMajor": "hexagonal-columns",
@@ -63,6 +63,11 @@ class Fields:
             value = value.get(key) if isinstance(value, dict) else None
         return value
 
+    def text(self, path: str) -> str:
+        """Empty where there is no string."""
+        value = self.find(path)
+        return value if isinstance(value, str) else ""
+
     def number(self, path: str, default: float | None = None) -> float:
         """Raises `Unreadable` where there is no finite number and no `default`."""
         value = self.find(path)
@@ -80,8 +85,8 @@ def read_sensor(metadata: dict[str, Any], name: str) -> Sensor:
     """Raises `Unreadable` where something is missing, `UnsupportedType` for a packing that is none of the two."""
     fields = Fields(metadata, name)
     details = "image.rawDetails" if fields.find("image.rawDetails") is not None else "image"
-    bits, first = fields.number(f"{details}.pixelPacking.bitsPerPixel"), fields.find(f"{details}.mosaic.upperLeftPixel")
-    order = fields.find(f"{details}.pixelPacking.endianness")
+    bits, first = fields.number(f"{details}.pixelPacking.bitsPerPixel"), fields.text(f"{details}.mosaic.upperLeftPixel")
+    order = fields.text(f"{details}.pixelPacking.endianness")
     if (bits, order) not in {(12, "big"), (10, "little")} or first not in CELL:
         raise UnsupportedType(
             f"{name}: its pixels are packed as no Lytro F01's or Illum's; give a file of one of these cameras"
@@ -133,7 +138,7 @@ def read_camera(metadata: dict[str, Any], name: str) -> Camera:
     (UAM.Optics.LightField.Lytro's `MicroLensCollection`). Raises `Unreadable` where no lens array is described.
     """
     fields = Fields(metadata, name)
-    shape = _SHAPES.get(fields.find("devices.mla.tiling"))
+    shape = _SHAPES.get(fields.text("devices.mla.tiling"))
     if shape is None:
         raise Unreadable(f"{name}: its metadata describe no lens array that is known; give lens_pitch auto")
     pixel = fields.number("devices.sensor.pixelPitch") or math.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from typing import TYPE_CHECKING, cast
 
 import av
@@ -17,6 +18,7 @@ from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import Contents
+from tests.fuzz.mutate import edit_values
 from tests.fuzz.seeds import noise, zipped
 from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 
@@ -140,10 +142,13 @@ def _fill(fill: Callable[[h5py.File], object]) -> bytes:
     return buffer.getvalue()
 
 
-def lytro() -> list[bytes]:
-    """As an F01 and an Illum write it, small."""
+def lytro(edits: bytes = b"") -> list[bytes]:
+    """As an F01 and an Illum write it, small, with `edits` of the values of its metadata (`mutate.edit_values`)."""
     made = []
     for model, bits in (("F01", 12), ("ILLUM", 10)):
         metadata = make_metadata(GRID, (32, 40), model)
-        made.append(write_container(pack(expose(noise(32, 40, 3), metadata), bits), metadata, model))
+        packed = pack(expose(noise(32, 40, 3), metadata), bits)
+        metadata = json.loads(json.dumps(metadata))  # its lists are constants
+        edit_values(metadata, edits)
+        made.append(write_container(packed, metadata, model))
     return made

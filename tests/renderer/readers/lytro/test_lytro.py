@@ -143,6 +143,12 @@ def put(path, value):
         (put("image.width", 442), Unreadable, "400x442 pixels don't fill its packing"),
         (put("image.rawDetails.pixelPacking.bitsPerPixel", 16), UnsupportedType, "packed as no Lytro F01's or Illum's"),
         (put("image.rawDetails.pixelFormat.white.r", 7), Unreadable, "levels of black and white are exchanged"),
+        (
+            put("image.rawDetails.pixelPacking.endianness", ["big"]),
+            UnsupportedType,
+            "packed as no Lytro F01's or Illum",
+        ),
+        (put("devices.mla.tiling", ["hexUniformRowMajor"]), Unreadable, "describe no lens array that is known"),
         (drop("devices.mla.tiling"), Unreadable, "describe no lens array that is known"),
         (put("devices.mla.lensPitch", 1.0), Unreadable, "describe lenses 7.14e\\+05 pixels apart"),
     ],

@@ -14,6 +14,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 from tests.support.inputs import CUBE
 from tests.support.lenslet.camera import make_camera, take_picture
+from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 
 GRID = ["--lens-pitch", "9.3", "--lens-offset", "4.2,5.1", "--lens-rotation", "0.5", "--lens-grid", "square"]
 
@@ -40,6 +41,15 @@ def test_the_grid_is_found_once_reported_and_drawn(folder, capsys, monkeypatch):
     grid = decode((folder / "grid.png").read_bytes(), name="grid")
     assert grid.shape == (150, 180, 3)
     assert (grid == (0, 255, 255)).all(axis=2).sum() > 15 * 18  # a mark for each lens
+
+
+def test_the_grid_of_a_lytro_picture_is_drawn_without_a_pitch(folder):
+    grid = LensGrid(14.286, (5.3, 8.8), -0.05, "hexagonal")
+    metadata = make_metadata(grid, (100, 120))
+    mosaic = expose(np.full((100, 120, 3), 99), metadata)
+    (folder / "a.lfp").write_bytes(write_container(pack(mosaic, 12), metadata))
+    assert main(["reconstruct", "a.lfp", "--model", "none", "-o", "out", "--show-grid", "grid.png"]) == 0
+    assert decode((folder / "grid.png").read_bytes(), name="grid").shape == (100, 120, 3)
 
 
 def test_frames_are_read_from_their_own_paths(folder, capsys):
