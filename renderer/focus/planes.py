@@ -80,9 +80,8 @@ def refocus(
         raise InvalidOption(f"method: {method!r} is not known; give {', '.join(get_args(Method))}")
     check_disparities(disparities)
     weights = check_weights(weights, views.shape[:2])
-    along = tuple(np.arange(count) - (count - 1) / 2 for count in views.shape[:2])
     most = float(np.abs(disparities).max(initial=0))
-    planes = Spectra(views, along, most, method).add_planes(disparities, weights)
+    planes = _Spectra(views, most, method).add_planes(disparities, weights)
     return (np.ascontiguousarray(plane.transpose(1, 2, 0)) for plane in planes)
 
 
@@ -92,19 +91,16 @@ def check_disparities(disparities: Numbers) -> None:
         raise InvalidOption("disparities: some are not finite; give numbers, in pixels a view")
 
 
-class Spectra:
-    """The Fourier transforms of all views, of which planes are made. Safe to use from several threads."""
+class _Spectra:
+    """The Fourier transforms of all views, of which planes are made."""
 
-    def __init__(
-        self, views: NDArray[Any], along: tuple[NDArray[Any], ...], most: float, method: Method = "mapping"
-    ) -> None:
-        """`views`: `(V, U, H, W, C)`. `along`: the place of each row `(V,)` and column `(U,)` of views, counted from
-        the view that planes line up with. `most`: the largest disparity, without its sign, that planes will have.
-        """
-        self._views, self._along, self._workers = views, along, count_cores()
+    def __init__(self, views: NDArray[Any], most: float, method: Method) -> None:
+        """`views`: `(V, U, H, W, C)`. `most`: the largest disparity, without its sign, that planes will have."""
+        self._views, self._workers = views, count_cores()
+        self._along = [np.arange(count) - (count - 1) / 2 for count in views.shape[:2]]
         self._padded = [
             fft.next_fast_len(length + int(np.ceil(min(most * np.abs(places).max(), length + 2))) + 4, real=True)
-            for length, places in zip(views.shape[2:4], along, strict=True)
+            for length, places in zip(views.shape[2:4], self._along, strict=True)
         ]
         self._half = self._padded[1] // 2 + 1
         make_window = _make_window if method == "window" else np.ones

@@ -1,4 +1,4 @@
-"""Depth planes: of constant views, linear in the views, and of their energy."""
+"""Depth planes: of constant views, linear in the views, of their energy, and of noise."""
 
 from __future__ import annotations
 
@@ -53,4 +53,19 @@ def depth_planes(effort: Effort) -> Iterator[Found | Skipped]:
             yield Found(f"planes, {method}, {what}", bound, value, where)
 
 
-CASES: tuple[Case, ...] = (depth_planes,)
+def noise_in_planes(effort: Effort) -> Iterator[Found | Skipped]:
+    """Depth planes of noise: its deviation times the square root of the views, of that in a view."""
+    inside = np.s_[20:-20, 20:-20]  # all views reach it
+    for views in (5,) if effort.quick else (5, 9, 15):
+        noise = np.random.default_rng(0).standard_normal((views, views, 96, 96, 1), np.float32)
+        for method in get_args(Method):
+            planes = refocus(noise, [0.0, 1.0, 0.1, 0.25, 0.5], method=method)
+            left = [views * float(plane[inside].std()) for plane in planes]
+            whole = left if method == "delta" else left[:2]
+            what = f"planes, {method}, noise in {views}x{views} views"
+            yield Found(f"{what}: whole shifts, off by", 0.1, float(np.abs(np.subtract(whole, 1)).max()))
+            if method != "delta":
+                yield Found(f"{what}: fractions, left", 1.0, max(left[2:]))
+
+
+CASES: tuple[Case, ...] = (depth_planes, noise_in_planes)
