@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.matching import match
 from ciir.renderer.focus.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
@@ -33,6 +33,10 @@ STEP = 1.0
 LEAST_PARTS = 4
 """Planes to a pixel of disparity, at least."""
 MOST_PLANES = 96
+MOST_COSTS = 2**27
+"""Most pixels times planes: each takes 12 bytes."""
+LEAST_SIDE = 4
+"""Pixels along a side of the smallest views: half of them are at the border."""
 COARSE = 96
 """Pixels along the longer side of the pictures in which the range of disparities is found."""
 _DIFFERENCES = np.outer([1, -2, 1], [1, -2, 1])
@@ -51,7 +55,7 @@ class DisparityMap:
     With the depth sense `cameras` larger is nearer, as in the HCI benchmark; with `lenses` larger is farther.
     """
     confidence: NDArray[np.float32]
-    """`(H, W)`, 0 to 1: how much better the best plane fits than the usual one."""
+    """`(H, W)`, 0 to 1: how much better the best plane fits than the usual one; 0 where there is nothing to compare."""
     planes: NDArray[np.float64]
     """`(n,)`: the disparities that were compared; the fit goes between them."""
     depth_sense: DepthSense
@@ -76,12 +80,19 @@ def estimate_disparity(
 
     `limits`: the least and the largest disparity in pixels a view, by default found from the pictures.
 
-    Raises `InvalidOption` for a single view, and for limits that are not in order.
+    Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, a view that is
+    not there, and for limits that are not in order; `TooLarge` for more than `MOST_COSTS` pixels times disparities.
     """
     views = light_field.views
+    height, width = views.shape[2:4]
     if views.shape[0] * views.shape[1] < 2:
         raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")
+    if min(height, width) < LEAST_SIDE:
+        raise InvalidOption(
+            f"disparity: views of {height}x{width} pixels show none; give {LEAST_SIDE}x{LEAST_SIDE} or more"
+        )
     view = view or center_view(*views.shape[:2])
+    light_field.view(*view)
     farthest = max(views.shape[:2]) // 2
     parts = max(LEAST_PARTS, round(farthest / STEP))
     if limits is None:
@@ -89,6 +100,11 @@ def estimate_disparity(
     elif not limits[0] < limits[1]:
         raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")
     numbers = _list_planes(limits, parts)
+    if height * width * len(numbers) > MOST_COSTS:
+        raise TooLarge(
+            f"disparity: {height}x{width} pixels at {len(numbers)} disparities are more than {MOST_COSTS} together, "
+            "which take 2 GB; give limits that are closer to each other, or smaller views"
+        )
     noise = max(0.0, estimate_noise(views[view]) - UNNOTICED)
     sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 8, 2.0))
     planes = np.array(numbers) / parts
@@ -146,6 +162,7 @@ def _find_limits(views: NDArray[Any], view: View) -> tuple[float, float]:
     place = view[0] - rows.start, view[1] - cols.start
     sweep = Sweep(small, place, parts=parts, farthest=2)
     disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / parts)
-    low, high = np.quantile(disparity[confidence >= np.median(confidence)], (0.005, 0.995))
+    is_sure = (confidence > 0) & (confidence >= np.median(confidence))
+    low, high = np.quantile(disparity[is_sure], (0.005, 0.995)) if is_sure.any() else (0.0, 0.0)
     margin = max(0.5 / parts, 0.08 * (high - low))  # near the border, where few views reach, the nearest is not seen
     return factor * float(low - margin), factor * float(high + margin)

@@ -16,12 +16,14 @@ SMALL_STEP, LARGE_STEP = 1.0, 20.0
 """What it costs a pixel to lie one plane from its neighbour, and further: in 8-bit levels."""
 EDGE = 8.0
 """8-bit levels between two pixels that halve the cost of a large step."""
+UNSURE = 8.0
+"""8-bit levels over all paths by which the usual plane fits worse than a perfect one where confidence is 1/2."""
 
 
 def match(
     cost: NDArray[np.float32], guide: NDArray[np.float32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The disparity of each pixel and its confidence, 0 to 1; both `(H, W)`.
+    """The disparity of each pixel and its confidence, from 0, where all planes fit alike, to 1; both `(H, W)`.
 
     `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(C, H, W)`, the
     view, whose edges may be edges of depth.
@@ -39,7 +41,7 @@ def match(
     steepest = np.maximum(np.maximum(before, after) - at, 1e-6)
     fraction = np.clip((before - after) / (2 * steepest), -1, 1)
     usual = total.mean(axis=0)
-    confidence = 1 - np.take_along_axis(total, best[np.newaxis], 0)[0] / np.maximum(usual, 1e-6)
+    confidence = (usual - np.take_along_axis(total, best[np.newaxis], 0)[0]) / (usual + UNSURE)
     return (planes[0] + (planes[1] - planes[0]) * (middle + fraction)).astype(np.float32), confidence
 
 

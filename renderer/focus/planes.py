@@ -86,9 +86,10 @@ def refocus(
 
 
 def check_disparities(disparities: Numbers) -> None:
-    """Raises `InvalidOption` for disparities that are not finite."""
-    if not np.isfinite(disparities).all():
-        raise InvalidOption("disparities: some are not finite; give numbers, in pixels a view")
+    """Raises `InvalidOption` for anything but a row of finite numbers."""
+    numbers = np.asarray(disparities)
+    if numbers.ndim != 1 or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
+        raise InvalidOption("disparities: give finite numbers, in pixels a view, as in [-0.5, 0.25]")
 
 
 class _Spectra:

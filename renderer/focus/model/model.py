@@ -89,7 +89,7 @@ def make_model(
 
     field = light_field.with_depth_sense("lenses")
     count_v, count_u, rows, cols, _ = field.shape
-    array = LensArray(rows, cols, count_v, count_u, pitch or 1.0, delta or 0.0)
+    array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else _find_shown(field)
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide

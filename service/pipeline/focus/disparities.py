@@ -72,6 +72,8 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
     """The disparity of a mesh."""
     if options.limits is not None or options.model != NO_MODEL:
         raise InvalidOption("limits, model: the disparity of a mesh is rendered, not estimated; leave them out")
+    if options.sampling != "pinhole":
+        raise InvalidOption("sampling: the disparity of a mesh is that of each lens's centre; leave it out")
     given = Input(source)
     with clock.stage("decode"):
         scene = given.read_mesh(options)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.disparity import estimate_disparities, estimate_disparity, estimate_noise
 from ciir.renderer.light_field import LightField
 
@@ -78,6 +78,30 @@ def test_every_view_has_the_planes_of_the_centre():
 def test_one_view_is_refused():
     with pytest.raises(InvalidOption, match="one view shows no depth"):
         estimate_disparity(LightField(np.zeros((1, 1, 8, 8, 3), np.uint8)))
+
+
+def test_flat_views_show_no_depth():
+    found = LightField(np.full((5, 5, 24, 32, 3), 128, np.uint8)).disparity()
+    assert not found.confidence.any()
+    np.testing.assert_allclose(found.disparity, 0, atol=0.5)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 9), (9, 3)])
+def test_views_of_few_pixels_are_refused(shape):
+    with pytest.raises(InvalidOption, match=f"views of {shape[0]}x{shape[1]} pixels show none; give 4x4 or more"):
+        LightField(np.zeros((3, 3, *shape, 3), np.uint8)).disparity()
+
+
+@pytest.mark.parametrize("view", [(-1, 0), (0, 3)])
+def test_a_view_that_is_not_there_is_refused(view):
+    with pytest.raises(InvalidOption, match=f"view: {view[0]},{view[1]} is not there"):
+        LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(view)
+
+
+def test_large_views_are_refused_before_they_are_compared(monkeypatch):
+    monkeypatch.setattr("ciir.renderer.focus.disparity.MOST_COSTS", 9 * 9 * 4)
+    with pytest.raises(TooLarge, match="9x9 pixels at 9 disparities are more than 324 together"):
+        LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(limits=(-1, 1))
 
 
 def test_limits_that_are_no_range():

@@ -71,9 +71,11 @@ def test_planes_in_batches_are_the_same(monkeypatch, kept):
 
 @pytest.mark.parametrize("method", ["mapping", "window", "delta"])
 def test_a_constant_light_field_stays_constant_to_its_borders(method):
-    views = np.full((5, 5, 24, 31, 1), 0.8, np.float32)
-    for plane in refocus(views, [-3.3, 0.0, 0.5, 4.0], method=method):
-        np.testing.assert_allclose(plane, 0.8, atol=1e-6)
+    views, weights = np.full((5, 5, 24, 31, 1), 0.8, np.float32), np.ones((5, 5), np.float32)
+    views[2, 2] = weights[2, 2] = 0  # sums are about the centre view's mean: 0.8 there would cancel exactly
+    bound = 1e-5 if method == "window" else 1e-6  # float32; in a corner a window divides by 1/64
+    for plane in refocus(views, [-3.3, 0.0, 0.5, 4.0], method=method, weights=weights):
+        np.testing.assert_allclose(plane, 0.8, atol=bound)
 
 
 def test_a_point_is_sharpest_at_its_disparity():
@@ -100,7 +102,7 @@ def test_weights_that_are_none(weights):
 
 
 def test_disparities_that_are_not_finite():
-    with pytest.raises(InvalidOption, match="some are not finite"):
+    with pytest.raises(InvalidOption, match="give finite numbers"):
         next(refocus(np.ones((2, 2, 4, 4, 1)), [np.inf]))
 
 
