@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.matching import match
+from ciir.renderer.focus.refinement import refine
 from ciir.renderer.focus.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
@@ -80,8 +81,11 @@ def estimate_disparity(
 
     `limits`: the least and the largest disparity in pixels a view, by default found from the pictures.
 
+    Noise beyond `UNNOTICED` has all views correct the map (`refinement`), in several times the time.
+
     Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, a view that is
-    not there, and for limits that are not in order; `TooLarge` for more than `MOST_COSTS` pixels times disparities.
+    not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
+    `MOST_COSTS` pixels times disparities.
     """
     views = light_field.views
     height, width = views.shape[2:4]
@@ -97,22 +101,26 @@ def estimate_disparity(
     parts = max(LEAST_PARTS, round(farthest / STEP))
     if limits is None:
         limits = _find_limits(views, view)
-    elif not limits[0] < limits[1]:
-        raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")
+    else:
+        _check_limits(limits, max(height, width))
     numbers = _list_planes(limits, parts)
     if height * width * len(numbers) > MOST_COSTS:
         raise TooLarge(
             f"disparity: {height}x{width} pixels at {len(numbers)} disparities are more than {MOST_COSTS} together, "
             "which take 2 GB; give limits that are closer to each other, or smaller views"
         )
-    noise = max(0.0, estimate_noise(views[view]) - UNNOTICED)
-    sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 8, 2.0))
+    deviation = estimate_noise(views[view])
+    noise = max(0.0, deviation - UNNOTICED)
+    sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 16, 1.0))
     planes = np.array(numbers) / parts
     cost = sweep.compare(numbers)
     cost /= 1 + noise / 5  # so that neighbours count more
     disparity, confidence = match(cost, sweep.own, planes)
-    window = 2 * int(np.clip(round(noise / 2.5), 1, 4)) + 1
+    window = 2 * int(np.clip(round(noise / 4), 1, 4)) + 1
     disparity = ndimage.median_filter(disparity, window, mode="nearest")
+    if noise:
+        del sweep, cost
+        disparity = refine(views, view, disparity, deviation)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
 
 
@@ -138,6 +146,16 @@ def estimate_disparities(
         limits = _find_limits(light_field.views, center_view(*grid))
     for view in parse_views("all", *grid) if views is None else views:
         yield estimate_disparity(light_field, view, limits=limits)
+
+
+def _check_limits(limits: tuple[float, float], side: int) -> None:
+    if not limits[0] < limits[1]:
+        raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")
+    if max(-limits[0], limits[1]) > side:
+        raise InvalidOption(
+            f"limits: {limits[0]:g} to {limits[1]:g} passes the {side} pixels of a view; give disparities of -{side} "
+            f"to {side}"
+        )
 
 
 def _list_planes(limits: tuple[float, float], parts: int) -> range:

@@ -104,10 +104,19 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
         LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(limits=(-1, 1))
 
 
-def test_limits_that_are_no_range():
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ((1, 0), "limits: 1 to 0 is no range"),
+        ((0, np.nan), "limits: 0 to nan is no range"),
+        ((-97, 0), "limits: -97 to 0 passes the 96 pixels of a view; give disparities of -96 to 96"),
+        ((0, np.inf), "passes the 96 pixels"),
+    ],
+)
+def test_limits_that_are_refused(limits, message):
     light_field, _ = make_light_field((1, 2))
-    with pytest.raises(InvalidOption, match="limits: 1 to 0 is no range"):
-        estimate_disparity(light_field, limits=(1, 0))
+    with pytest.raises(InvalidOption, match=message):
+        estimate_disparity(light_field, limits=limits)
 
 
 @pytest.mark.parametrize(("sigma", "dtype"), [(0, np.uint8), (4, np.uint16), (12, np.uint8)])
@@ -120,13 +129,13 @@ def test_noise_is_found_beside_edges(sigma, dtype):
 
 
 def test_noise_makes_few_pixels_worse():
-    """Of smooth texture: without the blur and what goes with it 21 % of the pixels are wrong by 0.1."""
+    """Of smooth texture: without the correction by all views 8 % of the pixels are wrong by 0.1."""
     light_field, true = make_light_field()
     views = ndimage.gaussian_filter(light_field.views.astype(float), (0, 0, 1.5, 1.5, 0))
     views = 128 + (views - 128) * (40 / views.std())
     noise = 10 * np.random.default_rng(8).standard_normal(views.shape)
     found = estimate_disparity(LightField((views + noise).clip(0, 255).round().astype(np.uint8)), limits=(0, 2))
-    assert (np.abs(found.disparity - true) > 0.1).mean() < 0.12
+    assert (np.abs(found.disparity - true) > 0.1).mean() < 0.05
 
 
 @pytest.mark.parametrize("change", ["mirrored", "upside down", "transposed", "reversed", "shifted"])

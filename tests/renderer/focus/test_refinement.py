@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from ciir.renderer.focus.refinement import refine
+
+SLOPE = 0.8
+NOISE = 10
+
+
+def make_views(grid, side=64):
+    """Noisy views of a textured plane, by Fourier shifts, which are exact."""
+    random = np.random.default_rng(1)
+    texture = ndimage.gaussian_filter(random.standard_normal((side, side, 3)), (2, 2, 0), mode="wrap")
+    texture = 128 + 25 * texture / texture.std()
+    spectrum, middle = np.fft.fft2(texture, axes=(0, 1)), np.array(grid) // 2
+    views = np.empty((*grid, side, side, 3))
+    for place in np.ndindex(grid):
+        moved = ndimage.fourier_shift(spectrum, (*(SLOPE * (middle - place)), 0))
+        views[place] = np.fft.ifft2(moved, axes=(0, 1)).real
+    return (views + NOISE * random.standard_normal(views.shape)).clip(0, 255).round().astype(np.uint8), tuple(middle)
+
+
+@pytest.mark.parametrize("grid", [(9, 9), (1, 9), (13, 5)])
+def test_a_wrong_map_of_a_plane(grid):
+    views, view = make_views(grid)
+    wrong = SLOPE + 0.15 * ndimage.gaussian_filter(np.random.default_rng(2).standard_normal(views.shape[2:4]), 3) * 10
+    error = np.abs(refine(views, view, wrong.astype(np.float32), NOISE) - SLOPE)[8:-8, 8:-8]
+    assert np.quantile(np.abs(wrong - SLOPE), 0.9) > 0.2
+    assert np.quantile(error, 0.9) < 0.04  # texture that is so smooth, through such noise
+
+
+def test_steps_stay():
+    """Where the views show nothing, the map is smoothed, but not across its steps."""
+    views = np.full((5, 5, 32, 32, 3), 100, np.uint8)
+    map_ = np.repeat(np.float32([0, 2]), 16)[np.newaxis] + np.zeros((32, 1), np.float32)
+    np.testing.assert_allclose(refine(views, (2, 2), map_, NOISE), map_, atol=1e-3)
