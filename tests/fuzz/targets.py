@@ -35,6 +35,7 @@ from ciir.renderer.writers.stacks import Stack, round_plane
 from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.planes import refocus
+from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import KINDS, NAMES, Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.web import multipart
@@ -220,6 +221,14 @@ def disparity_form(data: bytes) -> None:
         raise BrokenPromise("a disparity that is not finite")
 
 
+def inspected(data: bytes) -> None:
+    """What any file is, as JSON; each candidate's options are in range."""
+    report = inspect(Bundle.from_upload("upload", data, LIMITS), Options())
+    json.dumps(report, allow_nan=False, ensure_ascii=False).encode()
+    for candidate in report["candidates"]:
+        KINDS["reconstruction"].parse(candidate["options"])
+
+
 def _read_form(data: bytes, kind: KindName) -> Job:
     async def read() -> Job:
         pieces = [data[i : i + 61] for i in range(0, len(data), 61)] or [b""]
@@ -327,6 +336,9 @@ TARGETS: dict[str, Target] = {
     "display": Target(_display, displays.panels),
     "calibration": Target(_calibration, displays.calibrations),
     "any": Target(anything, lambda: [*seeds.off(), *seeds.stl(), *gltf.glb(), *seeds.png(), *seeds.zips()]),
+    "inspection": Target(
+        inspected, lambda: [*seeds.off(), *gltf.glb(), *seeds.png(), *seeds.repeating(), *seeds.zips()]
+    ),
     "options-eia": Target(asked("upload.png", _EIA), seeds.options),
     "options-mesh": Target(asked("upload.off", _OFF), seeds.options),
     "multipart": Target(form, seeds.multipart),

@@ -234,6 +234,12 @@ def options() -> list[bytes]:
     return ["\n".join(one.get(name, "") for name in NAMES).encode() for one in asked]
 
 
+def repeating() -> list[bytes]:
+    """A picture with a period, as an elemental image array has."""
+    tile = np.random.default_rng(1).integers(0, 256, (9, 8, 3), np.uint8)
+    return [encode_png(np.tile(tile, (8, 9, 1)))]
+
+
 def multipart() -> list[bytes]:
     """Forms with the boundary `BOUNDARY`: whole, with empty fields, names of RFC 5987 and RFC 2047, a shipped scene."""
     head = b'--bound\r\nContent-Disposition: form-data; name="%b"%b\r\n\r\n%b\r\n'
