@@ -79,17 +79,34 @@ def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: f
     size_v, size_u, height, width, _ = cameras.shape
     scale = min(display.size[0] / width, display.size[1] / height)
     moved = display.lens_pitch / display.tangent_step * 2 * display.tangent_range / max(size_v, size_u) / scale
+    flat = ("one row of views has no vertical parallax: all heights see the same",) if size_v == 1 else ()
+    return (_describe_sharp(cameras, moved, disparity), *flat)
+
+
+def describe_native(cameras: Pixels, calibration: Calibration, disparity: float) -> tuple[str, ...]:
+    """As `describe_light_field`, of a native picture: the depth of `measure_lenticular`, which moves by a lens from one
+    of the `3 width / pitch` directions under it to the next, in pixels of a view from one of the `U` views to the next.
+    """
+    _, size_u, height, width, _ = cameras.shape
+    if size_u == 1:
+        return ()
+    shown = max(width, height * calibration.aspect)  # with the borders of `pad_to_aspect`
+    moved = shown / calibration.pitch * 3 * calibration.width / calibration.pitch / (size_u - 1)
+    return (_describe_sharp(cameras, moved, disparity),)
+
+
+def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
+    """The note on a display that is sharp up to `moved` pixels a view from `disparity`."""
     note = (
         f"depth: the display is sharp for disparities from {disparity - moved:.2g} to {disparity + moved:.2g} pixels "
         "between neighbouring views"
     )
-    flat = ("one row of views has no vertical parallax: all heights see the same",) if size_v == 1 else ()
-    if size_u == 1:
-        return (note, *flat)
-    least, largest = find_disparities(cameras[(size_v - 1) // 2])
+    if cameras.shape[1] == 1:
+        return note
+    least, largest = find_disparities(cameras[(cameras.shape[0] - 1) // 2])
     is_beyond = least < disparity - moved or largest > disparity + moved
     blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
-    return (f"{note}; those of the views are about {least} to {largest}{blurs}", *flat)
+    return f"{note}; those of the views are about {least} to {largest}{blurs}"
 
 
 def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.depth_budget import describe_light_field, describe_row
+from ciir.renderer.displays.depth_budget import describe_light_field, describe_native
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
@@ -111,6 +111,6 @@ def show_light_field(
         return DisplayPicture(panel, describe_light_field(cameras, target, disparity))
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
-    notes += describe_row(cameras, count, disparity)
+    notes += describe_native(cameras, target, disparity)
     row, padded = pad_to_aspect(row, own, target.aspect)
     return DisplayPicture(interlace(row, target, progress=progress), (*notes, *padded))

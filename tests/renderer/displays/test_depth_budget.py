@@ -3,10 +3,18 @@ import math
 import numpy as np
 import pytest
 
-from ciir.renderer.displays.depth_budget import describe_light_field, describe_row, measure_integral, measure_quilt
+from ciir.renderer.displays.depth_budget import (
+    describe_light_field,
+    describe_native,
+    describe_row,
+    measure_integral,
+    measure_lenticular,
+    measure_quilt,
+)
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.scene import Part, Scene
+from tests.support.displays import make_calibration
 from tests.support.light_fields import make_views
 
 DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
@@ -66,6 +74,23 @@ def test_a_light_fields_disparities_are_held_against_the_panel():
     (note,) = describe_light_field(cameras, DISPLAY, -1.2)
     assert note.endswith("about -3 to -3")
     assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
+
+
+def test_a_light_fields_disparities_are_held_against_a_lenticular_display():
+    calibration = make_calibration(screenW=60.0, screenH=60.0, pitch=100.0)
+    screen = Screen(calibration.aspect, calibration.cone)
+    sharp = measure_lenticular(make_sheets((-0.1, 0, 0.1), (0.1, 0, 0.1)), screen, calibration).sharp
+    moved = sharp * 2 * math.tan(math.radians(20)) * 48 / 8  # 48 pixels a screen height, 9 views
+    cameras = make_views((3, 9), disparities=(4, 4), side=48)
+    (note,) = describe_native(cameras, calibration, 0.0)
+    assert f"sharp for disparities from {-moved:.2g} to {moved:.2g} pixels" in note
+    assert moved < 4
+    assert note.endswith(
+        "those of the views are about -4 to -4; the rest blurs; disparity -4 brings its middle into the display's plane"
+    )
+    (note,) = describe_native(cameras, calibration, -4.0)
+    assert note.endswith("about -4 to -4")
+    assert describe_native(cameras[:, :1], calibration, 0.0) == ()
 
 
 def test_a_quilt_is_sharp_where_neighbours_differ_by_five_pixels():

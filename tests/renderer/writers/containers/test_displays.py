@@ -88,7 +88,8 @@ def test_webp_of_a_whole_light_field_is_an_animation():
 
 def test_a_calibration_makes_a_native_picture(tmp_path):
     (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
-    assert WIDE.save(tmp_path / "a.png", "lenticular", calibration=tmp_path / "c.json") == ()
+    (note,) = WIDE.save(tmp_path / "a.png", "lenticular", calibration=tmp_path / "c.json")
+    assert note.startswith("depth: the display is sharp for disparities from")
     assert np.array_equal(read(tmp_path / "a.png"), interlace(WIDE.views[0], make_calibration()))
 
 
