@@ -1,9 +1,7 @@
 // @ts-check
 /** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
+import { Job } from "./client.js";
 import { writeZip } from "./zip.js";
-
-const MESHES = /\.(3mf|glb|gltf|obj|off|ply|stl)$/i;
-const PICTURES = /\.(bmp|gif|jpe?g|png|tiff?|webp)$/i;
 
 /**
  * @typedef {object} Input
@@ -12,12 +10,14 @@ const PICTURES = /\.(bmp|gif|jpe?g|png|tiff?|webp)$/i;
  * @property {File} [file]
  */
 
+/** @typedef {{kind: string, options: Record<string, string>, lenses: number[], pixels: number[]}} Candidate Of a lens grid. */
+
 /**
- * What an input is, as far as it is known.
+ * What an input is.
  * @typedef {object} Description
- * @property {string} kind A name in `KINDS`, or empty.
+ * @property {string} kind A name in `KINDS`.
+ * @property {Candidate[]} candidates The likeliest first.
  * @property {string[]} notes
- * @property {Record<string, string>} settings That fit it, such as the lens grid that was found.
  */
 
 /**
@@ -79,13 +79,13 @@ export function makeForm(input, fields) {
 }
 
 /**
- * What an input is.
+ * What an input is: found in its content by the server.
  * @param {Input} input
+ * @param {AbortSignal} signal
  * @returns {Promise<Description>}
  */
-export async function describe(input) {
-  if (input.scene) return { kind: "scene", notes: [], settings: {} };
-  const name = input.file?.name ?? "";
-  const kind = MESHES.test(name) ? "mesh" : PICTURES.test(name) ? "eia" : name.endsWith(".zip") ? "views" : "";
-  return { kind, notes: [], settings: {} };
+export async function describe(input, signal) {
+  if (input.scene) return { kind: "scene", candidates: [], notes: [] };
+  const job = await Job.post("inspections", makeForm(input, {}), signal);
+  return (await job.follow(() => {}, signal)).json();
 }

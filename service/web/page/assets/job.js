@@ -16,15 +16,19 @@ let current = new AbortController();
 /** The job at work. @type {Job | null} */
 let job = null;
 
+const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
+let started = 0;
+
 find("cancel", HTMLButtonElement).addEventListener("click", () => {
+  started = -LONG;
   stop();
   say(TEXTS.cancelled);
 });
 
-/** Ends the job at work, here and on the server. */
+/** Ends the job at work: here, and on the server if it is a long one. */
 export function stop() {
   current.abort();
-  job?.cancel().catch(() => {}); // it may have ended
+  if (performance.now() - started > LONG) job?.cancel().catch(() => {}); // it may have ended
   job = null;
   panel.hidden = true;
 }
@@ -41,6 +45,14 @@ export function say(message) {
   find("status", HTMLElement).textContent = message;
 }
 
+/** Begins other work in place of that before. @param {string} name Of what it makes. @returns {AbortSignal} */
+export function begin(name) {
+  stop();
+  say(name);
+  current = new AbortController();
+  return current.signal;
+}
+
 /**
  * Runs a job in place of the one at work.
  * @param {string} kind Such as `reconstructions`.
@@ -49,20 +61,18 @@ export function say(message) {
  * @returns {Promise<{job: Job, response: Response}>} Rejects with an `AbortError` where another one took its place.
  */
 export async function run(kind, form, name) {
-  stop();
+  const signal = begin(name);
   hideProblem();
-  const { signal } = (current = new AbortController());
   panel.hidden = false;
-  say(name);
-  const started = performance.now();
-  const report = (/** @type {Status | null} */ status) => showProgress(status, started);
+  const begun = (started = performance.now());
+  const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
   report(null);
   try {
     const mine = await Job.post(kind, form, signal);
     job = mine;
     const response = await mine.follow(report, signal);
     showDetails(mine.status);
-    say(SENTENCES.done(SENTENCES.time(performance.now() - started)));
+    say(SENTENCES.done(SENTENCES.time(performance.now() - begun)));
     return { job: mine, response };
   } finally {
     if (!signal.aborted) {
@@ -74,14 +84,14 @@ export async function run(kind, form, name) {
 
 /**
  * @param {Status | null} status null while the file is sent.
- * @param {number} started Milliseconds.
+ * @param {number} begun Milliseconds.
  */
-function showProgress(status, started) {
+function showProgress(status, begun) {
   const { stage, views_done: done, views } = status?.progress ?? { stage: "", views_done: 0, views: 0 };
   if (views > 1) bar.max = views;
   if (views > 1) bar.value = done;
   else bar.removeAttribute("value");
-  const left = done ? ((performance.now() - started) * (views - done)) / done / 1000 : 0;
+  const left = done ? ((performance.now() - begun) * (views - done)) / done / 1000 : 0;
   const parts = [status?.state === "queued" ? TEXTS.queued : (STAGES[stage] ?? TEXTS.reading)];
   if (views > 1) parts.push(SENTENCES.views(done, views));
   if (left) parts.push(SENTENCES.left(left));

@@ -1,19 +1,21 @@
 // @ts-check
 /** The page: what is opened is shown as mapped at once, then as the user chose. */
-import { Job, Problem, request, setKey } from "./client.js";
+import { Job, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
 import { describe, joinFiles, listChosen, listDropped, makeForm } from "./inputs.js";
-import { clear, run, say, showProblem, stop } from "./job.js";
+import { begin, clear, run, say, showProblem, stop } from "./job.js";
 import { PLACE, showLightField } from "./light_field.js";
 import { keepJob, showRecent } from "./recent.js";
-import { fitSettings, offerModels, readSettings, watchSettings, writeSettings } from "./settings.js";
+import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, writeState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 /** @import { Input } from "./inputs.js" */
 /** @import { Entry } from "./recent.js" */
 
+const GRID = ["lenses", "pixels", "lens_pitch"]; // options that give the lens grid of a picture
+const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const frame = find("frame", HTMLElement);
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 /** What is open. @type {Input | null} */
@@ -38,14 +40,15 @@ async function open(chosen, settings) {
   say(TEXTS.packing);
   try {
     input = await chosen;
-    const found = await describe(input);
+    writeName(input, TEXTS.reading);
+    const found = await describe(input, begin(TEXTS.reading));
     kind = found.kind;
     writeName(input, KINDS[kind] ?? "");
     fitSettings(kind);
-    writeSettings({ ...found.settings, ...settings });
+    offerGrids(found.candidates, settings);
     offerFormats(kind);
   } catch (error) {
-    return showProblem(error, "", () => void open(chosen, settings));
+    return showProblem(error, input?.name ?? "", () => void open(chosen, settings));
   }
   await show();
 }
@@ -78,21 +81,20 @@ async function show() {
   const settings = readSettings();
   const mode = modes.find((field) => field.checked)?.value ?? "upscaled";
   keepState({ ...settings, show: mode });
+  if (kind === "picture" && !GRID.some((name) => name in settings)) return askForLenses();
   try {
     await showPicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped, mode === "mapped");
     if (mode === "upscaled") await showPicture(settings, TEXTS.upscaled, true);
     if (mode === "around") await showAround(settings);
   } catch (error) {
-    const isGridMissing = error instanceof Problem && error.status === 422 && kind === "eia" && !settings.lenses && !settings.pixels;
-    if (isGridMissing) askForLenses();
-    else showProblem(error, input.name, () => void show());
+    showProblem(error, input.name, () => void show());
   }
 }
 
 /** Says that an elemental image array needs its lens grid. */
 function askForLenses() {
-  say("");
-  frame.replaceChildren(make("p", TEXTS.needsLenses));
+  say(TEXTS.needsLenses);
+  frame.replaceChildren(make("p", TEXTS.waiting));
   /** @type {HTMLInputElement | null} */ (document.querySelector("[name=lenses]"))?.focus();
 }
 
@@ -191,7 +193,11 @@ function openFiles(files) {
 }
 
 writeTexts();
-watchSettings(() => void show());
+let settling = 0;
+watchSettings(() => {
+  clearTimeout(settling);
+  settling = setTimeout(show, SETTLE_MILLISECONDS);
+});
 watchExport(
   (plural, fields) => makeFile(plural, { ...readSettings(), ...fields }, TEXTS.export),
   (error) => showProblem(error, input?.name ?? "", () => find("export-form", HTMLFormElement).requestSubmit()),

@@ -2,11 +2,18 @@
 /** The form of settings: options of the API by their names, but for three angles that are one, `rotate`. */
 import { request } from "./client.js";
 import { find, make } from "./dom.js";
-import { TEXTS } from "./texts.js";
+import { SENTENCES, TEXTS } from "./texts.js";
+
+/** @import { Candidate } from "./inputs.js" */
 
 const form = find("settings", HTMLFormElement);
 /** Scales of the networks. @type {Map<string, number[]>} */
 const scales = new Map([["auto", [2]]]);
+/** Options of the address, or of a lens grid that was found, that have no field. @type {Record<string, string>} */
+let others = {};
+const grids = find("grids", HTMLSelectElement);
+/** Lens grids that a picture may have. @type {Candidate[]} */
+let candidates = [];
 
 /** The fields that count for the input that is open. */
 function listFields() {
@@ -25,7 +32,7 @@ export function readSettings() {
   const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, field.value.trim()]);
   const { yaw = "0", tilt = "0", roll = "0", ...settings } = Object.fromEntries(changed);
   const rotate = [yaw, tilt, roll].join(",");
-  return rotate === "0,0,0" ? settings : { ...settings, rotate };
+  return { ...others, ...settings, ...(rotate === "0,0,0" ? {} : { rotate }) };
 }
 
 /**
@@ -34,14 +41,30 @@ export function readSettings() {
  */
 export function writeSettings(settings) {
   form.reset();
+  others = {};
   const [yaw, tilt, roll] = (settings.rotate ?? "0,0,0").split(",");
   if (settings.model && !scales.has(settings.model)) offerModel(settings.model, [Number(settings.scale) || 2]);
   for (const [name, value] of Object.entries({ ...settings, yaw, tilt, roll })) {
     const field = form.elements.namedItem(name);
     if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
+    else if (!["rotate", "v", "u", "focus", "aperture"].includes(name)) others[name] = value;
     if (name === "model") offerScales();
   }
   showValues();
+}
+
+/**
+ * Offers the lens grids that a picture may have, and takes the likeliest unless the settings have one.
+ * @param {Candidate[]} found
+ * @param {Record<string, string>} settings
+ */
+export function offerGrids(found, settings) {
+  candidates = found;
+  const names = found.map(({ lenses, pixels }) => SENTENCES.grid(lenses.join("x"), pixels.join("x")));
+  grids.replaceChildren(...names.map((name, index) => make("option", name, { value: String(index) })));
+  /** @type {HTMLElement} */ (grids.parentElement).hidden = found.length < 2;
+  const isGiven = ["lenses", "pixels", "lens_pitch"].some((name) => name in settings);
+  writeSettings(isGiven ? settings : { ...settings, ...found[0]?.options });
 }
 
 /** Shows the fields for what is open. @param {string} kind Of the input. */
@@ -93,6 +116,10 @@ export function watchSettings(changed) {
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("change", (event) => {
     if (event.target === form.model) offerScales();
+    if (event.target === grids) {
+      const { lenses, pixels, lens_pitch, rotate, ...kept } = readSettings();
+      writeSettings({ ...kept, ...candidates[Number(grids.value)].options });
+    }
     changed();
   });
 }

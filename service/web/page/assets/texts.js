@@ -27,6 +27,7 @@ export const TEXTS = {
   // settings
   settings: "Settings",
   array: "Lens array",
+  grids: "Found in the picture",
   lenses: "Lenses, rows x columns",
   pixels: "Pixels under each lens, rows x columns",
   lens_pitch: "Pixels from lens to lens of a raw picture",
@@ -99,7 +100,8 @@ export const KINDS = /** @type {Record<string, string>} */ ({
   eia: "An elemental image array",
   raw: "A raw lenslet picture",
   views: "A set of views",
-  "light field": "A light field",
+  mosaic: "Views side by side in one picture",
+  picture: "A picture",
 });
 
 /** Names of groups of export formats. */
@@ -119,6 +121,8 @@ export const SENTENCES = {
   size: (name, rows, cols) => `${name}, ${cols} x ${rows} pixels`,
   /** @param {number} done @param {number} all */
   views: (done, all) => `${done} of ${all} views`,
+  /** @param {string} lenses @param {string} pixels */
+  grid: (lenses, pixels) => `${lenses} lenses of ${pixels} pixels`,
   /** @param {number} seconds */
   left: (seconds) => (seconds < 90 ? `about ${Math.ceil(seconds)} s left` : `about ${Math.round(seconds / 60)} min left`),
   /** @param {number} milliseconds */

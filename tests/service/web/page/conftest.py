@@ -1,9 +1,11 @@
 import pytest
+from playwright.sync_api import expect
 
 from tests.support.browser import open_browser
 from tests.support.servers import run_server
 
-WAIT_MILLISECONDS = 15_000
+WAIT_MILLISECONDS = 30_000
+expect.set_options(timeout=WAIT_MILLISECONDS)
 
 
 @pytest.fixture(scope="module")
