@@ -1,11 +1,13 @@
 // @ts-check
 /** The page: what is opened is shown as mapped at once, then as the user chose. */
 import { Job, request, setKey } from "./client.js";
+import { showComparison } from "./compare.js";
 import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
 import { describe, joinFiles, listChosen, listDropped, makeForm } from "./inputs.js";
 import { begin, clear, run, say, showProblem, stop } from "./job.js";
 import { PLACE, showLightField } from "./light_field.js";
+import { addOverlays } from "./overlays.js";
 import { keepJob, showRecent } from "./recent.js";
 import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, writeState } from "./state.js";
@@ -83,8 +85,9 @@ async function show() {
   keepState({ ...settings, show: mode });
   if (kind === "picture" && !GRID.some((name) => name in settings)) return askForLenses();
   try {
-    await showPicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped, mode === "mapped");
-    if (mode === "upscaled") await showPicture(settings, TEXTS.upscaled, true);
+    await showBlob(await makePicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped, mode === "mapped"), TEXTS.mapped);
+    if (mode === "upscaled") await showBlob(await makePicture(settings, TEXTS.upscaled, true), TEXTS.upscaled);
+    if (mode === "compare") await showCompared(settings);
     if (mode === "around") await showAround(settings);
   } catch (error) {
     showProblem(error, input.name, () => void show());
@@ -106,25 +109,45 @@ function keepState(settings) {
 }
 
 /**
- * Shows the centre view.
+ * Makes the centre view.
  * @param {Record<string, string>} fields
  * @param {string} what
- * @param {boolean} isKept Whether the job is listed.
+ * @param {boolean} [isKept] Whether the job is listed.
  */
-async function showPicture(fields, what, isKept) {
+async function makePicture(fields, what, isKept = false) {
   const key = JSON.stringify(fields);
   const picture = pictures.get(key) ?? (await (await makeFile("reconstructions", { ...fields, format: "png" }, what, isKept)).blob());
   pictures.set(key, picture);
-  await showBlob(picture, what);
+  return picture;
+}
+
+/** Shows the centre view as it is made in several ways, and the truth of a mesh. @param {Record<string, string>} settings */
+async function showCompared(settings) {
+  const compared = [];
+  for (const [name, model] of Object.entries({ [TEXTS.mapped]: "none", [TEXTS.bicubic]: "bicubic", [TEXTS.upscaled]: settings.model })) {
+    compared.push({ name, picture: await makePicture({ ...settings, model, scale: model === "none" ? "" : settings.scale }, name) });
+  }
+  const hasTruth = kind === "mesh" || kind === "scene";
+  const truth = hasTruth ? await makePicture({ ...settings, model: "", strategy: "direct" }, TEXTS.truth) : undefined;
+  await showComparison(makeHolder(TEXTS.compare), compared, truth);
+}
+
+/** An element in place of what is shown. @param {string} what It shows. */
+function makeHolder(what) {
+  const holder = make("div");
+  frame.replaceChildren(holder);
+  find("caption", HTMLElement).textContent = what;
+  return holder;
 }
 
 /** Shows all views. @param {Record<string, string>} settings */
 async function showAround(settings) {
   const response = await makeFile("reconstructions", { ...settings, views: "all", format: "tiles" }, TEXTS.around);
-  const holder = make("div");
-  frame.replaceChildren(holder);
-  find("caption", HTMLElement).textContent = TEXTS.around;
-  stage = await showLightField(holder, response);
+  const shown = (stage = await showLightField(makeHolder(TEXTS.around), response));
+  addOverlays(shown, async () => {
+    const { scale, model, ...reading } = settings;
+    return (await makeFile("disparities", { ...reading, format: "viridis" }, TEXTS.depth)).blob();
+  });
 }
 
 /**

@@ -63,7 +63,7 @@ def test_a_mesh_is_shown_and_turned(page):
     for _ in range(5):
         page.keyboard.press("ArrowRight")
     page.wait_for_url("**rotate=25%2C0%2C0**")
-    page.wait_for_function("document.querySelector('#status').textContent.startsWith('Done')")
+    expect(page.get_by_role("status")).to_contain_text("Done in")
     wait_for_picture(page, 40, 40)
     assert page.locator("#frame img").screenshot() != before
 
@@ -161,10 +161,10 @@ def test_the_settings_of_a_file_survive_a_reload(page):
 
 def test_a_job_is_followed_and_cancelled(page):
     page.expected = ["409"]
-    open_scene(page, "300x300")
+    open_scene(page, "150x150")
     page.locator("#format").select_option("all/npz")
     page.get_by_role("button", name="Download").click()
-    expect(page.locator("#progress-text")).to_contain_text("of 25 views")
+    expect(page.locator("#job")).to_be_visible()
     with page.expect_response(lambda response: response.request.method == "DELETE") as deleted:
         page.get_by_role("button", name="Cancel").click()
     assert deleted.value.json()["state"] == "cancelled"
@@ -247,3 +247,11 @@ def test_one_looks_around_in_a_light_field(page):
     assert canvas.screenshot() != before
     page.get_by_role("radio", name="As mapped").check()
     wait_for_picture(page, 20, 30)
+
+
+def test_ways_to_upscale_are_compared(page):
+    open_scene(page)
+    page.get_by_role("radio", name="Compare").check()
+    expect(page.locator("#frame [role=status]")).to_contain_text("dB")
+    names = page.locator("#frame [name=right] option").all_text_contents()
+    assert names == ["As mapped", "Bicubic", "Upscaled"]
