@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,8 +101,20 @@ def find_extremes(scene: Scene, array: LensArray, placement: Placement = AS_GIVE
     return np.concatenate(found)
 
 
-def make_frame(extremes: Sequence[NDArray[np.float64]]) -> Scene:
-    """A scene to frame in the place of several: points alone, of `find_extremes` of each."""
+def make_frame(extremes: Sequence[NDArray[np.float64]], windows: Sequence[Window | None]) -> Scene:
+    """A scene to frame in the place of several: points alone, of `find_extremes` of each, and the window that shows
+    what those of all `windows` do.
+    """
     points = np.concatenate(extremes)
     faces = np.repeat(np.arange(len(points), dtype=np.int32)[:, None], 3, axis=1)
-    return Scene((Part(points, faces, np.zeros((len(points), 4), np.float32)),))
+    return Scene((Part(points, faces, np.zeros((len(points), 4), np.float32)),), window=_join(windows))
+
+
+def _join(windows: Sequence[Window | None]) -> Window | None:
+    """The widest, from the nearest point of all to the farthest: one camera's picture grows with the distance."""
+    found = [window for window in windows if window is not None]
+    if not found:
+        return None
+    widest = max(found, key=lambda window: (window.half_height, window.distance))
+    nearest, farthest = min(window.nearest for window in found), max(window.farthest for window in found)
+    return replace(widest, nearest=nearest, farthest=farthest)

@@ -87,6 +87,18 @@ class Scene:
         return sum(len(part.faces) for part in self.parts)
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays, textures included."""
+        arrays = [
+            array
+            for part in self.parts
+            for array in (part.vertices, part.faces, part.colors, part.uv, part.back_colors)
+            if array is not None
+        ]
+        textures = {id(part.texture): part.texture.pixels for part in self.parts if part.texture is not None}
+        return sum(array.nbytes for array in (*arrays, *textures.values()))
+
+    @property
     def is_see_through(self) -> bool:
         """Whether some part is."""
         return any(part.is_see_through for part in self.parts)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], object]
 """Called with the number of views that are finished and of all, first with 0 before any view is made."""
+MOST_KEPT = 256 * 2**20
+"""Bytes of a mesh at several times that are kept from framing to rendering."""
 
 
 def reconstruct(
@@ -68,7 +70,7 @@ def reconstruct(
         )
     with clock.stage("decode"):
         content = given.open(options, options.views)
-    report, _ = _reconstruct(given, content, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
+    report = _reconstruct(given, content, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
     writer.finish(report)
     return report
 
@@ -88,21 +90,25 @@ def _reconstruct_times(
     with clock.stage("decode"):
         check_time_count(len(times), given.limits.views)
         content = given.open(moments[0], options.views)
-        job = resolve_job(given.name, content, options, max_views=given.limits.views)
+    with clock.stage("plan"):
+        job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         if len(job.wanted) > 1:
             raise InvalidOption(
                 f"time: {len(times)} times make a video of one view, and {len(job.wanted)} views are asked for; give "
                 "one of them with views, or one time"
             )
-        extremes, windows, kept, triangles = [], [], [], 0
+        plan = make_plan(job)
+        check_size(job.lenses, plan.scale, count=len(times), limit=max_pixels)
+    extremes, windows, kept, size = [], [], [], 0
+    with clock.stage("decode"):
         for moment in moments:
             scene = given.read_mesh(moment)
-            triangles += scene.triangles
-            kept.append(scene if triangles <= given.limits.triangles else None)  # else it is read again
+            size += scene.nbytes
+            kept.append(scene if size <= MOST_KEPT else None)  # else it is read again
             extremes.append(find_extremes(scene, job.array, job.placement))
             windows.append(scene.window)
-        framed = replace(make_frame(extremes), window=windows[0])
-    frames, reports, plan = FrameWriter(writer, times), [], None
+        framed = make_frame(extremes, windows)
+    frames, reports = FrameWriter(writer, times), []
     for number, moment in enumerate(moments):
         if progress is not None:
             progress(number, len(times))
@@ -110,10 +116,7 @@ def _reconstruct_times(
             scene = kept[number] or given.read_mesh(moment)
             kept[number] = None
         content = replace(scene, framed=framed)
-        report, plan = _reconstruct(
-            given, content, options, frames, max_pixels=max_pixels, progress=None, clock=clock, plan=plan
-        )
-        reports.append(report)
+        reports.append(_reconstruct(given, content, options, frames, max_pixels=max_pixels, clock=clock, plan=plan))
     if progress is not None:
         progress(len(times), len(times))
     joined = join_reports(reports, times)
@@ -128,11 +131,11 @@ def _reconstruct(
     writer: Writer,
     *,
     max_pixels: int | None,
-    progress: Progress | None,
     clock: Clock,
+    progress: Progress | None = None,
     plan: Plan | None = None,
-) -> tuple[Report, Plan]:
-    """Gives the views of `content` to `writer`; returns the report and the plan, which is made where none is given."""
+) -> Report:
+    """Gives the views of `content` to `writer`; returns the report. The plan is made where none is given."""
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         plan = plan or make_plan(job)
@@ -164,7 +167,7 @@ def _reconstruct(
 
     described = views.describe()
     skipped = ({} if upscale is None else describe_skipped(statistics)) | described["skipped"] or None
-    report: Report = {
+    return {
         "input": given.describe(content),
         "lens_array": describe_array(job),
         "scene_transform": described["transform"],
@@ -185,7 +188,6 @@ def _reconstruct(
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
     }
-    return report, plan
 
 
 def render_eia(

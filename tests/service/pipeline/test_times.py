@@ -2,7 +2,9 @@
 
 import io
 import json
+import weakref
 import zipfile
+from dataclasses import replace
 
 import av
 import numpy as np
@@ -10,10 +12,13 @@ import pytest
 
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.limits import Limits
+from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.scene import Texture
 from ciir.renderer.writers.formats import FORMATS, FileWriter
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.interface import Reconstruction
+from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.one_file import RUNS, Output
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import Clock
@@ -39,8 +44,10 @@ def run(source=None, **options):
 
 
 @pytest.mark.parametrize("read_again", [False, True])
-def test_the_frame_stays_and_the_object_moves(read_again):
-    views, report = run(slide(triangles=5 if read_again else 1000))  # two triangles at each of three times
+def test_the_frame_stays_and_the_object_moves(read_again, monkeypatch):
+    if read_again:
+        monkeypatch.setattr(pipeline, "MOST_KEPT", 0)
+    views, report = run()
     assert list(views) == [(0, 0), (0, 1), (0, 2)]
     assert [view["time"] for view in report["views"]] == list(TIMES)
     matrix = np.array(report["scene_transform"])
@@ -51,6 +58,50 @@ def test_the_frame_stays_and_the_object_moves(read_again):
         assert picture.any(axis=(0, 2)).tolist() == ((columns > left) & (columns < right)).tolist()
     assert views[0, 0].any(axis=(0, 2))[:3].any()  # together they fill the width
     assert views[0, 2].any(axis=(0, 2))[-3:].any()
+
+
+def test_meshes_are_kept_up_to_a_number_of_bytes_with_their_textures(monkeypatch):
+    pixels = np.zeros((64, 64, 4), np.uint8)
+    scenes, rendered = [], []
+
+    def read(given, options):
+        scene = load_textured(pixels.copy())
+        scenes.append(weakref.ref(scene))
+        return scene
+
+    def load_textured(pixels):
+        scene = inputs.read(slide())
+        (part,) = scene.parts
+        textured = replace(part, uv=np.zeros((len(part.vertices), 2), np.float32), texture=Texture(pixels))
+        return replace(scene, parts=(textured,))
+
+    def count(*given, **words):
+        rendered.append(sum(scene() is not None for scene in scenes))
+        return _reconstruct(*given, **words)
+
+    _reconstruct = pipeline._reconstruct
+    monkeypatch.setattr(pipeline.Input, "read_mesh", read)
+    monkeypatch.setattr(pipeline, "_reconstruct", count)
+    monkeypatch.setattr(pipeline, "MOST_KEPT", int(2.5 * pixels.nbytes))
+    run(time=tuple(n / 10 for n in range(9)))
+    assert max(rendered) <= 4  # two kept, the one that is rendered, the last one read
+
+
+def test_too_many_pixels_are_refused_before_the_poses_are_read(monkeypatch):
+    monkeypatch.setattr(pipeline.Input, "read_mesh", pytest.fail)
+    with pytest.raises(TooLarge, match="3 views of 20x48 pixels: 2,880 are over the limit of 2,000"):
+        reconstruct(slide(), Options(**SMALL, time=TIMES), MemoryWriter(), max_pixels=2000)
+
+
+def test_a_cameras_framing_is_that_of_all_times_in_any_order():
+    model = Model()
+    model.animate(0, "translation", [0, 1], np.array([[0, 0, -10], [0, 0, -2]], np.float32))
+    model.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    model.json["nodes"].append({"camera": 0})
+    model.json["scenes"] = [{"nodes": [0, len(model.json["nodes"]) - 1]}]
+    source = Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
+    forth, back = ([*run(source, time=times, camera="0")[0].values()] for times in ((0.0, 1.0), (1.0, 0.0)))
+    assert np.array_equal(forth, back[::-1])
 
 
 def test_strategy_and_model_are_selected_once():
