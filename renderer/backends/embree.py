@@ -86,6 +86,30 @@ class PreparedScene:
         u, v = hit["u"], hit["v"]
         return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
 
+    def _enter(
+        self, origins: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
+        """Where rays start, as multiples of `direction` `(n,)` and in Embree's coordinates `(n, 3)`; their directions.
+
+        They enter the sphere around the scene there: from farther away float32 aims less exactly.
+        """
+        squared = np.einsum("...i,...i->...", direction, direction)
+        entry = np.einsum("...i,...i->...", self._middle - origins, direction) / squared
+        entry = np.maximum(entry - self._radius / np.sqrt(squared), self._first)
+        entries = self._to_embree(origins + entry[:, None] * direction)
+        return entry, entries, np.broadcast_to(direction.astype(np.float32), entries.shape)
+
+    def meet(
+        self, origins: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """The triangle that each ray meets first, or -1, `(n,)`, and the weights of its corners there `(n, 3)`.
+
+        `origins`, `direction`: as in `cast`. Cut-out and see-through triangles count too.
+        """
+        _, entries, along = self._enter(origins, direction)
+        triangle, weights, _ = self._find_hits(entries, along)
+        return triangle, weights
+
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -98,12 +122,7 @@ class PreparedScene:
         Returns RGBA `(n, 4)` in [0, 1], RGB times alpha, all zero where a ray meets nothing; and the distances `(n,)`
         of the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf where there is none.
         """
-        # Rays start where they enter the sphere around the scene: from farther away float32 aims less exactly.
-        squared = np.einsum("...i,...i->...", direction, direction)
-        entry = np.einsum("...i,...i->...", self._middle - origins, direction) / squared
-        entry = np.maximum(entry - self._radius / np.sqrt(squared), self._first)
-        entries = self._to_embree(origins + entry[:, None] * direction)
-        along = np.broadcast_to(direction.astype(np.float32), entries.shape)
+        entry, entries, along = self._enter(origins, direction)
         starts, passed = entries, np.zeros(len(origins), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
         through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
@@ -184,15 +203,20 @@ class RaytraceBackend(Backend):
             yield depth.reshape(array.rows, array.cols)
 
 
-def _cast_view(
-    prepared: PreparedScene, array: LensArray, view: View
-) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float64]]]:
-    """The view's rays in batches, row by row: which of them, and their colours and distances."""
+def list_rays(array: LensArray, view: View) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
+    """The view's rays in batches, row by row: which of them, their origins `(n, 3)` and their direction `(3,)`."""
     x, y = array.lens_x(), array.lens_y()
     direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
     count = array.rows * array.cols
     for start in range(0, count, RAYS_PER_BATCH):
         rays = slice(start, min(start + RAYS_PER_BATCH, count))
         row, col = np.divmod(np.arange(rays.start, rays.stop), array.cols)
-        origins = np.stack([x[col], y[row], np.zeros(len(row))], axis=1)  # (n, 3)
+        yield rays, np.stack([x[col], y[row], np.zeros(len(row))], axis=1), direction
+
+
+def _cast_view(
+    prepared: PreparedScene, array: LensArray, view: View
+) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float64]]]:
+    """The view's rays in batches: which of them, and their colours and distances."""
+    for rays, origins, direction in list_rays(array, view):
         yield rays, *prepared.cast(origins, direction)

@@ -21,7 +21,7 @@ from ciir.renderer.focus.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import NDArray
@@ -75,11 +75,16 @@ class DisparityMap:
 
 
 def estimate_disparity(
-    light_field: LightField, view: View | None = None, *, limits: tuple[float, float] | None = None
+    light_field: LightField,
+    view: View | None = None,
+    *,
+    limits: tuple[float, float] | None = None,
+    extra: Callable[[float], NDArray[np.float32]] | None = None,
 ) -> DisparityMap:
     """The disparity of `view`, by default the centre one.
 
-    `limits`: the least and the largest disparity in pixels a view, by default found from the pictures.
+    `limits`: the least and the largest disparity in pixels a view, by default found from the pictures. `extra`: what a
+    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
 
     Noise beyond `UNNOTICED` has all views correct the map (`refinement`), in several times the time.
 
@@ -115,6 +120,9 @@ def estimate_disparity(
     planes = np.array(numbers) / parts
     cost = sweep.compare(numbers)
     cost /= 1 + noise / 5  # so that neighbours count more
+    if extra is not None:
+        for index, plane in enumerate(planes):
+            cost[index] += extra(float(plane))
     disparity, confidence = match(cost, sweep.own, planes)
     window = 2 * int(np.clip(round(noise / 4), 1, 4)) + 1
     disparity = ndimage.median_filter(disparity, window, mode="nearest")

@@ -2,13 +2,13 @@
 
 The views of a lens array are parallel projections: a pixel and its disparity m give a point at the distance
 `m * pitch / delta` from the array, on the pixel's ray. The centre view gives most of the surface, and the views in the
-corners of the grid what only they see. Where the views show a background, no surface may hide it (the visual hull:
-Laurentini, PAMI 16, 1994).
+corners of the grid what only they see. Where the views show a background, no surface may hide it (`hull`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
@@ -30,10 +31,8 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import View
 
-HULL_VIEWS = 9
-"""Views along v and along u whose background is held free, at most."""
-HULL_SHARE = 0.2
-"""Share of those views in which a triangle may lie before the background: disparities are not exact."""
+BEFORE_BACKGROUND = 40.0
+"""8-bit levels that a disparity costs a pixel where all views see background behind it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ class Model:
 def make_model(
     light_field: LightField, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False
 ) -> Model:
-    """The model of what `light_field` shows, of one vertex and four triangles a pixel, about.
+    """The model of what `light_field` shows: about four triangles a pixel, and sixteen where views show background.
 
     `pitch`: between lenses, by default 1, so that lengths are in pixels of a view; `delta`: the tangent from one view
     to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model along z, and
@@ -85,15 +84,22 @@ def make_model(
 
     Raises `InvalidOption` for a single view and where nothing but background is there.
     """
+    from trimesh.remesh import subdivide
+
     from ciir.renderer.backends import open_backend
 
     field = light_field.with_depth_sense("lenses")
     count_v, count_u, rows, cols, _ = field.shape
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
-    is_shown = np.ones(field.shape[:4], bool) if keeps_background else _find_shown(field)
+    is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
+    has_background = not is_shown.all()
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
+
+    def cost(view: View, disparity: float) -> NDArray[np.float32]:
+        return BEFORE_BACKGROUND * find_share(is_shown, view, disparity)
+
     model: Model | None = None
     limits: tuple[float, float] | None = None
     for view in dict.fromkeys([center, *corners]):
@@ -104,13 +110,20 @@ def make_model(
             is_used = is_used & ~np.isfinite(depth)
         if not is_used.any():
             continue
-        mapped = estimate_disparity(field, view, limits=limits)
+        mapped = estimate_disparity(field, view, limits=limits, extra=partial(cost, view) if has_background else None)
         limits = float(mapped.planes[0]), float(mapped.planes[-1])  # of the centre view for all
-        patch = make_patch(_read_picture(field.views[view]), mapped.disparity, is_used, most)
+        picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
+        patch = make_patch(picture, mapped.disparity, is_used, most)
         vertices = _place(patch.x, patch.y, patch.disparity, array, view)
-        faces = patch.faces[_lies_in_hull(vertices[patch.faces].mean(axis=1), is_shown, array)].astype(np.int32)
-        found = Model(vertices, (patch.colors + 0.5).astype(np.uint8), faces, array)
+        colors, faces = patch.colors, patch.faces
+        if has_background:
+            both, faces = subdivide(np.concatenate([vertices, colors], axis=1), faces)
+            vertices, colors = both[:, :3], both[:, 3:]
+            faces = faces[lies_in_hull(vertices[faces].mean(axis=1), is_shown, array)]
+        found = Model(vertices, (colors + 0.5).astype(np.uint8), faces.astype(np.int32), array)
         model = found if model is None else _join(model, found)
+    if model is not None and len(model.faces) and has_background:
+        model = replace(model, faces=model.faces[explains_views(model.scene(), field, is_shown, array)])
     if model is None or not len(model.faces):
         raise InvalidOption("model: the views show nothing but background; keep it, or give views of a scene")
     notes = () if delta else (f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z",)
@@ -123,16 +136,17 @@ def _read_picture(view: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.fl
     return np.broadcast_to(colours / (np.iinfo(view.dtype).max / 255), (*view.shape[:2], 3))
 
 
-def _find_shown(field: LightField) -> NDArray[np.bool_]:
-    """Where the views show no background, `(V, U, H, W)`."""
-    views = field.views
-    levels = views[..., -1:] if field.is_transparent() else views[..., : 1 if views.shape[4] < 3 else 3]
-    is_empty: NDArray[np.bool_] = levels.max(axis=4) == 0
-    is_shown: NDArray[np.bool_] = np.ones(views.shape[:4], bool)
-    for v, u in np.ndindex(views.shape[:2]):
-        labels, _ = ndimage.label(np.pad(is_empty[v, u], 1, constant_values=True), np.ones((3, 3)))
-        is_shown[v, u] = labels[1:-1, 1:-1] != labels[0, 0]
-    return is_shown
+def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """`picture` `(H, W, 3)` without the black of the background in the pixels beside it, of which lenses see the mean.
+
+    They take the lighter of their colour and that of the nearest pixel inside.
+    """
+    is_inner = ndimage.binary_erosion(is_shown, np.ones((3, 3)), border_value=1)
+    if is_inner.all() or not is_inner.any():
+        return picture
+    nearest = ndimage.distance_transform_edt(~is_inner, return_distances=False, return_indices=True)
+    cleared: NDArray[np.float64] = np.maximum(picture, picture[tuple(nearest)])
+    return cleared
 
 
 def _place(
@@ -143,20 +157,6 @@ def _place(
     across = (x - (array.cols - 1) / 2) * array.pitch + array.tangent_x()[view[1]] * distance
     up = ((array.rows - 1) / 2 - y) * array.pitch + array.tangent_y()[view[0]] * distance
     return np.stack([across, up, -distance], axis=1)
-
-
-def _lies_in_hull(points: NDArray[np.float64], is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
-    """Whether few enough views see background where the points `(n, 3)` lie, `(n,)`."""
-    before = np.zeros(len(points))
-    rows, cols = (np.unique(np.linspace(0, n - 1, HULL_VIEWS).round().astype(int)) for n in is_shown.shape[:2])
-    views = [(v, u) for v in rows for u in cols if not is_shown[v, u].all()]
-    for v, u in views:
-        x = (points[:, 0] + array.tangent_x()[u] * points[:, 2]) / array.pitch + (array.cols - 1) / 2
-        y = (array.rows - 1) / 2 - (points[:, 1] + array.tangent_y()[v] * points[:, 2]) / array.pitch
-        share = ndimage.map_coordinates(is_shown[v, u].astype(np.float32), [y, x], order=1, mode="nearest")
-        before += share < 0.5
-    is_inside: NDArray[np.bool_] = before <= HULL_SHARE * len(views)
-    return is_inside
 
 
 def _join(first: Model, second: Model) -> Model:

@@ -1,0 +1,99 @@
+"""Where surfaces can lie: not before background that views show (the visual hull: Laurentini, PAMI 16, 1994)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from ciir.renderer.backends.embree import PreparedScene, list_rays
+from ciir.renderer.focus.sweep import read_levels
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.scene import Scene
+    from ciir.renderer.views import View
+
+VIEWS = 9
+"""Views along v and along u that count, at most."""
+SHARE = 0.2
+"""Share of those views in which a triangle may lie before the background: disparities are not exact."""
+
+
+def find_shown(field: LightField) -> NDArray[np.bool_]:
+    """Where the views show no background, `(V, U, H, W)`: black or transparent, and joined to the picture's border."""
+    views = field.views
+    levels = views[..., -1:] if field.is_transparent() else views[..., : 1 if views.shape[4] < 3 else 3]
+    is_empty: NDArray[np.bool_] = levels.max(axis=4) == 0
+    is_shown: NDArray[np.bool_] = np.ones(views.shape[:4], bool)
+    for v, u in np.ndindex(views.shape[:2]):
+        labels, _ = ndimage.label(np.pad(is_empty[v, u], 1, constant_values=True), np.ones((3, 3)))
+        is_shown[v, u] = labels[1:-1, 1:-1] != labels[0, 0]
+    return is_shown
+
+
+def find_share(is_shown: NDArray[np.bool_], view: View, disparity: float) -> NDArray[np.float32]:
+    """The share of views that would see background behind each pixel of `view`, `(H, W)`, at a disparity."""
+    height, width = is_shown.shape[2:]
+    share = np.zeros((height, width), np.float32)
+    views = list(_list_views(is_shown))
+    for v, u in views:
+        down, across = (round(-disparity * (other - own)) for other, own in zip((v, u), view, strict=True))
+        (to_y, from_y), (to_x, from_x) = _overlap(height, down), _overlap(width, across)
+        share[to_y, to_x] += ~is_shown[v, u, from_y, from_x]
+    return share / np.float32(max(len(views), 1))
+
+
+def lies_in_hull(points: NDArray[np.float64], is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
+    """Whether few enough views see background where the points `(n, 3)` lie, `(n,)`."""
+    before = np.zeros(len(points))
+    views = list(_list_views(is_shown))
+    for v, u in views:
+        x = (points[:, 0] + array.tangent_x()[u] * points[:, 2]) / array.pitch + (array.cols - 1) / 2
+        y = (array.rows - 1) / 2 - (points[:, 1] + array.tangent_y()[v] * points[:, 2]) / array.pitch
+        share = ndimage.map_coordinates(is_shown[v, u].astype(np.float32), [y, x], order=1, mode="nearest")
+        before += share < 0.5
+    is_inside: NDArray[np.bool_] = before <= SHARE * len(views)
+    return is_inside
+
+
+def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
+    """Whether each triangle of `scene`, and those around it, are nearer to the views' colours than black is, `(m,)`.
+
+    So an outline runs where it is best over all views, within a pixel.
+    """
+    prepared = PreparedScene(scene)
+    colors = 255 * prepared.colors[:, :3]
+    gain = np.zeros(len(prepared.faces))
+    for view in _list_views(is_shown):
+        picture = read_levels(field.views[view]) * is_shown[view]
+        levels = picture.reshape(len(picture), -1).T  # (H * W, C)
+        for rays, origins, direction in list_rays(array, view):
+            triangle, weights = prepared.meet(origins, direction)
+            hit = np.flatnonzero(triangle >= 0)
+            own = np.einsum("nk,nkc->nc", weights[hit], colors[prepared.faces[triangle[hit]]])
+            seen = levels[rays][hit]
+            less = np.square(seen).mean(axis=1) - np.square(seen - own).mean(axis=1)
+            gain += np.bincount(triangle[hit], less, len(gain))
+    around = np.bincount(prepared.faces.ravel(), np.repeat(gain, 3), len(colors))
+    is_better: NDArray[np.bool_] = around[prepared.faces].sum(axis=1) >= 0
+    return is_better
+
+
+def _list_views(is_shown: NDArray[np.bool_]) -> Iterator[View]:
+    """Those that count: spread over the grid, with some background."""
+    rows, cols = (np.unique(np.linspace(0, n - 1, VIEWS).round().astype(int)) for n in is_shown.shape[:2])
+    return ((int(v), int(u)) for v in rows for u in cols if not is_shown[v, u].all())
+
+
+def _overlap(length: int, by: int) -> tuple[slice, slice]:
+    """Where a line of pixels that is looked up `by` pixels further along has some: in the view, and in itself."""
+    by = min(max(by, -length), length)
+    low, high = max(0, -by), min(length, length - by)
+    return slice(low, high), slice(low + by, high + by)
