@@ -51,8 +51,7 @@ class Contents:
         """Raises `InvalidOption` for pictures at several times, which the format `name` can't hold."""
         if self.times:
             raise InvalidOption(
-                f"format: {name} holds no pictures at several times; give mp4, webm, gif, animated-webp or zip, or a "
-                "folder"
+                f"format: {name} holds no pictures at several times; give mp4, webm, gif, animated-webp or zip"
             )
 
     @property

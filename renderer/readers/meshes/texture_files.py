@@ -60,7 +60,7 @@ class Resolver:
         """Why there is no file called `name`, and the remedy."""
         if resolve_key(_portable(name), self._folder) is None:
             return "is outside what was given", "put it beside the mesh"
-        return "is missing", "give a zip or a folder that holds it"
+        return "is missing", "give a zip that holds it"
 
     def find_or_note(self, name: str, what: str) -> bytes | None:
         """As `find`, with a note where there is none, in which `what` names the kind of file."""

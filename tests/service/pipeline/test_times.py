@@ -145,7 +145,7 @@ def test_formats_of_light_fields_refuse_times():
     for name in set(FORMATS) - {"mp4", "webm", "gif", "animated-webp", "zip"}:
         with (
             FileWriter(io.BytesIO(), name) as writer,
-            pytest.raises(InvalidOption, match="holds no pictures at several times; give mp4"),
+            pytest.raises(InvalidOption, match=r"no pictures at several times; give .*, animated-webp or zip$"),
         ):
             reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
 

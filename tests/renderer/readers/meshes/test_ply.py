@@ -108,7 +108,7 @@ def test_texture_coordinates_of_vertices_and_of_faces() -> None:
 
 
 def test_a_texture_without_coordinates_and_one_that_is_missing_are_noted() -> None:
-    for name, note in (("x.png", "without texture coordinates"), ("gone.png", "gone.png is missing")):
+    for name, note in (("x.png", "without texture coordinates"), ("gone.png", "is left out; give a zip that holds it")):
         scene = read(ascii_square(XYZ, PLAIN_ROWS, comment=f"comment TextureFile {name}\n"))
         assert note in scene.notes[0]
 
