@@ -39,7 +39,7 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
         raise InvalidOption(
             f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"
         )
-    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
+    output_path.check_places(args)
     common.check_report(args.report, path)
     source = common.open_input(args, options)
     named = parse_name(path.name) if kind == "quilt" else None
@@ -49,7 +49,8 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     layout = picture.layout
     if layout is not None:
         path = _name_quilt(path, layout, report["notes"])
-        output_path.check_not_input([path], args.input)
+        if path != Path(args.out):
+            output_path.check_places(args, path)
     with replacing(path) as file:
         file.write(data)
     if layout is not None:

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
+from ciir.renderer.writers.options import TEXT_FILES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    import argparse
+    from collections.abc import Sequence
 
 _FILES = re.compile(
     r"\.(7z|avif|bmp|bz2|exr|gif|glb|gltf|gz|heic|heif|ico|jp2|jpe|jpeg|jpg|json|jxl|mat|npy|npz|obj|off|pdf|pgm|ply|"
@@ -41,9 +43,19 @@ def resolve_folder(text: str, *, what: str) -> Path:
     return Path(text)
 
 
-def check_not_input(outputs: Iterable[str | Path | None], given: str) -> None:
-    """Raises `InvalidOption` where one of `outputs` is the input `given`, through a link too, or lies in it."""
-    source = Path(given).resolve()
+def check_places(args: argparse.Namespace, *others: str | Path) -> None:
+    """Raises `InvalidOption` where an output of `args`, or one of `others`, is a file that the command reads, through
+    a link too, or lies in a folder that it reads; or where two outputs are one file.
+    """
+    given = vars(args)
+    inputs = ["input", "white", "dark", *(f"option_{name}" for name in TEXT_FILES)]
+    sources = [Path(given[name]).resolve() for name in inputs if given.get(name)]
+    outputs = [given["out"], *(given.get(name) for name in ("report", "show_grid")), *others]
+    taken: set[Path] = set()
     for path in (Path(output) for output in outputs if output):
-        if path.resolve() == source or (source.is_dir() and path.resolve().is_relative_to(source)):
+        place = path.resolve()
+        if any(place == source or (source.is_dir() and place.is_relative_to(source)) for source in sources):
             raise InvalidOption(f"{path}: the input is there; give another place for the output, so that it isn't lost")
+        if place in taken:
+            raise InvalidOption(f"{path}: two outputs have this name; give each its own")
+        taken.add(place)

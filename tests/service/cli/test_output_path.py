@@ -112,6 +112,26 @@ def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, m
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["convert", "--lens-pitch", "9", "--white", "w.png", "-o", "w.png", "--to", "lenticular"],
+        ["reconstruct", "--lens-pitch", "9", "--white", "w.png", "-o", "o", "--show-grid", "w.png"],
+        ["reconstruct", "--lens-pitch", "9", "--dark", "w.png", "-o", "w.png"],
+        ["convert", "--calibration", "w.png", "-o", "o.png", "--report", "w.png"],
+        ["convert", "--display", "w.png", "-o", "./w.png"],
+        ["reconstruct", "--lens-pitch", "9", "-o", "o.png", "--show-grid", "o.png"],
+        ["reconstruct", "--lens-pitch", "9", "-o", "o", "--show-grid", "o.json", "--report", "o.json"],
+    ],
+)
+def test_outputs_that_are_read_or_that_are_one_file_are_refused(folder, capsys, monkeypatch, words):
+    monkeypatch.setattr("ciir.service.cli.common.open_input", pytest.fail)
+    (folder / "w.png").write_bytes(b"mine")
+    refused(capsys, [words[0], "../p.png", *words[1:]], "give another place" if "w.png" in words else "two outputs")
+    assert [path.name for path in folder.iterdir()] == ["w.png"]
+    assert (folder / "w.png").read_bytes() == b"mine"
+
+
 def test_a_report_where_nothing_may_be_written(folder, capsys, monkeypatch):
     monkeypatch.setattr("ciir.renderer.writers.atomic_write.os.access", lambda path, mode: path != folder)
     refused(capsys, [*COMMANDS["reconstruct"], "-o", "../out", "--report", "r.json"], str(folder))

@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> None:
         return
     path = Path(args.out)
     name = _find_format(args.to, args.out)
-    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
+    output_path.check_places(args)
     common.check_report(args.report, path)
     options = replace(options, views="all", model=NO_MODEL)
     source = common.open_input(args, options)

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
         raise InvalidOption(f"{path}: no name of a disparity map or a model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
-    output_path.check_not_input([args.out, beside, args.report, args.show_grid], args.input)
+    output_path.check_places(args, *([beside] if beside else []))
     common.check_report(args.report, path)
     options = common.parse_options(args, "disparity")
     source = common.open_input(args, options)

@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> None:
     if suffix not in SUFFIXES or args.out.endswith("/"):
         listed = ", ".join(SUFFIXES)
         raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}")
-    output_path.check_not_input([args.out, args.report], args.input)
+    output_path.check_places(args)
     common.check_report(args.report, path)
     options, source = common.parse_options(args), open_source(args.input)
     with replacing(path) as file:

@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> None:
     """Writes the views and the report, and prints a line about them."""
     is_file = output_path.names_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
-    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
+    output_path.check_places(args)
     common.check_report(args.report, path)
     options = common.parse_options(args)
     source = common.open_input(args, options)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def run(args: argparse.Namespace) -> None:
     """Writes the planes, and prints a line about them."""
     path = Path(args.out)
-    output_path.check_not_input([args.out, args.report, args.show_grid], args.input)
+    output_path.check_places(args)
     common.check_report(args.report, path)
     options = common.parse_options(args, "plane")
     count = count_planes(options)

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
     common.check_report(args.report, path)
-    output_path.check_not_input([args.out, args.report], args.input)
+    output_path.check_places(args)
     options, bundle = common.parse_options(args), _bundle(args.input)
     skip = options.skip == "exact"
     upscale = partial(
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
         report = _single(upscale, bundle.main, path)
     else:
         outputs = output_names([bundle.main])
-        output_path.check_not_input([path / name for name in outputs.values()], args.input)
+        output_path.check_places(args, *(path / name for name in outputs.values()))
         report = _folder(upscale, outputs, path)
     common.write_report(report, args.report)
     done = report["pictures"]
