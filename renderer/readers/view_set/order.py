@@ -21,6 +21,10 @@ def is_automatic(layout: Layout) -> bool:
     return layout.order == "auto" and layout.flip == "none" and not layout.transpose
 
 
+ASKED = ("given", "rows", "columns")
+"""Orders with which the pictures aren't looked at."""
+
+
 def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> Views:
     """The light field in the order that `layout` asks for, with `order` columns transposed. Without any such wish, and
     where `corrects`, one that is certainly in a wrong order is put right, with a note; else a note names the options
@@ -29,7 +33,7 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
     if layout.order == "columns":
         views = views.transpose()
     views = reorient(views, layout)
-    if layout.order == "given":
+    if layout.order in ASKED:
         return replace(views, is_ordered=True)
     found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
     if found.is_wrong and corrects and is_automatic(layout):

@@ -17,7 +17,7 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
-from ciir.renderer.readers.view_set.order import add_note, correct, describe_other_axis, is_automatic, reorient
+from ciir.renderer.readers.view_set.order import ASKED, add_note, correct, describe_other_axis, is_automatic, reorient
 from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
 from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import center_view, parse_views
@@ -125,7 +125,7 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     change = "rows" if layout.order == "columns" else "columns"
     naming = f"{said}: {grid.naming}; order {change} takes them the other way"
     notes = (*views.notes, *([naming] if grid.naming and not is_own else []))
-    if layout.order == "given":
+    if layout.order in ASKED:
         return replace(views, notes=notes, is_ordered=True)
     found = estimate_order(views)
     if not (found.is_wrong and is_automatic(layout)):

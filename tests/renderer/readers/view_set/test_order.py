@@ -9,6 +9,7 @@ from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.order import settle_order
+from ciir.renderer.readers.view_set.view_files import Decoder
 from ciir.renderer.view_order import ORDERS
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.light_fields import make_views, put_in, write_views
@@ -56,6 +57,17 @@ def test_the_note_names_the_option_for_columns_from_right_to_left(is_transposed)
     right = read(files, flip="u", transpose=is_transposed)
     assert right.depth_sense == "cameras"
     assert np.array_equal(right.views, views)
+
+
+@pytest.mark.parametrize("order", ["given", "rows", "columns"])
+def test_only_wanted_views_are_decoded_where_the_order_is_given(order, monkeypatch):
+    decoded = []
+    decode = Decoder.decode
+    monkeypatch.setattr(Decoder, "decode", lambda self, file: decoded.append(file) or decode(self, file))
+    files = write_views(make_views((5, 5), channels=3), lambda v, u: f"{v}_{u}.png")
+    content = inputs.open_input(Bundle("set", None, files), Layout(order=order), views="0,0")
+    assert content.is_ordered
+    assert decoded == ["0_0.png"]
 
 
 def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are():
