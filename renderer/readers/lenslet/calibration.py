@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from ciir.errors import Unreadable
+from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid, Shape
 from ciir.renderer.readers.lenslet.refinement import Lenses, center_grid, measure_depth, refine_grid
 from ciir.renderer.readers.lenslet.search import search_grid
@@ -107,9 +107,9 @@ def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> 
     luma = scale_luma(picture[top : top + side, left : left + side])
     try:
         estimate = _estimate(luma, "borders", Known(), "")
-    except Unreadable:
+        found = None if estimate is None else _refine(luma, "borders", estimate, Known(), least_depth=_CLEARLY_DARKER)
+    except (Unreadable, InvalidOption):  # two grids fit, or one of too small lenses
         return None
-    found = None if estimate is None else _refine(luma, "borders", estimate, Known(), least_depth=_CLEARLY_DARKER)
     return None if found is None else found.grid
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.period import Periods
@@ -44,9 +45,14 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
     is_raw = options.known_grid is not None or is_lytro or bundle.main is None
     candidates = []
     if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
-        grid = find_grid(bundle, key, options.known_grid or Known())
-        is_raw = is_raw or not _is_regular(grid.grid, sizes)
-        candidates.append(_describe_raw(grid, is_lytro=is_lytro))
+        try:
+            grid = find_grid(bundle, key, options.known_grid or Known())
+        except (Unreadable, InvalidOption):  # the whole picture shows none
+            if is_raw:
+                raise
+        else:
+            is_raw = is_raw or not _is_regular(grid.grid, sizes)
+            candidates.append(_describe_raw(grid, is_lytro=is_lytro))
     if not is_raw:
         candidates = [*_list_arrangements(periods, picture.shape, sizes), *candidates]
     return {

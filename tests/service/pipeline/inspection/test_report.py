@@ -11,6 +11,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.inspection import pictures
 from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import Options
 from tests.support.inputs import CUBE
@@ -96,6 +97,17 @@ def test_a_picture_without_lenses_has_no_candidates():
     assert (found["input"]["height"], found["input"]["width"]) == (200, 210)
     with pytest.raises(Unreadable, match="no lens grid"):
         look_at(noise, lens_pitch="auto")
+
+
+def test_a_grid_that_only_the_middle_shows_is_no_candidate(vase, monkeypatch):
+    def refuse(*_):
+        raise InvalidOption("lens_pitch: 4.97 is out of range; give 5 to 200 pixels")
+
+    monkeypatch.setattr(pictures, "detect_grid", lambda *_: LensGrid(9, (4, 4)))
+    monkeypatch.setattr(pictures, "find_grid", refuse)
+    assert look_at(vase.eia())["kind"] == "eia"
+    with pytest.raises(InvalidOption, match="out of range"):
+        look_at(vase.eia(), lens_pitch="auto")
 
 
 def test_views_are_not_decoded():
