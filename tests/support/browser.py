@@ -7,6 +7,7 @@ from base64 import b64decode
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from ciir.renderer.readers.pictures import decode
@@ -15,7 +16,6 @@ from ciir.service.web.page.routes import FILES, MEDIA_TYPES, POLICY
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy as np
     from numpy.typing import NDArray
     from playwright.sync_api import Browser, BrowserContext, Page, Route
 
@@ -40,8 +40,7 @@ def open_browser() -> Iterator[Browser]:
 def read_canvas(page: Page) -> NDArray[np.uint8]:
     """What the canvas shows, `(H, W, 3)`."""
     address = page.evaluate("document.querySelector('canvas').toDataURL('image/png')")
-    picture: NDArray[np.uint8] = decode(b64decode(address.split(",")[1]), name="canvas")[..., :3]
-    return picture
+    return decode(b64decode(address.split(",")[1]), name="canvas")[..., :3].astype(np.uint8)
 
 
 def open_page(

@@ -7,7 +7,7 @@ const DIFFERENCE = 4; // times which a difference is made brighter
 
 const MARKUP = `<div class="compared"><canvas tabindex="0" role="img"></canvas><input name="divider" type="range" min="0" max="100" value="50"></div>
 <div class="controls"><select name="left"></select><select name="right"></select>
-<input name="zoom" type="range" min="0" max="${ZOOMS.length - 1}" value="0">
+<label>${PICTURE_TEXTS.zoom} <input name="zoom" type="range" min="0" max="${ZOOMS.length - 1}" value="0"></label>
 <label><input name="difference" type="checkbox"> <span></span></label><p role="status"></p></div>`;
 
 /**
@@ -21,14 +21,14 @@ export async function showComparison(element, pictures, truth) {
   const ideal = truth && (await createImageBitmap(truth));
   const width = Math.max(...loaded.map(({ bitmap }) => bitmap.width)), height = Math.max(...loaded.map(({ bitmap }) => bitmap.height));
   element.innerHTML = MARKUP;
-  element.classList.add("comparison");
+  element.classList.add("comparison", "light-field");
   const find = (/** @type {string} */ name) => /** @type {HTMLInputElement} */ (element.querySelector(`[name=${name}]`));
   const canvas = /** @type {HTMLCanvasElement} */ (element.querySelector("canvas"));
   const status = /** @type {HTMLElement} */ (element.querySelector("[role=status]"));
   const [left, right, divider, zoom, difference] = ["left", "right", "divider", "zoom", "difference"].map(find);
   const selects = /** @type {HTMLSelectElement[]} */ (/** @type {unknown[]} */ ([left, right]));
-  for (const [name, input] of Object.entries({ left, right, divider, zoom })) {
-    input.ariaLabel = PICTURE_TEXTS[/** @type {"left" | "right" | "divider" | "zoom"} */ (name)];
+  for (const [name, input] of Object.entries({ left, right, divider })) {
+    input.ariaLabel = PICTURE_TEXTS[/** @type {"left" | "right" | "divider"} */ (name)];
   }
   canvas.ariaLabel = PICTURE_TEXTS.compared;
   for (const select of selects) select.append(...loaded.map(({ name }, index) => new Option(name, String(index))));
@@ -88,6 +88,7 @@ export async function showComparison(element, pictures, truth) {
 function compare(bitmap, truth) {
   const [one, other] = [bitmap, truth].map((each) => {
     const context = new OffscreenCanvas(truth.width, truth.height).getContext("2d");
+    if (context) context.imageSmoothingEnabled = false; // as it is shown
     context?.drawImage(each, 0, 0, truth.width, truth.height);
     return /** @type {ImageData} */ (context?.getImageData(0, 0, truth.width, truth.height));
   });

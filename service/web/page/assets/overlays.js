@@ -17,7 +17,9 @@ export function addOverlays(stage, requestDisparity) {
   const disparity = new Image();
   disparity.className = "overlay";
   disparity.alt = PICTURE_TEXTS.disparityShown;
-  const row = make("input", { type: "range", max: String(lightField.height - 1), value: String(lightField.height >> 1), ariaLabel: PICTURE_TEXTS.row });
+  const row = make("input", { type: "range", max: String(lightField.height - 1), value: String(lightField.height >> 1) });
+  const label = make("label", { textContent: PICTURE_TEXTS.row });
+  label.append(row);
   const epi = make("canvas", { className: "epi", width: lightField.width, height: lightField.cols * LINE, role: "img", ariaLabel: PICTURE_TEXTS.epiShown });
   const drawEpi = () => {
     const small = new OffscreenCanvas(lightField.width, lightField.cols);
@@ -44,8 +46,8 @@ export function addOverlays(stage, requestDisparity) {
     else disparity.remove();
   };
   const showEpi = (/** @type {HTMLInputElement} */ box) => {
-    if (!box.checked) return void (epi.remove(), row.remove());
-    picture.after(row, epi);
+    if (!box.checked) return void (epi.remove(), label.remove());
+    picture.after(label, epi);
     drawEpi();
   };
   stage.stopped.signal.addEventListener("abort", () => URL.revokeObjectURL(disparity.src));

@@ -158,7 +158,6 @@ export const PICTURE_TEXTS = {
   /** @param {string} name @param {number} [psnr] */
   quality: (name, psnr) => (psnr === undefined ? name : `${name}: ${psnr.toFixed(2)} dB`),
   making: "Making the views",
-  slow: "The views take long; load this page again in a minute.",
   nothing: "The address names no light field: give scene=vase and settings after #.",
 };
 
