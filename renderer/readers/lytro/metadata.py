@@ -6,7 +6,7 @@ Names and values as in the metadata of an F01's and an Illum's file that imageio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -157,4 +157,27 @@ def read_camera(metadata: dict[str, Any], name: str) -> Camera:
     known = Known(shape=shape, stretch=stretch)
     if shape == "hexagonal-columns":
         offset, rotation, stretch = offset[::-1], -rotation, 1 / stretch
-    return Camera(known, LensGrid(pitch, offset, rotation, "square" if shape == "square" else "hexagonal", stretch))
+    grid = LensGrid(pitch, offset, rotation, "square" if shape == "square" else "hexagonal", stretch)
+    size = fields.number("image.height"), fields.number("image.width")
+    return _turn(known, grid, size, int(fields.number("image.orientation", 1)))
+
+
+def _turn(known: Known, grid: LensGrid, size: tuple[float, float], orientation: int) -> Camera:
+    """The lens array as `pictures.decode` turns a picture of `size`: transposed, then with its axes reversed."""
+    shape = known.shape
+    if orientation in (5, 6, 7, 8):
+        others: dict[KnownShape | None, KnownShape] = {
+            "hexagonal": "hexagonal-columns",
+            "hexagonal-columns": "hexagonal",
+        }
+        shape, size = others.get(shape, "square"), size[::-1]
+        known = replace(known, shape=shape, stretch=1 / known.stretch)
+        if shape == "square":
+            grid = LensGrid(grid.pitch * grid.stretch, grid.offset[::-1], -grid.rotation, stretch=1 / grid.stretch)
+    for axis, orientations in enumerate(((3, 4, 7, 8), (2, 3, 6, 7))):
+        if orientation in orientations:
+            offset = list(grid.offset)
+            along = 1 - axis if shape == "hexagonal-columns" else axis
+            offset[along] = size[axis] - 1 - offset[along]
+            grid = replace(grid, offset=(offset[0], offset[1]), rotation=-grid.rotation)
+    return Camera(known, grid)

@@ -11,7 +11,7 @@ from ciir.renderer.readers.inputs import read
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid
 from ciir.renderer.readers.lytro.container import read_frame
-from ciir.renderer.readers.lytro.metadata import F01, ILLUM, RAW_SENSORS, find_camera
+from ciir.renderer.readers.lytro.metadata import F01, ILLUM, RAW_SENSORS, find_camera, read_camera
 from ciir.renderer.readers.lytro.picture import unpack
 from ciir.renderer.readers.registry import LYTRO_RAW_SIZES
 from tests.support.lenslet.camera import make_camera, take_picture
@@ -71,6 +71,30 @@ def test_the_metadata_give_the_grid_where_the_picture_shows_none():
         "as given by the camera's metadata, since the picture shows none; see --show-grid"
     )
     assert f"pitch {GRID.pitch:.3f} pixels" in light_field.notes[0]
+
+
+@pytest.mark.parametrize("tiling", ["squareUniform", "hexUniformRowMajor", "hexUniformColumnMajor"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_grid_turns_with_the_picture(tiling, orientation):
+    metadata = make_metadata(LensGrid(14.286, (5.3, 8.8), -0.5, "hexagonal", 1.04), SIZE)
+    metadata["devices"]["mla"]["tiling"] = tiling
+
+    def list_centers():
+        camera = read_camera(metadata, "a")
+        centers = camera.grid.find_centers(*(indices.ravel() for indices in np.indices((40, 40)) - 20))
+        return centers[:, ::-1] if camera.known.shape == "hexagonal-columns" else centers
+
+    centers = list_centers()
+    centers = centers[((centers >= 0) & (centers < SIZE)).all(axis=1)]
+    indices = np.stack(np.indices(SIZE), axis=-1)
+    turned = pictures._turn_upright(indices, orientation)  # each pixel's place before it was turned
+    metadata["image"]["orientation"] = orientation
+    found = list_centers()
+    inside = (found >= 0) & (found < np.array(turned.shape[:2]) - 1)
+    places = turned[tuple(np.rint(found[inside.all(axis=1)]).astype(int).T)]
+    distances = np.linalg.norm(places[:, None] - centers, axis=-1).min(axis=1)
+    assert len(places) > 500
+    assert distances.max() < 0.72  # half a pixel in y and x, rounded
 
 
 def test_a_given_grid_is_taken():
