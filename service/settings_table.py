@@ -60,6 +60,7 @@ FIXED_LIMITS = {
     "service.pipeline.limits.MAX_VIEW_SAMPLES": "points of a mesh that are sampled for one view",
     "service.pipeline.options.upscaling.MAX_SCALE": "output pixels per view pixel, along one side",
     "service.web.multipart.MAX_FIELDS": "fields in a form",
+    "service.web.multipart.MAX_FILES": "files in a form, with what belongs to a display",
     "service.web.multipart.MAX_FIELD_BYTES": "bytes of a form field other than the file",
 }
 """Constant -> what it limits, for limits that are not settings."""

@@ -6,7 +6,6 @@ import struct
 import zlib
 from typing import TYPE_CHECKING
 
-import imagecodecs
 import numpy as np
 
 if TYPE_CHECKING:
@@ -24,6 +23,8 @@ def encode(pixels: Pixels, text: Mapping[str, str] | None = None) -> bytes:
 
     The Up filter and libdeflate's level 1 were 1.5 to 3 times faster than libpng's level 1, for files of like size.
     """
+    import imagecodecs  # only where a picture is encoded: the server's main process encodes none
+
     height, width = pixels.shape[:2]
     colour = (GREY, GREY_ALPHA, RGB, RGB_ALPHA)[pixels.shape[2] - 1 if pixels.ndim == 3 else 0]
     rows = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
