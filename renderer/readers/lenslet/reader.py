@@ -61,7 +61,7 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     if max(pixels) > grid.pitch + 1:
         raise InvalidOption(
             f"pixels: {pixels[0]}x{pixels[1]} are more than lenses of {grid.pitch:.2f} pixels have; give at most "
-            f"{fits}x{fits}"
+            f"{int(grid.pitch) + 1}x{int(grid.pitch) + 1}"
         )
     height, width, channels = raw.picture.shape
     size = height * width * channels * raw.picture.dtype.itemsize * pixels[0] * pixels[1] / grid.pitch**2 * 4 / 3

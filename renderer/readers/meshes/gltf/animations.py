@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 PATHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": None}
 """Properties of nodes that are animated, and their lengths."""
+MODES = ("LINEAR", "STEP", "CUBICSPLINE")
+"""Of interpolation."""
 _STRAIGHT = 1e-6  # radians between two rotations below which the way between them is a straight line
 
 
@@ -69,6 +71,8 @@ def _find_channels(document: Document, animation: dict[str, Any]) -> list[tuple[
             document.resolver.add_note("animations of other things than nodes are not played")
             continue
         document.item("nodes", target["node"])
+        if channel["sampler"] < 0:
+            raise Unreadable(f"{document.name}: an animation's sampler is number {channel['sampler']}; export it again")
         found.append((target["node"], target["path"], animation["samplers"][channel["sampler"]]))
     return found
 
@@ -78,6 +82,8 @@ def sample(document: Document, sampler: dict[str, Any], path: str, time: float) 
     times = read_accessor(document, sampler["input"])[:, 0]
     values = read_accessor(document, sampler["output"])
     mode = sampler.get("interpolation", "LINEAR")
+    if mode not in MODES:
+        document.resolver.add_note(f"animation: interpolation {clean_text(str(mode))[:40]} is read as LINEAR")
     count, parts = len(times), 3 if mode == "CUBICSPLINE" else 1
     if not count or len(values) % (count * parts) or not np.isfinite(times).all():
         raise Unreadable(f"{document.name}: an animation's keyframes and values don't fit; export it again")

@@ -64,6 +64,7 @@ def _read_lens(entry: dict[str, Any]) -> Lens:
         base = abs(float(values["xmag"])), abs(float(values["ymag"]))
         return Lens(base, (0.0, 0.0), float(values["znear"]), float(values["zfar"]))
     values = entry["perspective"]
-    slope = float(np.tan(float(values["yfov"]) / 2))
+    field = float(values["yfov"])
+    slope = float(np.tan(field / 2)) if field < np.pi else 0.0
     aspect = float(values.get("aspectRatio", 0.0))
     return Lens((0.0, 0.0), (aspect * slope, slope), float(values["znear"]), float(values.get("zfar", np.inf)))

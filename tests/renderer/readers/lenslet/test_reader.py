@@ -124,7 +124,7 @@ def test_a_raw_picture_that_is_read_as_elemental_images_is_noted(pitch, shape, n
         (
             {"raw": RAW},
             {"pixels": (11, 11)},
-            "pixels: 11x11 are more than lenses of 9.30 pixels have; give at most 9x9",
+            "pixels: 11x11 are more than lenses of 9.30 pixels have; give at most 10x10",
         ),
         ({"raw": RAW, "white": WHITE[:50]}, {}, "white: white.png has 50x180 .*, the raw picture 150x180"),
         ({"a": RAW, "b": RAW}, {}, "lens_pitch: this is for one raw lenslet picture, and a.zip is none"),

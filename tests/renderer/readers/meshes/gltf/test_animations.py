@@ -97,6 +97,15 @@ def test_animations_of_other_properties_are_played_together() -> None:
         model.read(MeshPose(1.0, animation="7"))
 
 
+def test_a_samplers_number_and_interpolation_are_checked() -> None:
+    model = Model()
+    model.animate(0, "translation", [0, 1], STEPS[:2], "CUBIC")
+    assert model.read(MeshPose(0.5)).notes == ("animation: interpolation CUBIC is read as LINEAR",)
+    model.json["animations"][0]["channels"][0]["sampler"] = -1
+    with pytest.raises(Unreadable, match="an animation's sampler is number -1"):
+        model.read(MeshPose(0.5))
+
+
 def test_a_time_behind_the_end_is_noted_and_one_without_animations_refused() -> None:
     model = Model()
     with pytest.raises(InvalidOption, match=r"time: a\.glb holds no animation; leave it out"):

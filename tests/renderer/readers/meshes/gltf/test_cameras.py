@@ -44,6 +44,13 @@ def test_seen_from_the_left_by_number_and_by_either_name(camera: str) -> None:
     assert part.vertices == pytest.approx(np.stack([0 * x, y, -1 - x], axis=1), abs=1e-6)
 
 
+def test_a_field_of_view_of_half_a_turn_or_more_is_refused() -> None:
+    model = filmed_model()
+    model.json["cameras"][0]["perspective"]["yfov"] = 7.0
+    with pytest.raises(Unreadable, match="camera 0 has no field of view"):
+        model.read(MeshPose(camera="0"))
+
+
 def test_what_lies_behind_a_camera_is_left_out() -> None:
     model = filmed_model()
     model.json["nodes"][2]["translation"] = [0.5, 0, 0]
