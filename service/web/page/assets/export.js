@@ -36,18 +36,21 @@ export const EXPORTS = {
   stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], asks: ["stack"] },
   disparities: { kind: "disparities", formats: ["pfm", "png", "npy", "viridis", "zip", "glb", "ply"] },
 };
-/** Options that a kind of job has no use for. */
-const USELESS = /** @type {Record<string, string[]>} */ ({
-  displays: ["model", "scale"],
-  elementals: ["model", "scale"],
+/** Options that a kind of job has no use for, and those that it has none for if the input is a mesh. */
+const USELESS = /** @type {Record<string, string[]>} */ ({ displays: ["model", "scale"], elementals: ["model", "scale"] });
+const USELESS_OF_MESH = /** @type {Record<string, string[]>} */ ({
+  displays: ["lenses", "pixels"],
+  disparities: ["model", "scale"],
 });
 
 const form = find("export-form", HTMLFormElement);
 const select = find("format", HTMLSelectElement);
 const asked = find("asked", HTMLElement);
+let isMesh = false;
 
 /** Offers the formats that an input can be written in. @param {string} input What it is. */
 export function offerFormats(input) {
+  isMesh = MESHES.includes(input);
   /** @type {Map<string, HTMLOptGroupElement>} */
   const groups = new Map();
   for (const [name, { formats, only }] of Object.entries(EXPORTS)) {
@@ -87,7 +90,8 @@ export function watchExport(run, fail, name) {
     const [group, format] = select.value.split("/");
     const { kind, fields = {} } = EXPORTS[group];
     const given = /** @type {Record<string, string | Blob>} */ (Object.fromEntries(new FormData(form)));
-    const empty = Object.fromEntries((USELESS[kind] ?? []).map((option) => [option, ""]));
+    const useless = [...(USELESS[kind] ?? []), ...((isMesh && USELESS_OF_MESH[kind]) || [])];
+    const empty = Object.fromEntries(useless.map((option) => [option, ""]));
     try {
       const response = await run(kind, { ...empty, ...fields, ...given, format });
       await saveResponse(response, name());
