@@ -119,7 +119,8 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
     height, width, channels = stack.shape
     colours = 3 if channels >= 3 else 1
     size = len(stack) * height * width * channels * stack.dtype.itemsize
-    with tifffile.TiffWriter(file, bigtiff=size > 2**31) as tiff:
+    handle = tifffile.FileHandle(file, name="stack.tif")  # the name of a file that a descriptor opened is a number
+    with tifffile.TiffWriter(handle, bigtiff=size > 2**31) as tiff:
         for name, plane in zip(stack.names, stack.read(), strict=True):
             picture = round_plane(plane, stack.dtype)
             tiff.write(

@@ -1,5 +1,6 @@
 import io
 import json
+import os
 import zipfile
 
 import av
@@ -59,6 +60,14 @@ def test_a_tiff_has_a_page_for_each_plane(channels, dtype):
         assert [page.tags[285].value for page in tiff.pages] == list(make_stack().names)
         pages = np.stack([page.asarray().reshape(6, 7, channels) for page in tiff.pages])
     np.testing.assert_array_equal(pages, np.rint(planes).astype(dtype))
+
+
+def test_tiffs_are_written_into_files_without_a_name(tmp_path):
+    target = os.open(tmp_path / "stack", os.O_RDWR | os.O_CREAT)
+    with open(target, "w+b") as file:  # noqa: PTH123 - as worker processes do
+        STACK["stack"](file, make_stack())
+    expected, _ = write("stack", make_stack())
+    assert (tmp_path / "stack").read_bytes() == expected.getvalue()
 
 
 def test_arrays_are_not_rounded():
