@@ -1,4 +1,7 @@
-"""Runs a job of any kind from an upload to one file, as worker processes do."""
+"""Runs a job of any kind from an upload to one file, as worker processes do.
+
+What only some kinds of jobs need is imported where they run: SciPy and Embree take 150 MB of address space.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from functools import partial
 from typing import IO, TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.focus.model import encode_model
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
 from ciir.renderer.writers.depth import encode_disparity
@@ -17,11 +19,6 @@ from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
 from ciir.renderer.writers.stacks import PLANE, STACK
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
-from ciir.service.pipeline.displays.pictures import make_picture
-from ciir.service.pipeline.focus.disparities import find_disparity
-from ciir.service.pipeline.focus.models import build_model
-from ciir.service.pipeline.focus.planes import count_planes, refocus
-from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import MODELS
 from ciir.service.pipeline.pictures import output_names, upscale_files
 from ciir.service.pipeline.source import SCENE
@@ -113,6 +110,8 @@ def _render_eia(source: Source, options: Options, output: Output) -> tuple[str, 
 
 
 def _show(source: Source, options: Options, output: Output) -> tuple[str, Report]:
+    from ciir.service.pipeline.displays.pictures import make_picture
+
     kind = cast("DisplayKind | None", output.format)
     picture, report = make_picture(
         source, options, kind, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
@@ -123,6 +122,8 @@ def _show(source: Source, options: Options, output: Output) -> tuple[str, Report
 
 
 def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Report]:
+    from ciir.service.pipeline.focus.planes import count_planes, refocus
+
     is_one = count_planes(options) == 1
     name, writers = output.format or ("png" if is_one else "zip"), PLANE if is_one else STACK
     if name not in writers:
@@ -142,11 +143,16 @@ def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Rep
 def _find_disparity(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     name = output.format or "pfm"
     if name in MODELS:
+        from ciir.renderer.focus.model import encode_model
+        from ciir.service.pipeline.focus.models import build_model
+
         model, report = build_model(
             source, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
         )
         output.file.write(encode_model(model, MODELS[name].suffix))
         return name, report
+    from ciir.service.pipeline.focus.disparities import find_disparity
+
     found, report = find_disparity(
         source, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
     )
@@ -165,6 +171,8 @@ def _find_disparity(source: Source, options: Options, output: Output) -> tuple[s
 
 
 def _inspect(source: Source, options: Options, output: Output) -> tuple[str, Report]:
+    from ciir.service.pipeline.inspection.report import inspect
+
     report = inspect(source, options, output.clock)
     output.file.write(report_json(report))
     return "json", report
