@@ -4,6 +4,8 @@ import { Job, request } from "./client.js";
 import { PLACE, showLightField } from "./light_field.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
+/** What the address says of the picture, not of the light field: of the viewer's place, and of the page. */
+const SHOWN = [...PLACE, "show"];
 const main = /** @type {HTMLElement} */ (document.querySelector("main"));
 
 /** The light field that the address names. */
@@ -13,7 +15,7 @@ async function open() {
   if (!settings.scene) throw new Error(PICTURE_TEXTS.nothing);
   const form = new FormData();
   const fields = { model: "none", ...settings, views: "all", format: "tiles" };
-  for (const [name, value] of Object.entries(fields)) if (!PLACE.includes(name)) form.append(name, value);
+  for (const [name, value] of Object.entries(fields)) if (!SHOWN.includes(name)) form.append(name, value);
   const { signal } = new AbortController();
   return (await Job.post("reconstructions", form, signal)).follow(() => {}, signal);
 }

@@ -145,7 +145,7 @@ def test_the_viewer_alone_shows_what_the_address_names(browser, tmp_path, addres
         "/v1/reconstructions": b'{"id": "abc", "state": "done"}',
         "/v1/reconstructions/abc/result": make_tiles(tmp_path / "a.zip")[0],
     }
-    address += "&u=0&v=3&focus=0&aperture=0"
+    address += "&show=upscaled&u=0&v=3&focus=0&aperture=0"  # as a link copied from the page
     context = browser.new_context()
     bodies = []
     context.on("request", lambda each: bodies.append(each.post_data or ""))
