@@ -95,7 +95,7 @@ class Worker:
 
     def receive(self, seconds: float) -> Message | None:
         """The next message; None if it is not complete after `seconds`. Raises `WorkerExitedError`."""
-        if b"\n" not in self._data:
+        if b"\n" not in self._data and len(self._data) <= LIMIT:
             try:
                 with self._lock:
                     self._socket.settimeout(seconds)

@@ -191,12 +191,13 @@ class Touch:
         return Path.touch, (self.path,)
 
 
-@pytest.mark.parametrize("form", ["pickle", "flood", "ready"])
+@pytest.mark.parametrize("form", ["pickle", "flood", "flood at once", "ready"])
 def test_a_worker_that_sends_what_is_no_answer_is_replaced(open_pool, make_task, monkeypatch, tmp_path, form):
     touched = tmp_path / "touched"
     data = {
         "pickle": pickle.dumps(Touch(touched)) + b"\n",
         "flood": b"x" * 60_000,
+        "flood at once": b'{"kind": "progress", "stage": "map", "views_done": 0, "views": 1}\n' + b"x" * 60_000,
         "ready": b'{"kind": "ready", "missing": []}\n',
     }[form]
     monkeypatch.setattr(worker_module, "LIMIT", 50_000)
