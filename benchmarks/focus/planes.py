@@ -24,7 +24,8 @@ from typing import IO, TYPE_CHECKING, cast
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.planes import make_taps, refocus
+from ciir.renderer.focus.kernels import REACH, make_sinc_taps
+from ciir.renderer.focus.planes import refocus
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -67,7 +68,7 @@ class Array:
         def sample(place_v: float, place_u: float) -> NDArray[np.float64]:
             y, x = np.arange(self.side) + place_v, np.arange(self.side) + place_u
             waves = np.exp(1j * (y[:, None, None] * down + phase)), np.exp(1j * x[:, None, None] * across)
-            picture: NDArray[np.float64] = 128 + 8 * np.einsum("yck,xck->yxc", *waves, optimize=True).real
+            picture: NDArray[np.float64] = 128 + 6 * np.einsum("yck,xck->yxc", *waves, optimize=True).real
             return picture
 
         views = np.array([[sample(v, u).round().clip(0, 255).astype(np.uint8) for u in places] for v in places])
@@ -80,7 +81,7 @@ def shift_by_numpy(views: NDArray[np.uint8], disparities: NDArray[np.float64], *
     `by_rows`: the views of a row are added before they are shifted down, which saves half of the work.
     """
     height, width = views.shape[2:4]
-    light_field = views.astype(np.float32)
+    light_field = np.pad(views, [(0, 0), (0, 0), (REACH, REACH), (REACH, REACH), (0, 0)], "edge").astype(np.float32)
     planes = []
     for disparity in disparities:
         (down, reach_y), (across, reach_x) = (
@@ -89,7 +90,7 @@ def shift_by_numpy(views: NDArray[np.uint8], disparities: NDArray[np.float64], *
         )
         total = np.zeros(views.shape[2:], np.float32)
         for row, taps in zip(light_field, down, strict=True):
-            moved = np.zeros_like(total)
+            moved = np.zeros((row.shape[1], *total.shape[1:]), np.float32)
             for u, view in enumerate(row):
                 for tap, target, source in across[u]:
                     moved[:, target] += tap * view[:, source]
@@ -102,21 +103,23 @@ def shift_by_numpy(views: NDArray[np.uint8], disparities: NDArray[np.float64], *
 
 
 def _list_taps(shifts: NDArray[np.float64], length: int) -> tuple[list[list[_Tap]], NDArray[np.float32]]:
-    """For each of `shifts`, which are below `length`, weights with the samples to write and to read; and the sums of
-    all weights that reach each sample, `(length,)`.
+    """For each of `shifts`, weights that are not 0 with the samples to write and, in views with `REACH` more on each
+    side, to read; and how many shifted views reach each sample, `(length,)`.
     """
     found, reach = [], np.zeros(length, np.float32)
-    for shift in shifts:
+    for shift in np.round(shifts, 9):
         whole = int(np.floor(shift))
-        taps = make_taps(np.asarray(shift - whole)).astype(np.float32)
+        start, stop = max(0, int(np.ceil(shift - 0.5))), min(length, int(np.ceil(length - 0.5 + shift)))
+        reach[start:stop] += 1
+        taps = make_sinc_taps(np.asarray(shift - whole)).astype(np.float32)
+        steps = range(2 * REACH - 1 - whole, -1 - whole, -1)
         found.append(
             [
-                (tap, slice(max(0, by), length + min(0, by)), slice(max(0, -by), length - max(0, by)))
-                for by, tap in enumerate(taps, whole - 1)
+                (tap, slice(start, stop), slice(start + step, stop + step))
+                for tap, step in zip(taps, steps, strict=True)
+                if tap
             ]
         )
-        for tap, target, _ in found[-1]:
-            reach[target] += tap
     return found, reach
 
 
@@ -127,7 +130,7 @@ def refocus_all(views: NDArray[np.uint8], disparities: NDArray[np.float64]) -> P
 
 CASES = {
     "225 views of 200x200, 32 planes a tenth of a pixel apart": Array(15, 200, np.arange(-15, 17) / 10, 21),
-    "25 views of 100x100, 5 planes a fifth of a pixel apart": Array(5, 100, np.arange(5) / 5, 3),
+    "49 views of 150x150, 7 planes a seventh of a pixel apart": Array(7, 150, np.arange(7) / 7, 4),
     "225 views of 200x200, 32 planes a pixel apart, -16 to 15": Array(15, 200, np.arange(-16.0, 16), 17),
     "225 views of 200x200, 8 planes a pixel apart, -4 to 3": Array(15, 200, np.arange(-4.0, 4), 5),
 }

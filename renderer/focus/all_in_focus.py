@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
+from ciir.renderer.focus.kernels import make_taps
 from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
-from ciir.renderer.focus.planes import count_cores, make_taps
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,7 +51,7 @@ def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[
             count += share
         return total, count
 
-    with ThreadPoolExecutor(count_cores()) as pool:
+    with ThreadPoolExecutor(count_available_cores()) as pool:
         totals, counts = zip(*pool.map(add_row, range(len(weights))), strict=True)
     count = np.add.reduce(counts)[..., np.newaxis]
     result: NDArray[np.float32] = np.where(count > 0, np.add.reduce(totals) / np.where(count > 0, count, 1), own)

@@ -15,8 +15,10 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.matching import match
-from ciir.renderer.focus.refinement import refine
+from ciir.renderer.focus.noise import estimate_noise
+from ciir.renderer.focus.refinement import FIRST, LAST, refine, select_views
 from ciir.renderer.focus.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
@@ -40,9 +42,12 @@ LEAST_SIDE = 4
 """Pixels along a side of the smallest views: half of them are at the border."""
 COARSE = 96
 """Pixels along the longer side of the pictures in which the range of disparities is found."""
-_DIFFERENCES = np.outer([1, -2, 1], [1, -2, 1])
 UNNOTICED = 2.5
 """8-bit levels of noise with which pictures count as clean: fine texture looks like as much."""
+OUTLINE = 13
+"""Pixels along each side of the window around an outline in which it may be moved."""
+MOVED = 0.3
+"""Pixels a view by which the sides of an outline differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +91,8 @@ def estimate_disparity(
     `limits`: the least and the largest disparity in pixels a view, by default found from the pictures. `extra`: what a
     disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
 
-    Noise beyond `UNNOTICED` has all views correct the map (`refinement`), in several times the time.
+    Noise beyond `UNNOTICED` has all views correct the map (`refinement`). With it they make the view itself almost free
+    of noise, and outlines are looked for again in that, in ten times the time or more.
 
     Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, a view that is
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
@@ -114,32 +120,52 @@ def estimate_disparity(
             f"disparity: {height}x{width} pixels at {len(numbers)} disparities are more than {MOST_COSTS} together, "
             "which take 2 GB; give limits that are closer to each other, or smaller views"
         )
-    deviation = estimate_noise(views[view])
+    deviation = estimate_noise(read_levels(views[view]).transpose(1, 2, 0))
     noise = max(0.0, deviation - UNNOTICED)
-    sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 16, 1.0))
     planes = np.array(numbers) / parts
-    cost = sweep.compare(numbers)
-    cost /= 1 + noise / 5  # so that neighbours count more
-    if extra is not None:
-        for index, plane in enumerate(planes):
-            cost[index] += extra(float(plane))
-    disparity, confidence = match(cost, sweep.own, planes)
-    window = 2 * int(np.clip(round(noise / 4), 1, 4)) + 1
-    disparity = ndimage.median_filter(disparity, window, mode="nearest")
+
+    def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The map and its confidence; `own`: the view without noise."""
+        sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 16, 1.0), own=own)
+        cost = sweep.compare(numbers)
+        window = 3
+        if own is None:
+            cost /= 1 + noise / 5  # so that neighbours count more
+            window = 2 * int(np.clip(round(noise / 4), 1, 4)) + 1
+        if extra is not None:
+            for index, plane in enumerate(planes):
+                cost[index] += extra(float(plane))
+        disparity, confidence = match(cost, sweep.own, planes)
+        return ndimage.median_filter(disparity, window, mode="nearest"), confidence
+
+    disparity, confidence = look()
     if noise:
-        del sweep, cost
-        disparity = refine(views, view, disparity, deviation)
+        disparity = refine(views, view, disparity, deviation, FIRST)
+        found = DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
+        sharper, confidence = look(_focus(views, found))
+        disparity = np.where(_find_moved(disparity, sharper), sharper, disparity)
+        disparity = refine(views, view, disparity, deviation, LAST)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
 
 
-def estimate_noise(view: NDArray[Any]) -> float:
-    """The standard deviation of the noise in a view `(H, W, C)`, in 8-bit levels.
+def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """The pixels, `(H, W)`, between the outlines of two maps: those that differ, from an outline of `disparity` on."""
 
-    Immerkaer (CVIU 64, 1996): what two second differences leave, whose weights have squares that add up to 36. Its
-    median rather than its mean: edges are no noise.
-    """
-    left = ndimage.convolve(read_levels(view), _DIFFERENCES[np.newaxis], mode="nearest")
-    return float(np.median(np.abs(left))) / (0.6745 * 6)
+    def find_steps(side: int) -> NDArray[np.bool_]:
+        steps = ndimage.maximum_filter(disparity, side) - ndimage.minimum_filter(disparity, side)
+        return steps > MOVED  # type: ignore[no-any-return]
+
+    differs = (np.abs(sharper - disparity) > MOVED) & find_steps(OUTLINE)
+    starts = ndimage.binary_dilation(differs & find_steps(3))
+    return ndimage.binary_propagation(starts, mask=differs)  # type: ignore[no-any-return]
+
+
+def _focus(views: NDArray[Any], found: DisparityMap) -> NDArray[np.float32]:
+    """The view of `found` with less noise, `(C, H, W)` in 8-bit levels."""
+    weights = np.zeros(views.shape[:2], np.float32)
+    weights[np.ix_(*select_views(views.shape[:2], found.view))] = 1
+    levels: NDArray[np.float32] = read_levels(focus_everywhere(views, found, weights))
+    return levels * np.float32(255 / np.iinfo(views.dtype).max)
 
 
 def estimate_disparities(

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
+from ciir.renderer.focus.kernels import REACH, make_sinc_taps
 from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
-from ciir.renderer.focus.planes import check_disparities, count_cores, make_taps, refocus
+from ciir.renderer.focus.planes import check_disparities, refocus
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ def _make_plane(views: NDArray[Any], disparity: float, weights: NDArray[np.float
     tolerance = (DIFFERENCE * scale) ** 2 + 2 * estimate_noise(views[center_view(*views.shape[:2])]) ** 2
     step = max(1, _BLOCK * height // views.size)
     blocks = [np.arange(start, min(start + step, height)) for start in range(0, height, step)]
-    with ThreadPoolExecutor(count_cores()) as pool:
+    with ThreadPoolExecutor(count_available_cores()) as pool:
         return np.concatenate(list(pool.map(partial(_make_rows, views, disparity, weights, tolerance), blocks)))
 
 
@@ -122,9 +124,10 @@ def _line_up(
 def _find_sources(
     places: NDArray[np.int64], shift: float, length: int
 ) -> tuple[list[tuple[np.float32, NDArray[np.int64]]], NDArray[np.bool_]]:
-    """The four weights and indices of the samples that make up a signal shifted by `shift`, and where it is inside."""
+    """The weights and indices of the samples that make up a signal shifted by `shift`, and where it is inside."""
     shift = float(np.clip(shift, -length - 1, length + 1))  # all outside beyond that
     whole = int(np.floor(-shift))
-    taps = make_taps(np.asarray(-shift - whole)).astype(np.float32)
-    sources = [(places + whole + offset).clip(0, length - 1) for offset in range(-1, 3)]
-    return list(zip(taps, sources, strict=True)), (places - shift >= 0) & (places - shift <= length - 1)
+    taps = make_sinc_taps(np.asarray(-shift - whole)).astype(np.float32)
+    offsets = range(1 - REACH, REACH + 1)
+    sources = [(tap, (places + whole + by).clip(0, length - 1)) for tap, by in zip(taps, offsets, strict=True) if tap]
+    return sources, (places - shift >= 0) & (places - shift <= length - 1)

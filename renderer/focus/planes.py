@@ -3,40 +3,43 @@
 A point of disparity m moves by m pixels to the left, and up, from one view to the next on the right, and below. So the
 pixels that see a point of the plane of disparity m lie on lines `x + m*(u - t) = X`, `y + m*(v - s) = Y` of the light
 field, and the plane, as seen from view (s, t), is the mean along them. In front of a lens array m = delta * distance /
-pitch (`renderer.focus.depth_scale`). With `w` the views' weights, all methods are
+pitch (`renderer.focus.depth_scale`). With `w` the views' weights, `y = Y - m*(v - s)` and `x = X - m*(u - t)`, all
+methods are
 
-    P[Y, X] = sum of w[v, u] * W[y, x] * k(Y - y - m*(v - s)) * k(X - x - m*(u - t)) * L[v, u, y, x]  over v, u, y, x,
+    P[Y, X] = sum of w[v, u] * W(y) * W(x) * L[v, u](y, x)  over the views v, u that have a pixel within half of (y, x)
 
 divided by the same sum of ones in place of L, so that uneven coverage doesn't show (Hong, Jang and Javidi, Opt. Express
-12, 2004; Ng et al. 2005). They differ in the kernel k and the window W:
+12, 2004; Ng et al. 2005). They differ in the window W, and in how views are sampled between pixels:
 
-- `mapping`: each pixel is mapped back to the plane, by interpolation (Shin and Yoo, Opt. Express 17, 2009): k is Keys's
-  cubic convolution with a = -1/2, and W = 1. For views of parallel rays, back projection of magnified elemental images
-  and their mean is the same sum.
+- `mapping`: each pixel is mapped back to the plane, by interpolation (Shin and Yoo, Opt. Express 17, 2009): by a sinc
+  of six pixels (`kernels.make_sinc_taps`), where a view ends by repeating its last pixel; W = 1. For views of parallel
+  rays, back projection of magnified elemental images and their mean is the same sum.
 - `window`: the same with a smooth window on each picture (Yoo, Opt. Lett. 36, 2011; Sensors 23, 5468, 2023): W falls
   linearly from 1 in the middle of a view to `BORDER` at its sides, so that views don't end in steps. The pictures of a
   camera array are its elemental images; in front of a lens array a window on those is an aperture (`apertures`).
 - `delta`: the picture of all views side by side is convolved with an array of delta functions (Jang, Shin and Kim, Opt.
-  Express 22, 2014), whose period is m short of a view. Pixels are not interpolated: k is 1 at the nearest whole pixel,
-  so close disparities may give the same plane. Where the count of views is even, the plane may lie half a pixel off the
-  middle of the grid.
+  Express 22, 2014), whose period is m short of a view. Pixels are not interpolated: the nearest counts, so close
+  disparities may give the same plane. Where the count of views is even, the plane may lie half a pixel off the middle
+  of the grid.
 
-The sums are done in the frequency domain, where the shift of a view is one factor for each frequency: the sum over the
-views of a row is one matrix product for all planes. Pictures are padded, so that nothing wraps around, and kernels are
-local ones, so that edges don't ring.
+Shifts are separable, so the views are shifted down and added along the columns of the grid, and the sums then shifted
+across and added. Each step is the product of a sparse matrix and pictures, for many planes at a time.
 """
 
 from __future__ import annotations
 
-import os
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from math import ceil
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from scipy import fft
+from scipy import sparse
 
+from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.apertures import check_weights
-from ciir.renderer.views import center_view
+from ciir.renderer.focus.kernels import REACH, make_sinc_taps
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,16 +51,15 @@ if TYPE_CHECKING:
 Method = Literal["mapping", "window", "delta"]
 
 BORDER = 1 / 8
-"""The least weight of a pixel with the method `window`: float32 still resolves its square, in corners."""
-MEMORY = 2**27
-"""Bytes, about, of the spectra of the planes that are computed at a time."""
-KEPT = 2**29
-"""Most bytes of the views' spectra that are kept; larger ones are computed again for each few planes."""
-_PRODUCT = 2**16
-"""Most multiplications in one matrix product: OpenBLAS splits larger ones between threads, at a loss for shapes like
-these."""
-_LEAST = 1e-4
-"""Share of the weights below which a pixel counts as not reached: the tails of the kernel alone."""
+"""The least weight of a place in a view with the method `window`."""
+MEMORY = 2**28
+"""Bytes, about, of the sums between the two steps: so many planes are made at a time."""
+LEAST_ALPHA = 0.5
+"""Half a level: colours are not divided by less, as interpolation may leave that where nothing is."""
+_NUMBERS = 450
+"""Most numbers in the rows that one product adds: few enough for the processor's cache."""
+_EXACT = 257
+"""Most 8-bit pixels whose sum fits 16 bits."""
 
 
 def refocus(
@@ -71,7 +73,8 @@ def refocus(
     of the views.
 
     `views`: `(V, U, H, W, C)`. `weights`: `(V, U)`, of each view, by default 1: the aperture. Where a view does not
-    reach, the others count alone; a pixel that no view reaches is 0.
+    reach, the others count alone; a pixel that no view reaches is 0. Colours count by alpha, which 2
+    or 4 channels have.
 
     Raises `InvalidOption` for an unknown method, for weights that `check_weights` refuses, and for disparities that are
     not finite.
@@ -80,9 +83,24 @@ def refocus(
         raise InvalidOption(f"method: {method!r} is not known; give {', '.join(get_args(Method))}")
     check_disparities(disparities)
     weights = check_weights(weights, views.shape[:2])
-    most = float(np.abs(disparities).max(initial=0))
-    planes = _Spectra(views, most, method).add_planes(disparities, weights)
-    return (np.ascontiguousarray(plane.transpose(1, 2, 0)) for plane in planes)
+    numbers = np.asarray(disparities, np.float64)
+    if views.shape[4] in (2, 4) and (views[..., -1] != views[..., -1].max()).any():
+        return map(_divide_by_alpha, _make_planes(_multiply_by_alpha(views), numbers, weights, method))
+    return _make_planes(views, numbers, weights, method)
+
+
+def _multiply_by_alpha(views: NDArray[Any]) -> NDArray[np.float32]:
+    """So that hidden colours don't count."""
+    weighted = views.astype(np.float32)
+    weighted[..., :-1] *= weighted[..., -1:]
+    return weighted
+
+
+def _divide_by_alpha(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The colours again, 0 where nothing is."""
+    alpha = plane[..., -1:]
+    plane[..., :-1] *= (alpha > 0) / np.maximum(alpha, LEAST_ALPHA)
+    return plane
 
 
 def check_disparities(disparities: Numbers) -> None:
@@ -92,102 +110,88 @@ def check_disparities(disparities: Numbers) -> None:
         raise InvalidOption("disparities: give finite numbers, in pixels a view, as in [-0.5, 0.25]")
 
 
-class _Spectra:
-    """The Fourier transforms of all views, of which planes are made."""
+def _make_planes(
+    views: NDArray[Any], disparities: NDArray[np.float64], weights: NDArray[np.float32], method: Method
+) -> Iterator[NDArray[np.float32]]:
+    count_v, count_u, height, width, channels = views.shape
+    batch = max(1, MEMORY // (4 * count_u * height * width * channels))
+    for start in range(0, len(disparities), batch):
+        some = disparities[start : start + batch]
+        down, across = _Shifts(some, count_v, height, method), _Shifts(some, count_u, width, method)
+        reached = _count_views(weights, down.reach, across.reach)
+        for plane, reach in zip(_add_views(views, weights, down, across), reached, strict=True):
+            yield plane / np.where(reach > 0, reach, 1)[..., np.newaxis]
 
-    def __init__(self, views: NDArray[Any], most: float, method: Method) -> None:
-        """`views`: `(V, U, H, W, C)`. `most`: the largest disparity, without its sign, that planes will have."""
-        self._views, self._workers = views, count_cores()
-        self._along = [np.arange(count) - (count - 1) / 2 for count in views.shape[:2]]
-        self._padded = [
-            fft.next_fast_len(length + int(np.ceil(min(most * np.abs(places).max(), length + 2))) + 4, real=True)
-            for length, places in zip(views.shape[2:4], self._along, strict=True)
-        ]
-        self._half = self._padded[1] // 2 + 1
-        make_window = _make_window if method == "window" else np.ones
-        self._windows = [make_window(length).astype(np.float32) for length in views.shape[2:4]]
-        self._is_whole = method == "delta"
-        self._offset = np.float32(views[center_view(*views.shape[:2])].mean())  # smaller sums: less rounding at borders
-        size = 8 * views.shape[0] * views.shape[1] * views.shape[4] * self._padded[0] * self._half
-        self._kept = [self._transform(row) for row in views] if size <= KEPT else None
 
-    def add_planes(self, disparities: Numbers, weights: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
-        """The mean of all views with their `weights` at each of `disparities`, `(C, H, W)`."""
-        batch = max(1, MEMORY // (8 * self._views[0, 0].size))
-        for start in range(0, len(disparities), batch):
-            some = np.asarray(disparities[start : start + batch], np.float64)[:, np.newaxis]
-            rows, cols = (
-                _Shifts(self._limit(some * places, len(window)), window, padded)
-                for places, window, padded in zip(self._along, self._windows, self._padded, strict=True)
-            )
-            reached = np.einsum("pvy,vu,pux->pyx", rows.reach, weights, cols.reach, optimize=True)
-            for plane, reach in zip(self._add(rows, cols, weights), reached, strict=True):
-                is_reached = reach > _LEAST * weights.sum()
-                yield np.where(is_reached, self._offset + plane / np.where(is_reached, reach, 1), 0)
+def _count_views(
+    weights: NDArray[np.float32], down: NDArray[np.float32], across: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """What `_add_views` gives for views of ones, `(planes, H, W)`."""
+    rows, which = np.unique(weights, axis=0, return_inverse=True)  # few: apertures are symmetric
+    counts = np.zeros((len(down), down.shape[2], across.shape[2]), np.float32)
+    for index, row in enumerate(rows):
+        counts += np.einsum("py,px->pyx", down[:, which == index].sum(axis=1), np.einsum("pux,u->px", across, row))
+    return counts
 
-    def _limit(self, shifts: NDArray[np.float64], length: int) -> NDArray[np.float64]:
-        """Shifts, whole where pixels are not interpolated, at most to just outside a view of `length` pixels."""
-        return np.clip(np.floor(shifts + 0.5) if self._is_whole else shifts, -length - 2, length + 2)
 
-    def _transform(self, row: NDArray[Any]) -> NDArray[np.complex64]:
-        """The transforms of a row of views, `(half, C, U, padded)`: frequencies along x come first."""
-        pictures = (row.transpose(3, 0, 1, 2) - self._offset) * np.multiply.outer(*self._windows)  # (C, U, H, W)
-        spectra = fft.rfft(pictures, self._padded[1], workers=self._workers)
-        result: NDArray[np.complex64] = fft.fft(
-            np.ascontiguousarray(spectra.transpose(3, 0, 1, 2)), self._padded[0], workers=self._workers
-        )
-        return result
+def _add_views(
+    views: NDArray[Any], weights: NDArray[np.float32], down: _Shifts, across: _Shifts
+) -> NDArray[np.float32]:
+    """The sums of all shifted views, `(planes, H, W, C)`."""
+    count_u, height, width, channels = views.shape[1:]
+    planes = len(down.reach)
+    matrices = [down.make_matrix(slice(None)), *(across.make_matrix(slice(p, p + 1)) for p in range(planes))]
+    factors = [weights, *(matrix.data for matrix in matrices)]
+    is_exact = views.dtype == np.uint8 and weights.size <= _EXACT and all(np.isin(f, (0, 1)).all() for f in factors)
+    dtype = np.uint16 if is_exact else np.float32
+    weights, (first, *second) = weights.astype(dtype), (matrix.astype(dtype, copy=False) for matrix in matrices)
+    sums = np.empty((planes, count_u, width, channels, height), dtype)
+    result = np.empty((planes, height, width, channels), np.float32)
 
-    def _add(self, rows: _Shifts, cols: _Shifts, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The sums of all shifted views, `(planes, C, H, W)`."""
-        count, channels = len(rows.factors), self._views.shape[4]
-        sums = np.zeros((self._half, channels, count, self._padded[0]), np.complex64)
-        most = max(1, _PRODUCT // (len(weights[0]) * self._padded[0]))
-        for v, row_weights in enumerate(weights):
-            if not row_weights.any():
-                continue
-            spectra = self._kept[v] if self._kept is not None else self._transform(self._views[v])
-            factors = cols.factors[..., : self._half] * row_weights[:, np.newaxis]  # (planes, U, half)
-            factors = np.ascontiguousarray(factors.transpose(2, 0, 1))[:, np.newaxis]
-            for start in range(0, count, most):  # (half, 1, planes, U) @ (half, C, U, padded)
-                part = slice(start, start + most)
-                sums[:, :, part] += (factors[:, :, part] @ spectra) * rows.factors[part, v]
-        columns = fft.ifft(sums, overwrite_x=True, workers=self._workers)[..., : rows.length]  # (half, C, planes, H)
-        columns = np.ascontiguousarray(columns.transpose(2, 1, 3, 0))
-        result: NDArray[np.float32] = fft.irfft(columns, self._padded[1], workers=self._workers)
-        return result[..., : cols.length]
+    def add_down(u: int, cols: slice) -> None:
+        pixels: NDArray[Any] = views[:, u, :, cols].transpose(0, 1, 3, 2).astype(dtype, order="C")  # (V, H, C, cols)
+        pixels *= weights[:, u, np.newaxis, np.newaxis, np.newaxis]
+        moved = (first @ pixels.reshape(first.shape[1], -1)).reshape(height, planes, channels, -1)
+        for plane, total in enumerate(sums):
+            total[u, cols] = moved[:, plane].T
+
+    def add_across(plane: int) -> None:
+        moved = second[plane] @ sums[plane].reshape(-1, channels * height)
+        result[plane] = moved.reshape(width, channels, height).transpose(2, 0, 1)
+
+    step = ceil(width / ceil(width * channels / _NUMBERS))
+    strips = [slice(start, start + step) for start in range(0, width, step)]
+    with ThreadPoolExecutor(count_available_cores()) as pool:
+        list(pool.map(add_down, *zip(*product(range(count_u), strips), strict=True)))
+        list(pool.map(add_across, range(planes)))
+    return result
 
 
 class _Shifts:
-    """Shifts of signals of as many samples as `window` by `(planes, views)` pixels towards larger indices."""
+    """Views along one axis of the grid, moved so that each of some planes lines up."""
 
-    def __init__(self, shifts: NDArray[np.float64], window: NDArray[np.float32], padded: int) -> None:
-        self.length = length = len(window)
+    def __init__(self, disparities: NDArray[np.float64], views: int, length: int, method: Method) -> None:
+        """`views`, each of `length` pixels along this axis."""
+        shifts = np.round(np.multiply.outer(disparities, np.arange(views) - (views - 1) / 2), 9)
+        shifts = np.clip(np.floor(shifts + 0.5) if method == "delta" else shifts, -length - 1, length + 1)
         whole = np.floor(shifts)
-        taps = make_taps(shifts - whole)  # (planes, views, 4), for offsets -1 to 2
-        turns = np.exp(-2j * np.pi * (whole[..., np.newaxis] + np.arange(-1, 3))[..., np.newaxis] * fft.fftfreq(padded))
-        self.factors = np.einsum("pkt,pktf->pkf", taps, turns).astype(np.complex64)
-        """`(planes, views, frequencies)`."""
-        inside = fft.fft(window, padded)
-        self.reach = fft.ifft(self.factors * inside).real[..., :length].astype(np.float32)
-        """`(planes, views, length)`: the share of the kernel that lies inside the view, times the window."""
+        places = np.arange(length) - shifts[..., np.newaxis]
+        self.reach = ((places >= -0.5) & (places < length - 0.5)) * np.float32(1)
+        """`(planes, views, length)`: how much a view counts at each pixel."""
+        if method == "window":
+            self.reach *= BORDER + (1 - BORDER) * (1 - np.abs(2 * places + 1 - length) / length).clip(0)
+        self._taps = make_sinc_taps(shifts - whole)
+        before = (np.arange(length) - whole[..., np.newaxis])[..., np.newaxis] - np.arange(1 - REACH, REACH + 1)
+        self._sources = before.clip(0, length - 1) + length * np.arange(views)[:, np.newaxis, np.newaxis]
 
-
-def make_taps(fraction: NDArray[Any]) -> NDArray[Any]:
-    """Weights of Keys's kernel (IEEE ASSP 29, 1981, equation 15) for a shift by `fraction`, 0 to 1, of a pixel."""
-    distance = np.abs(fraction[..., np.newaxis] - np.arange(-1, 3))
-    near = (1.5 * distance - 2.5) * distance**2 + 1
-    far = ((-0.5 * distance + 2.5) * distance - 4) * distance + 2
-    return np.where(distance <= 1, near, np.where(distance < 2, far, 0))
-
-
-def _make_window(length: int) -> NDArray[np.float64]:
-    """A triangle, `(length,)`, from `BORDER` at both ends to 1 in the middle."""
-    places = np.arange(length) + 0.5
-    window: NDArray[np.float64] = BORDER + (1 - BORDER) * np.minimum(places, length - places) / (length / 2)
-    return window
-
-
-def count_cores() -> int:
-    """Processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    def make_matrix(self, planes: slice) -> sparse.csr_array:
+        """What moves views, `(views * length, ...)`, and adds them: to `(length * planes, ...)`."""
+        taps = self._taps[planes, :, np.newaxis] * self.reach[planes, ..., np.newaxis]  # (planes, views, length, 6)
+        rows, (views, length) = taps.shape[0] * taps.shape[2], taps.shape[1:3]
+        numbers, sources = (part.transpose(2, 0, 1, 3).reshape(rows, -1) for part in (taps, self._sources[planes]))
+        is_used = numbers != 0
+        starts = np.concatenate([[0], np.cumsum(is_used.sum(axis=1))])
+        return sparse.csr_array(
+            (numbers[is_used].astype(np.float32), sources[is_used].astype(np.int32), starts.astype(np.int32)),
+            shape=(rows, views * length),
+        )

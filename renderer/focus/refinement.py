@@ -4,13 +4,14 @@ Looked up along a pixel's disparity that is wrong by e, the view at (v, u) from 
 all by e * (v*Iy + u*Ix). Least squares over all views (Lucas and Kanade, IJCAI 1981) have the least variance that
 unbiased estimates can have; views that show something else count less. Pixels then share what they show with their
 neighbours, each by its variance, not across steps of the map (weighted least squares, Farbman et al., SIGGRAPH 2008).
+Blurred views find what is far off where texture is weak; sharp ones, last, do not mix both sides of an outline.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage, sparse
@@ -19,6 +20,8 @@ from scipy.sparse.linalg import cg
 from ciir.renderer.focus.sweep import read_levels
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from ciir.renderer.views import View
@@ -27,44 +30,64 @@ if TYPE_CHECKING:
 
 MOST_VIEWS = 9
 """Rows, and columns, of views that are used."""
-ROUNDS = 2
-"""Corrections, each of the one before."""
-BLUR = 0.8
-"""Standard deviation in pixels: a wrong disparity has to move a view by less than its details measure."""
-SMOOTHNESS = 300.0
-"""Of the disparity, in pixels to the power of -2: how much two neighbours that agree count beside what they show."""
+
+
+class Round(NamedTuple):
+    """A correction of the map before it."""
+
+    blur: float
+    """Of the views, standard deviation in pixels: an error has to move a view by less than its details measure."""
+    smoothness: float
+    """Of the disparity, in pixels to the power of -2: how much neighbours that agree count beside what they show."""
+    slopes: bool
+    """Whether neighbours agree that differ by the slope around them, in place of those that are equal."""
+
+
+FIRST = Round(1.5, 1000.0, slopes=True), Round(0.8, 1000.0, slopes=True), Round(0.3, 500.0, slopes=True)
+"""For maps with large errors."""
+LAST = (Round(0.3, 300.0, slopes=False),) * 2
+"""For outlines, near which slopes are wrong."""
 STEP = 0.1
-"""Pixels between neighbours that lower it by e."""
+"""Pixels between neighbours that lower the smoothness by e."""
+SLOPE = 3.0
+"""Standard deviation in pixels of the Gaussian window whose steps are a slope."""
 ROWS = 32
 """Of pixels, that are computed at a time."""
 
 
-def refine(views: NDArray[Any], view: View, disparity: Picture, noise: float) -> Picture:
-    """`disparity` `(H, W)` of `view`, corrected with all views `(V, U, H, W, C)` at most half the grid away.
+def refine(
+    views: NDArray[Any], view: View, disparity: Picture, noise: float, rounds: Iterable[Round] = (*FIRST, *LAST)
+) -> Picture:
+    """`disparity` `(H, W)` of `view`, corrected with the views `(V, U, H, W, C)` of `select_views`.
 
     `noise`: its standard deviation, in 8-bit levels.
     """
-    farthest = max(views.shape[:2]) // 2
-    rows, cols = (
-        _thin(max(0, at - farthest), min(count, at + farthest + 1))
-        for count, at in zip(views.shape, view, strict=False)
-    )
+    rows, cols = select_views(views.shape[:2], view)
     places = [(int(v), int(u)) for v in rows for u in cols]
     offsets = np.array(places, np.float32) - np.array(view, np.float32)
+
+    def read(place: View, blur: float) -> Picture:
+        return ndimage.gaussian_filter(read_levels(views[place]), blur, axes=(1, 2))  # type: ignore[no-any-return]
+
+    parts = [slice(at, at + ROWS) for at in range(0, len(disparity), ROWS)]
     with ThreadPoolExecutor(2) as pool:
-        levels = pool.map(lambda place: read_levels(views[place]), places)
-        pictures = list(pool.map(lambda picture: ndimage.gaussian_filter(picture, BLUR, axes=(1, 2)), levels))
-        for _ in range(ROUNDS):
-            parts = [slice(at, at + ROWS) for at in range(0, len(disparity), ROWS)]
+        for one in rounds:
+            pictures = list(pool.map(partial(read, blur=one.blur), places))
             found = list(pool.map(partial(_correct, pictures, offsets, disparity, noise), parts))
             error, information = (np.concatenate(some) for some in zip(*found, strict=True))
-            disparity = _smooth(disparity, error, information)
+            disparity = _smooth(disparity, error, information, one)
     return disparity
 
 
-def _thin(start: int, stop: int) -> NDArray[np.int64]:
-    """At most `MOST_VIEWS` of the rows or columns from `start` to before `stop`."""
-    return np.unique(np.linspace(start, stop - 1, min(MOST_VIEWS, stop - start)).round().astype(int))
+def select_views(grid: tuple[int, ...], view: View) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the `grid` at most half of it from `view`: at most `MOST_VIEWS` of each, evenly spread."""
+    farthest = max(grid) // 2
+    ranges = ((max(0, at - farthest), min(count, at + farthest + 1)) for count, at in zip(grid, view, strict=True))
+    rows, cols = (
+        np.unique(np.linspace(start, stop - 1, min(MOST_VIEWS, stop - start)).round().astype(int))
+        for start, stop in ranges
+    )
+    return rows, cols
 
 
 def _correct(
@@ -119,19 +142,35 @@ def _average(looked_up: Picture, weights: Picture) -> tuple[Picture, Picture]:
     return total, np.einsum("nhw,nchw->chw", weights, looked_up) / total
 
 
-def _smooth(disparity: Picture, error: Picture, information: Picture) -> Picture:
+def _smooth(disparity: Picture, error: Picture, information: Picture, one: Round) -> Picture:
     """The map d that minimises the sum of `information * (d - disparity)**2 - 2 * error * (d - disparity)` and of the
-    squared steps between neighbours times `SMOOTHNESS`, less where `disparity` has a step.
+    smoothness times the squared steps between neighbours, from which slopes are taken off; less where `disparity` has
+    a step.
     """
-    down, right = (SMOOTHNESS * np.exp(np.abs(np.diff(disparity, axis=axis, append=np.inf)) / -STEP) for axis in (0, 1))
-    information = information + 1e-3  # where nothing is seen, the map stays
-    diagonal = information + down + right + np.roll(down, 1, 0) + np.roll(right, 1, 1)
+    diagonal = information.astype(np.float64) + 1e-3  # where nothing is seen, the map stays, by the last digits
+    known = error + diagonal * disparity
+    weights = []
+    for axis in (0, 1):
+        steps = np.diff(disparity.astype(np.float64), axis=axis)
+        slope = _average_steps(steps) if one.slopes else np.zeros_like(steps)
+        weight = one.smoothness * np.exp(np.abs(steps - slope) / -STEP)
+        behind = ((0, int(axis == 0)), (0, int(axis == 1)))  # the last pixel has no next one
+        weight, slope = np.pad(weight, behind), np.pad(slope, behind)
+        diagonal += weight + np.roll(weight, 1, axis)
+        known += np.roll(weight * slope, 1, axis) - weight * slope
+        weights.append(weight)
     width = disparity.shape[1]
-    beside, below = -right.ravel()[:-1], -down.ravel()[:-width]
+    below, beside = -weights[0].ravel()[:-width], -weights[1].ravel()[:-1]
     matrix = sparse.diags_array([diagonal.ravel(), beside, beside, below, below], offsets=[0, 1, -1, width, -width])
-    known = (error + information * disparity).ravel()
-    found, _ = cg(
-        matrix.tocsr(), known, disparity.ravel(), rtol=1e-6, maxiter=100, M=sparse.diags_array(1 / diagonal.ravel())
-    )
+    inverse = sparse.diags_array(1 / diagonal.ravel())
+    found, _ = cg(matrix.tocsr(), known.ravel(), disparity.ravel(), rtol=1e-6, maxiter=100, M=inverse)
     result: Picture = found.reshape(disparity.shape).astype(np.float32)
+    return result
+
+
+def _average_steps(steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean of the steps around each pixel, of large ones less."""
+    weights = np.exp(np.abs(steps) / -STEP)
+    total, count = (ndimage.gaussian_filter(part, SLOPE) for part in (weights * steps, weights))
+    result: NDArray[np.float64] = total / np.maximum(count, 1e-6)
     return result

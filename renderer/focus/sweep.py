@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
-from ciir.renderer.focus.planes import make_taps
+from ciir.renderer.focus.kernels import make_taps
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -49,12 +49,22 @@ class Picture:
 class Sweep:
     """The views around one view."""
 
-    def __init__(self, views: NDArray[Any], view: View, *, parts: int, farthest: int, blur: float = 0.0) -> None:
+    def __init__(
+        self,
+        views: NDArray[Any],
+        view: View,
+        *,
+        parts: int,
+        farthest: int,
+        blur: float = 0.0,
+        own: NDArray[np.float32] | None = None,
+    ) -> None:
         """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n, planes are whole multiples of 1/n pixels a view.
         `farthest`: views further away are not compared. `blur`: standard deviation in pixels, against noise.
+        `own`: the view itself with less noise, as `self.own`.
         """
         self._parts = parts
-        self.own = _blur(read_levels(views[view]), blur)
+        self.own = _blur(read_levels(views[view]), blur) if own is None else own
         """`(C, H, W)`: the view itself, in 8-bit levels."""
         gradient = np.sqrt(np.mean(np.square(np.gradient(self.own, axis=_AXES)), axis=1)).max(axis=0)
         self._most = MOST_DIFFERENCE + MOST_SHIFT * gradient  # (H, W)

@@ -9,8 +9,8 @@ import numpy as np
 from ciir.benchmarks.stress.case import Found
 from ciir.benchmarks.stress.networks import patterns, shipped
 from ciir.benchmarks.stress.networks.shipped import bound_difference, downsample, find_worst, peak, rms
+from ciir.cores import count_available_cores
 from ciir.models import catalogue, tiles
-from ciir.models.sessions import count_available_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.cores import count_available_cores
 from ciir.models import cards, catalogue
-from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.sessions import open_session
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

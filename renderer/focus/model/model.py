@@ -2,7 +2,8 @@
 
 The views of a lens array are parallel projections: a pixel and its disparity m give a point at the distance
 `m * pitch / delta` from the array, on the pixel's ray. The centre view gives most of the surface, and the views in the
-corners of the grid what only they see. Where the views show a background, no surface may hide it (`hull`).
+corners of the grid what only they see. Where the views show a background, no surface may hide it (`hull`). The colours
+are those with which the model is nearest to all views (`colors`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import ndimage
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
 from ciir.renderer.lens_array import LensArray
@@ -107,7 +109,7 @@ def make_model(
         if model is not None:
             backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=rows * cols, is_see_through=False)
             (depth,) = backend.render_depth(model.scene(), array, [view])
-            is_used = is_used & ~np.isfinite(depth)
+            is_used = is_used & _grow(is_used & ~np.isfinite(depth))
         if not is_used.any():
             continue
         mapped = estimate_disparity(field, view, limits=limits, extra=partial(cost, view) if has_background else None)
@@ -126,6 +128,8 @@ def make_model(
         model = replace(model, faces=model.faces[explains_views(model.scene(), field, is_shown, array)])
     if model is None or not len(model.faces):
         raise InvalidOption("model: the views show nothing but background; keep it, or give views of a scene")
+    colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
+    model = replace(model, colors=colors.astype(np.uint8))
     notes = () if delta else (f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z",)
     return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
 
@@ -147,6 +151,12 @@ def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDA
     nearest = ndimage.distance_transform_edt(~is_inner, return_distances=False, return_indices=True)
     cleared: NDArray[np.float64] = np.maximum(picture, picture[tuple(nearest)])
     return cleared
+
+
+def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With the eight pixels around each: surfaces then overlap, and no gap between them lets light through."""
+    grown: NDArray[np.bool_] = ndimage.binary_dilation(is_there, np.ones((3, 3)))
+    return grown
 
 
 def _place(

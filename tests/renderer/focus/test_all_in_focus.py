@@ -6,7 +6,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.focus.all_in_focus import _sample, focus_everywhere
 from ciir.renderer.focus.disparity import DisparityMap
 from ciir.renderer.light_field import LightField
-from tests.renderer.focus.test_planes import keys
+from tests.renderer.focus.test_kernels import keys
 
 NEAR, FAR = 2.0, -0.5
 ONES = np.ones((5, 5), np.float32)

@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.focus.disparity import estimate_disparities, estimate_disparity, estimate_noise
+from ciir.renderer.focus.disparity import _find_moved, estimate_disparities, estimate_disparity
 from ciir.renderer.light_field import LightField
 
 NEAR, FAR = 1.6, 0.4
@@ -119,15 +119,6 @@ def test_limits_that_are_refused(limits, message):
         estimate_disparity(light_field, limits=limits)
 
 
-@pytest.mark.parametrize(("sigma", "dtype"), [(0, np.uint8), (4, np.uint16), (12, np.uint8)])
-def test_noise_is_found_beside_edges(sigma, dtype):
-    view = np.full((96, 128, 3), 90.0)
-    view[20:70, 30:90] = 200
-    view += sigma * np.random.default_rng(7).standard_normal(view.shape)
-    view = (view.clip(0, 255) * (np.iinfo(dtype).max / 255)).round().astype(dtype)
-    assert estimate_noise(view) == pytest.approx(sigma, rel=0.05, abs=0.1)
-
-
 def test_noise_makes_few_pixels_worse():
     """Of smooth texture: without the correction by all views 8 % of the pixels are wrong by 0.1."""
     light_field, true = make_light_field()
@@ -136,6 +127,17 @@ def test_noise_makes_few_pixels_worse():
     noise = 10 * np.random.default_rng(8).standard_normal(views.shape)
     found = estimate_disparity(LightField((views + noise).clip(0, 255).round().astype(np.uint8)), limits=(0, 2))
     assert (np.abs(found.disparity - true) > 0.1).mean() < 0.05
+
+
+def test_outlines_move_but_errors_beside_them_stay():
+    near = np.zeros((32, 32), np.float32)
+    near[:, 16:] = 2
+    sharper = near.copy()
+    sharper[:, 14:16] = 2
+    expected = sharper != near
+    sharper[10:13, 19:21] = 1  # touches no outline
+    np.testing.assert_array_equal(_find_moved(near, sharper)[:, :15], expected[:, :15])
+    assert not _find_moved(near, sharper)[:, 18:].any()
 
 
 @pytest.mark.parametrize("change", ["mirrored", "upside down", "transposed", "reversed", "shifted"])

@@ -11,3 +11,12 @@ def test_of_a_picture_with_edges(noise):
     assert estimate_noise(noisy.clip(0, 255).round().astype(np.uint8)) == pytest.approx(
         noise, rel=0.15
     )  # edges add a little
+
+
+@pytest.mark.parametrize(("sigma", "dtype"), [(0, np.uint8), (4, np.uint16), (12, np.uint8)])
+def test_noise_is_found_beside_edges(sigma, dtype):
+    view = np.full((96, 128, 3), 90.0)
+    view[20:70, 30:90] = 200
+    view += sigma * np.random.default_rng(7).standard_normal(view.shape)
+    view = (view.clip(0, 255) * (np.iinfo(dtype).max / 255)).round().astype(dtype)
+    assert estimate_noise(view) * 255 / np.iinfo(dtype).max == pytest.approx(sigma, rel=0.05, abs=0.1)

@@ -49,7 +49,7 @@ def test_without_occluders_it_is_the_mean():
 
 
 def test_views_line_up_as_in_the_sum():
-    views = np.random.default_rng(0).integers(0, 256, (3, 4, 12, 15, 2), dtype=np.uint8)
+    views = np.random.default_rng(0).integers(0, 256, (3, 4, 12, 15, 3), dtype=np.uint8)
     weights = np.random.default_rng(1).random((3, 4)).astype(np.float32)
     samples, _ = _line_up(views, 0.7, weights, np.arange(12))
     (plane,) = refocus(views, [0.7], weights=weights)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ciir.renderer.focus.refinement import refine
+from ciir.renderer.focus.refinement import FIRST, LAST, refine
 
 SLOPE = 0.8
 NOISE = 10
@@ -35,3 +35,12 @@ def test_steps_stay():
     views = np.full((5, 5, 32, 32, 3), 100, np.uint8)
     map_ = np.repeat(np.float32([0, 2]), 16)[np.newaxis] + np.zeros((32, 1), np.float32)
     np.testing.assert_allclose(refine(views, (2, 2), map_, NOISE), map_, atol=1e-3)
+
+
+def test_slopes_stay_where_nothing_is_seen():
+    """Neighbours agree on the slope; without that they would agree on one disparity."""
+    views = np.full((5, 5, 32, 32, 3), 100, np.uint8)
+    slope = np.linspace(0, 1.5, 32, dtype=np.float32) + np.zeros((32, 1), np.float32)
+    sloping, flat = (refine(views, (2, 2), slope, NOISE, rounds) for rounds in (FIRST, LAST))
+    assert np.abs(sloping - slope).max() < 1e-3
+    assert np.abs(flat - slope).max() > 0.1

@@ -1,0 +1,74 @@
+"""The vertex colours with which a model shows all views best: linear least squares, as a picture is linear in them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from ciir.renderer.backends.embree import PreparedScene, list_rays
+from ciir.renderer.focus.sweep import read_levels
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.lens_array import LensArray
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.scene import Scene
+
+VIEWS = 3, 8
+"""Fewest and most views along v and along u that count."""
+RAYS = 1 << 22
+"""With more, fewer views count: each takes some 100 bytes."""
+DAMPING = 0.2
+"""What keeps the colours given: this share of a usual vertex's weight, squared and summed over its rays."""
+STEPS = 6
+"""Of conjugate gradients; more change no colour by a level."""
+
+
+def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.float32]:
+    """Colours of the scene's vertices `(n, C)` in 8-bit levels, C = 1 or 3, that are nearest to `field`'s views.
+
+    Each pixel is the colour that the ray through its middle meets, its triangle's vertices weighted. A vertex that no
+    ray meets keeps its colour. Damped least squares (Levenberg, 1944) by conjugate gradients, scaled by the diagonal.
+    """
+    prepared = PreparedScene(scene)
+    rows, seen = [], []
+    views = int(np.clip(np.sqrt(RAYS / (array.rows * array.cols)), *VIEWS))
+    spread = [np.unique(np.linspace(0, n - 1, views).round().astype(int)) for n in field.shape[:2]]
+    for view in ((int(v), int(u)) for v in spread[0] for u in spread[1]):
+        levels = read_levels(field.views[view])
+        levels = levels.reshape(len(levels), -1).T  # (H * W, C)
+        for rays, origins, direction in list_rays(array, view):
+            triangle, weights = prepared.meet(origins, direction)
+            hit = np.flatnonzero(triangle >= 0)
+            places = np.arange(0, 3 * len(hit) + 1, 3)
+            shape = len(hit), len(prepared.colors)
+            corners = prepared.faces[triangle[hit]]
+            rows.append(sparse.csr_array((weights[hit].ravel(), corners.ravel(), places), shape=shape))
+            seen.append(levels[rays][hit])
+    matrix = sparse.vstack(rows, format="csr")  # (rays, n)
+    levels = np.concatenate(seen)  # (rays, C)
+    colors = np.float32(255) * prepared.colors[:, : levels.shape[1]]
+    return np.clip(_solve(matrix, levels, colors), 0, 255)
+
+
+def _solve(matrix: sparse.csr_array, levels: NDArray[np.float32], start: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The x, `(n, C)`, near `start` with the least `|matrix @ x - levels|`; all channels in the same steps."""
+    transposed = matrix.T.tocsr()
+    own = np.asarray(matrix.power(2).sum(axis=0), np.float32)[:, None]  # (n, 1): the diagonal of the normal equations
+    damping = np.float32(DAMPING * own[own > 0].mean()) if own.any() else np.float32(1)
+    x = start.copy()
+    residual = transposed @ (levels - matrix @ x)
+    scaled = residual / (own + damping)
+    direction, size = scaled, (residual * scaled).sum(axis=0)  # (C,)
+    for _ in range(STEPS):
+        image = transposed @ (matrix @ direction) + damping * direction
+        step = size / np.maximum((direction * image).sum(axis=0), np.float32(1e-20))
+        x += step * direction
+        residual = residual - step * image
+        scaled = residual / (own + damping)
+        last, size = size, (residual * scaled).sum(axis=0)
+        direction = scaled + size / np.maximum(last, np.float32(1e-20)) * direction
+    return x
