@@ -197,7 +197,7 @@ class _Table:
         return value
 
     def check_all_read(self) -> None:
-        unknown = sorted(set(self._entries) - self._read - {"pitch", "ppi"})
+        unknown = sorted(set(self._entries) - self._read)
         if unknown:
             key = clean_text(unknown[0])[:40]
             known = ", ".join(sorted(self._read))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+
+from ciir.cores import count_available_cores
 
 Progress = Callable[[int, int], object]
 """Called with the number of rows or views that are finished and of all."""
@@ -22,6 +23,6 @@ def run_parts(make: Callable[[int], object], count: int, progress: Progress = ig
 
     `progress` is called in the caller's thread. Raises what `make` raises.
     """
-    with ThreadPoolExecutor(min(MOST_THREADS, os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(MOST_THREADS, count_available_cores())) as pool:
         for done, _ in enumerate(pool.map(make, range(count)), 1):
             progress(done, count)

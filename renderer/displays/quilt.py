@@ -32,6 +32,8 @@ class QuiltLayout:
     cols: int
     rows: int
     aspect: float
+    is_inverted: bool = False
+    """Whether view 0 is of the rightmost camera."""
 
     def __post_init__(self) -> None:
         if not (1 <= self.cols <= MAX_TILES and 1 <= self.rows <= MAX_TILES):
@@ -78,7 +80,8 @@ def parse_grid(text: str) -> tuple[int, int]:
 
 
 def parse_json(data: bytes, *, name: str) -> QuiltLayout:
-    """The layout in the JSON beside a quilt: `viewX`, `viewY` and `aspect`, at the top or in `quilt_settings`.
+    """The layout in the JSON beside a quilt: `viewX`, `viewY`, `aspect` and perhaps `invertViews`, at the top or in
+    `quilt_settings`.
 
     Raises `Unreadable` where it isn't there, `InvalidOption` where a number is out of range.
     """
@@ -86,7 +89,7 @@ def parse_json(data: bytes, *, name: str) -> QuiltLayout:
         found: Any = json.loads(data)
         found = found.get("quilt_settings", found)
         cols, rows = (int(min(found[key], 1e6)) for key in ("viewX", "viewY"))  # a message holds no endless number
-        return QuiltLayout(cols, rows, float(found["aspect"]))
+        return QuiltLayout(cols, rows, float(found["aspect"]), found.get("invertViews") is True)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         if isinstance(error, InvalidOption):
             raise
@@ -104,7 +107,7 @@ def join_views(views: Pixels, layout: QuiltLayout) -> Pixels:
 
 
 def split_quilt(quilt: Pixels, layout: QuiltLayout, *, name: str) -> Pixels:
-    """The inverse of `join_views`: views `(n, h, w, c)`, from the leftmost camera on.
+    """The inverse of `join_views`, also where the layout is inverted: views `(n, h, w, c)`, from the leftmost on.
 
     Pixels beyond whole tiles, at the right and at the top, are left out, as displays do with quilts whose size is no
     multiple of the layout. Raises `InvalidOption` where a tile would have no pixel.
@@ -117,4 +120,5 @@ def split_quilt(quilt: Pixels, layout: QuiltLayout, *, name: str) -> Pixels:
         )
     whole = quilt[quilt.shape[0] - layout.rows * height :, : layout.cols * width]
     tiles = whole.reshape(layout.rows, height, layout.cols, width, -1).transpose(0, 2, 1, 3, 4)[::-1]
-    return tiles.reshape(layout.count, height, width, quilt.shape[2])
+    views = tiles.reshape(layout.count, height, width, quilt.shape[2])
+    return views[::-1] if layout.is_inverted else views

@@ -18,7 +18,7 @@ import numpy as np
 
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.atomic_write import Staged
-from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.formats import FORMATS, check_options
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, Contents, report_json
@@ -65,6 +65,12 @@ class Stack:
     def read(self) -> Planes:
         """All planes in their order."""
         return self.make(range(len(self)))
+
+
+def check_rate(fps: float | None, name: str | None) -> None:
+    """Raises `InvalidOption` for frames per second of the format `name`, or of a folder, that has none."""
+    uses, what = ((), "a folder of pictures") if name is None else (FORMATS[name].uses, f"format {name}")
+    check_options(WriterOptions(fps=fps), uses, what)
 
 
 def round_plane(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
@@ -116,8 +122,9 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
     """A page for each plane, whose name is its `PageName` (TIFF 6.0, tag 285)."""
     import tifffile
 
+    from ciir.renderer.writers.pictures.tiff import describe_page
+
     height, width, channels = stack.shape
-    colours = 3 if channels >= 3 else 1
     size = len(stack) * height * width * channels * stack.dtype.itemsize
     handle = tifffile.FileHandle(file, name="stack.tif")  # the name of a file that a descriptor opened is a number
     with tifffile.TiffWriter(handle, bigtiff=size > 2**31) as tiff:
@@ -125,13 +132,7 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
             picture = round_plane(plane, stack.dtype)
             tiff.write(
                 picture if channels > 1 else picture[..., 0],
-                photometric="rgb" if colours == 3 else "minisblack",
-                planarconfig="contig" if channels > 1 else None,
-                extrasamples=["unassalpha"] if channels > colours else None,
-                compression="deflate",
-                predictor=True,
-                metadata=None,
-                software=False,
+                **describe_page(channels),
                 extratags=[(285, 2, 0, name, True)],
             )
     return []

@@ -56,8 +56,8 @@ class Contents:
 
     @property
     def sample(self) -> Pixels:
-        """A black pixel of the views' type, `(1, 1, C)`."""
-        return np.zeros((1, 1, self.channels), self.dtype)
+        """A white pixel of the views' type, `(1, 1, C)`, opaque: only the views show whether they all are."""
+        return np.full((1, 1, self.channels), np.iinfo(self.dtype).max, self.dtype)
 
 
 class Writer(ABC):

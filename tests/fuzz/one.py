@@ -15,15 +15,14 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(
-    include=[
-        "ciir.renderer",
-        "ciir.service.pipeline.run",
-        "ciir.service.pipeline.plan",
-        "ciir.service.pipeline.options",
-        "ciir.service.web",
-    ]
-):
+OURS = [
+    "ciir.renderer",
+    "ciir.service.pipeline.run",
+    "ciir.service.pipeline.plan",
+    "ciir.service.pipeline.options",
+    "ciir.service.web",
+]
+with atheris.instrument_imports(include=OURS):
     from tests.fuzz.guard import Guard
     from tests.fuzz.targets import TARGETS, BrokenPromise
 
@@ -35,9 +34,10 @@ def main() -> None:
     target, folder = TARGETS[sys.argv[1]], Path(sys.argv[2])
     corpus = folder / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
-    for number, seed in enumerate(target.seeds()):
-        (corpus / f"seed-{number}").write_bytes(seed)
-        target(seed)  # what is imported late is by now
+    with atheris.instrument_imports(include=OURS):  # readers are imported when they are first used
+        for number, seed in enumerate(target.seeds()):
+            (corpus / f"seed-{number}").write_bytes(seed)
+            target(seed)
     counts = os.open(folder / "counts", os.O_CREAT | os.O_RDWR | os.O_TRUNC, 0o644)
     was_read = refused = 0
     guard = Guard()

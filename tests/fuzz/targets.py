@@ -157,6 +157,13 @@ def container(kind: Format) -> Callable[[bytes], None]:
     return lambda data: _check_content(inputs.read(Bundle.from_upload(name, data, LIMITS), Layout()))
 
 
+def npz_arrays(data: bytes) -> None:
+    """An npz of arrays: their names, one a line, and the arrays; its checksums are right."""
+    listed, *contents = parts(data)
+    names = [name for name in listed.decode("latin-1").split("\n") if name]
+    container(SUFFIXES[".npz"])(seeds.zipped(dict(zip(names, contents, strict=False))))
+
+
 def eslf(data: bytes) -> None:
     """A picture that is called as Lytro's."""
     _check_content(inputs.read(Bundle.from_upload("upload_eslf.png", seal_png(data), LIMITS), Layout()))
@@ -325,6 +332,7 @@ TARGETS: dict[str, Target] = {
     "3mf": Target(mesh(SUFFIXES[".3mf"]), seeds.threemf),
     "npy": Target(container(SUFFIXES[".npy"]), containers.npy),
     "npz": Target(container(SUFFIXES[".npz"]), containers.npz),
+    "npz-arrays": Target(npz_arrays, containers.npz_arrays),
     "mat": Target(container(SUFFIXES[".mat"]), containers.mat),
     "tiff-stack": Target(container(SUFFIXES[".tif"]), containers.tiff_stacks),
     "eslf": Target(eslf, containers.eslf),

@@ -62,6 +62,7 @@ def test_a_lens_grid_that_does_not_divide_the_picture(rows: int, cols: int) -> N
 
 def test_refocusing_keeps_the_type_of_the_pixels() -> None:
     views = np.random.default_rng(5).integers(0, 65536, (3, 3, 20, 24, 4), dtype=np.uint16)
+    views[..., 3] = 65535
     light_field = LightField(views)
     plane = light_field.refocus(0.0)
     assert (plane.dtype, plane.shape) == (np.uint16, (20, 24, 4))

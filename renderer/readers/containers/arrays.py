@@ -38,7 +38,7 @@ _MOST_HEADER = 20_000
 """Bytes; NumPy reads headers of up to 10,000."""
 _LOCAL_HEADER = struct.Struct("<26xHH")
 """Of a zip's member: the lengths of its name and of what else comes before its content."""
-VIEWS, POSITIONS, REPORT = "views.npy", "positions.npy", "report.npy"
+LIGHT_FIELD, VIEWS, POSITIONS, REPORT = "LF.npy", "views.npy", "positions.npy", "report.npy"
 
 
 class Array:
@@ -94,8 +94,8 @@ def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: La
 
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The one array with five axes, or the views at their positions, with the depth sense that the report states, else
-    that of cameras, with a note.
+    """The array `LF`, or the one with five axes, or the views at their positions, with the depth sense that the report
+    states, else that of cameras, with a note.
     """
     from ciir.renderer.readers.bundle import check_members, check_sum
 
@@ -108,8 +108,9 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
             if _is_npy(key)
         }
     found = {key: array for key, array in arrays.items() if len(array.shape) == 5}
-    if len(found) == 1:
-        key, array = found.popitem()
+    if LIGHT_FIELD in found or len(found) == 1:
+        key = LIGHT_FIELD if LIGHT_FIELD in found else next(iter(found))
+        array = found[key]
         name = f"{name}: {clean_text(key)}"
         check_array(name, array.shape, array.dtype, limits)
         return _make_light_field(array.read(), None, name, layout)

@@ -85,6 +85,7 @@ class DataSet:
             if start + count * self.dtype.itemsize > len(self.data):
                 raise Unreadable(f"{self.name}: the samples are cut off; give the whole file")
             return np.frombuffer(self.data, self.dtype, count, start).reshape(self.shape)
+        handle.id.get_create_plist().fill_value_defined()  # raises at one that would end the process
         if handle.chunks is None:  # within its header, or with no samples stored
             return cast("NDArray[Any]", handle[()])
         samples = np.full(self.shape, handle.fillvalue, self.dtype)

@@ -1,17 +1,19 @@
 """Reads light fields of MATLAB: `LF[j, i, l, k, c]`, as the Light Field Toolbox and BasicLFSR write it.
 
 j and i count rows and columns of views, l and k those of pixels (Dansereau, Light Field Toolbox for Matlab; u grows to
-the right, as with cameras). A fourth channel is the Toolbox's weight. MAT version 7.3 is HDF5.
+the right, as with cameras). A fourth channel is the Toolbox's weight. MAT version 7.3 is HDF5. Version 5 is read here,
+as MathWorks' "MAT-File Format" describes it: SciPy's reader ends its process at some invalid files.
 """
 
 from __future__ import annotations
 
-import io
 import struct
 import zlib
+from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
-from scipy.io import loadmat, whosmat
+import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
@@ -20,65 +22,100 @@ from ciir.renderer.readers.containers.samples import check_array, convert_sample
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
-_HEADER_BYTES, _COMPRESSED = 128, 15
+_HEADER_BYTES, _MATRIX, _COMPRESSED = 128, 14, 15
 _PIECE_BYTES = 2**16
 """Of packed bytes, unpacked at a time: memory of that size stays in the processor's cache."""
+_CLASSES = (
+    *("cell", "struct", "object", "char", "sparse", "double", "single"),
+    *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+)
+"""Of the numbers from 1 (table 1-3)."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
+_STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+"""Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
+_COMPLEX = 0x800
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array as it is stored."""
+
+    kind: str
+    """Its class."""
+    shape: tuple[int, ...]
+    number: int = 0
+    """Of its samples' type, one of `_STORED` where it can be read."""
+    samples: bytes | memoryview = b""
+    """The first axis fastest."""
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The variable `LF`, or else the only one with five axes; no other variable is read."""
+    """The variable `LF`, or else the only one with five axes."""
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
-    file = _unpack(data, name, limits)
-    file.seek(0)
-    listed = whosmat(file)
-    variables = {key: (tuple(map(int, shape)), kind) for key, shape, kind in listed}
+    order = "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
+    listed = [found for matrix in _unpack(data, order, name, limits) for found in _read_variable(matrix, order)]
+    variables = dict(listed)
     if len(variables) < len(listed):
         raise Unreadable(f"{name}: holds two variables of one name; save each once")
-    key = hdf5.find_variable({key: shape for key, (shape, _) in variables.items()}, name)
-    shape, kind = variables[key]
-    if kind not in _TYPES:
+    key = hdf5.find_variable({key: variable.shape for key, variable in variables.items()}, name)
+    found = variables[key]
+    if found.kind not in _TYPES:
         raise UnsupportedType(
-            f"{name}: {clean_text(key)} is of class {clean_text(kind)}; give uint8, uint16, single or double"
+            f"{name}: {clean_text(key)} is of class {found.kind}; give uint8, uint16, single or double"
         )
-    shape = (*shape, 1)[:5]  # MATLAB drops the last axis of grey views
-    check_array(name, shape, _TYPES[kind], limits)
-    file.seek(0)
-    stored = loadmat(file, variable_names=[key])[key]
-    if stored.dtype.kind not in "uif":
-        raise Unreadable(f"{name}: {clean_text(key)} holds {stored.dtype}; give uint8, uint16, single or double")
-    stored = stored.astype(_TYPES[kind], copy=False)  # whole doubles come as integers
-    stored, weighted = hdf5.leave_out_weight(stored.reshape(shape))
-    views, notes = convert_samples(stored, name)
+    shape = (*found.shape, 1)[:5]  # MATLAB drops the last axis of grey views
+    check_array(name, shape, _TYPES[found.kind], limits)
+    if found.number not in _STORED:
+        raise Unreadable(f"{name}: {clean_text(key)} has samples of type {found.number}, which is none; save it again")
+    samples = np.frombuffer(found.samples, order + _STORED[found.number]).reshape(shape, order="F")
+    samples, weighted = hdf5.leave_out_weight(samples.astype(_TYPES[found.kind], copy=False))
+    views, notes = convert_samples(samples, name)
     return LightField(views, weighted + notes, depth_sense="cameras")
 
 
-def _unpack(data: bytes, name: str, limits: Limits) -> io.BytesIO:
-    """The file with its variables as they are without zlib. Raises `TooLarge` before they take their memory."""
-    order = "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
-    elements = []
-    start = _HEADER_BYTES
+def _unpack(data: bytes, order: str, name: str, limits: Limits) -> Iterator[memoryview]:
+    """The body of each variable's element. Raises `TooLarge` before what is packed takes its memory."""
+    allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
+    for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
+        if kind == _COMPRESSED:
+            stream, unpacked = zlib.decompressobj(), bytearray()
+            for place in range(0, len(element), _PIECE_BYTES):
+                piece = stream.decompress(element[place : place + _PIECE_BYTES], left + 1)
+                unpacked += piece
+                left -= len(piece)
+                if left < 0:
+                    raise TooLarge(f"{name}: unpacks to over {allowed:,} bytes; save it unpacked", "bytes")
+            yield from (inner for kind, inner in _split(memoryview(unpacked), order) if kind == _MATRIX)
+        elif kind == _MATRIX:
+            yield element
+
+
+def _split(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """The elements in `data`, each with the number of its type."""
+    start = 0
     while start + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, start)
-        elements.append((kind, memoryview(data)[start : start + 8 + size]))
-        start += 8 + size
-    if all(kind != _COMPRESSED for kind, _ in elements):
-        return io.BytesIO(data)
-    allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
-    unpacked = io.BytesIO()
-    unpacked.write(data[:_HEADER_BYTES])
-    for kind, element in elements:
-        if kind != _COMPRESSED:
-            unpacked.write(element)
-            continue
-        stream = zlib.decompressobj()
-        for place in range(8, len(element), _PIECE_BYTES):
-            left -= unpacked.write(stream.decompress(element[place : place + _PIECE_BYTES], left + 1))
-            if left < 0:
-                raise TooLarge(f"{name}: unpacks to over {allowed:,} bytes; save it unpacked", "bytes")
-    return unpacked
+        if kind >> 16:  # up to four bytes, within the tag
+            yield kind & 0xFFFF, data[start + 4 : start + 4 + (kind >> 16)]
+            start += 8
+        else:
+            start += 8
+            yield kind, data[start : start + size]
+            start += size if kind == _COMPRESSED else size + -size % 8
+
+
+def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variable]]:
+    """The variable's name and what it is; nothing for one that has no axes, such as a function."""
+    flags, sizes, key, *samples = islice(_split(matrix, order), 4)
+    (number,) = struct.unpack_from(f"{order}I", flags[1])
+    if 1 <= number & 0xFF <= len(_CLASSES):
+        kind = ("complex " if number & _COMPLEX else "") + _CLASSES[(number & 0xFF) - 1]
+        shape = tuple(np.frombuffer(sizes[1], f"{order}i4").tolist())
+        yield bytes(key[1]).decode("latin-1"), Variable(kind, shape, *(samples[0] if samples else ()))

@@ -38,6 +38,8 @@ def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
     quilt = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
     views = split_quilt(quilt, layout, name=name)
     notes = [f"read as a quilt of {layout.cols} columns and {layout.rows} rows of views"]
+    if layout.is_inverted:
+        notes.append("its JSON says invertViews: the views are put from left to right")
     height, width = views.shape[1:3]
     if abs(width / height / layout.aspect - 1) > 1 / min(width, height):
         notes.append(

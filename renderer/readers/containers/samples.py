@@ -73,7 +73,7 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
         view = array[index]
         low, high = float(view.min()), float(view.max())
         if not (low >= 0 and high <= 1):  # false for NaN, too
-            found = "samples that are NaN" if low != low else f"samples from {low:g} to {high:g}"  # noqa: PLR0124
+            found = "samples that are NaN" if np.isnan(low) else f"samples from {low:g} to {high:g}"
             raise Unreadable(
                 f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, or uint8 or "
                 "uint16"

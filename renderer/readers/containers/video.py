@@ -19,6 +19,7 @@ from ciir.renderer.readers.containers.samples import check_array
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from av import VideoFrame
     from av.container import InputContainer
     from av.video.stream import VideoStream
     from numpy.typing import NDArray
@@ -68,6 +69,38 @@ def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits
     return LightField(views, (MOVES_RIGHT,), depth_sense="cameras")
 
 
+def list_times(data: bytes, container: str, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
+    """The height and width of the frames of a video, and the time of each in seconds, from 0 on.
+
+    `container`: FFmpeg's name of the format. Raises as the readers above.
+    """
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        stream = _open_stream(file, name, limits)
+        packets = [packet for packet in file.demux(stream) if packet.size > 0]
+        size, step = (stream.height, stream.width), float(1 / (stream.average_rate or 30))
+    stamps = sorted(float(packet.pts * packet.time_base) for packet in packets if packet.pts is not None)
+    if len(stamps) < len(packets):
+        return size, [step * number for number in range(len(packets))]
+    return size, [stamp - stamps[0] for stamp in stamps]
+
+
+def read_frames(
+    data: bytes, container: str, name: str, limits: Limits, *, first: int, count: int
+) -> Iterator[NDArray[Any]]:
+    """`count` frames of a video from the frame `first` on, RGB `(H, W, 3)`; raises as `list_times`."""
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        stream = _open_stream(file, name, limits)
+        done = 0
+        for number, frame in enumerate(file.decode(stream)):
+            if number >= first and done < count:
+                yield np.ascontiguousarray(_convert(frame))
+                done += 1
+            elif done == count:
+                return
+    if done < count:
+        raise Unreadable(f"{name}: {first + done} frames can be decoded, {first + count} were expected; give it whole")
+
+
 def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream:
     """The first video stream, whose decoder refuses frames over the limit."""
     if not file.streams.video:
@@ -93,10 +126,13 @@ def _count_frames(data: bytes, container: str) -> int:
 
 def _decode(file: InputContainer, stream: VideoStream) -> Iterator[NDArray[Any]]:
     """RGB frames `(H, W, 3)`, turned upright; 16 bit where the video has more than 8."""
-    for frame in file.decode(stream):
-        is_deep = frame.format.components[0].bits > 8
-        pixels = frame.to_ndarray(format="rgb48le" if is_deep else "rgb24")
-        yield np.rot90(pixels, round(frame.rotation / 90))
+    yield from map(_convert, file.decode(stream))
+
+
+def _convert(frame: VideoFrame) -> NDArray[Any]:
+    is_deep = frame.format.components[0].bits > 8
+    pixels = frame.to_ndarray(format="rgb48le" if is_deep else "rgb24")
+    return np.rot90(pixels, round(frame.rotation / 90))
 
 
 def _read_views(frames: Iterator[NDArray[Any]], grid: tuple[int, int], name: str, limits: Limits) -> NDArray[Any]:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 SAME_PITCH = 0.003
 """Of the pitch: of 200 lenses the last would be off by 0.6 of its pixels."""
+USUAL_PIXELS = 15
+"""Along each side of an elemental image; how many lenses are looked at follows from it."""
 RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
 
 
@@ -37,10 +39,12 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     eia = _crop(pictures.decode(data, name=name, max_pixels=limits.pixels), layout.crop)
     periods = Periods(eia)
     if layout.lenses is None and layout.pixels is None:
-        period = _describe_period(periods, eia)
+        wanted = (
+            "give the number of lenses, as in lenses 50x50 (rows x columns), or of pixels of each, as in pixels 15x15"
+        )
+        found = _describe_lenses(periods, eia, layout, wanted)
         raise InvalidOption(
-            f"{name}: a picture is read as an elemental image array; give the number of lenses, as in lenses 50x50 "
-            f"(rows x columns), or of pixels of each, as in pixels 15x15{period}{'' if RAW in period else f'; {RAW}'}"
+            f"{name}: a picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}"
         )
     rows, cols = _count_lenses(eia, layout, periods)
     grid = eia.shape[0] // rows, eia.shape[1] // cols
@@ -74,17 +78,31 @@ def _describe_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> tuple[str
 
 def _describe_raw(eia: Pixels, grid: Pair) -> tuple[str, ...]:
     """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels."""
-    from ciir.renderer.readers.lenslet.calibration import detect_grid
-
-    lenses = detect_grid(eia, max(grid))
-    if lenses is None or (lenses.shape == "square" and all(abs(lenses.pitch / side - 1) < SAME_PITCH for side in grid)):
+    lenses = _find_other_lenses(eia, max(grid), grid)
+    if not lenses:
         return ()
-    layout = "" if lenses.shape == "square" else " in a hexagonal grid"
     note = (
-        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but its lenses are {lenses.pitch:.2f} pixels "
-        f"apart{layout}, so that views mix places under the lenses; lens_pitch auto reads it as a raw lenslet picture"
+        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but {lenses}, so that views mix places under "
+        "the lenses; lens_pitch auto reads it as a raw lenslet picture"
     )
     return (note,)
+
+
+def _find_other_lenses(picture: Pixels, about: int, pixels: Pair | None) -> str:
+    """What the lenses are, where the picture clearly shows some of `about` so many pixels that have no elemental images
+    of `pixels`, or with None of no whole number of pixels.
+    """
+    from ciir.renderer.readers.lenslet.calibration import detect_grid
+
+    found = detect_grid(picture, about)
+    if found is None:
+        return ""
+    sides = pixels or (max(1, round(found.pitch)),)
+    if found.shape == "square" and all(abs(found.pitch / side - 1) < SAME_PITCH for side in sides):
+        return ""
+    return f"its lenses are {found.pitch:.2f} pixels apart" + (
+        " in a hexagonal grid" if found.shape != "square" else ""
+    )
 
 
 def _describe_unclear(periods: Periods, eia: Pixels, grid: Pair) -> tuple[str, ...]:
@@ -127,10 +145,8 @@ def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:
     described = f"the picture of {height}x{width} pixels (rows x columns)"
     for option, given in (("pixels", layout.pixels), ("lenses", layout.lenses)):
         if given is not None and (min(given) < 1 or height % given[0] or width % given[1]):
-            raise InvalidOption(
-                f"{option}: {given[0]}x{given[1]} does not divide {described}; {_describe_fitting(given, size)}"
-                f"{_describe_period(periods, eia)}"
-            )
+            found = _describe_lenses(periods, eia, layout, _describe_fitting(given, size))
+            raise InvalidOption(f"{option}: {given[0]}x{given[1]} does not divide {described}; {found}")
     counted = None if layout.pixels is None else (height // layout.pixels[0], width // layout.pixels[1])
     lenses = layout.lenses or counted
     assert lenses is not None  # noqa: S101 - `read` has checked that one of the options is given
@@ -153,6 +169,12 @@ def _describe_fitting(given: Pair, size: Pair) -> str:
 
 def _find_nearest_divisor(count: int, length: int) -> int:
     return min((n for n in range(1, length + 1) if length % n == 0), key=lambda n: (abs(n - count), n))
+
+
+def _describe_lenses(periods: Periods, picture: Pixels, layout: Layout, wanted: str) -> str:
+    """What to give: `lens_pitch` for a raw lenslet picture, else what is `wanted`, with the period of the picture."""
+    found = _find_other_lenses(picture, max(layout.pixels or (USUAL_PIXELS,)), None)
+    return f"{found}: {RAW}" if found else wanted + _describe_period(periods, picture)
 
 
 def _describe_period(periods: Periods, picture: Pixels) -> str:

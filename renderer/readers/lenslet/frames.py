@@ -16,8 +16,10 @@ MOST_GAIN = 10.0
 
 
 def subtract_dark(picture: Pixels, dark: Pixels) -> Pixels:
-    """`picture` less `dark`, both `(H, W, C)` of one type, not below 0."""
+    """`picture` less `dark`, both `(H, W, C)` of one type, not below 0. Alpha stays."""
     less: Pixels = picture - np.minimum(picture, dark)
+    if picture.shape[2] in (2, 4):
+        less[..., -1] = picture[..., -1]
     return less
 
 

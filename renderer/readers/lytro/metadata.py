@@ -115,7 +115,7 @@ def read_sensor(metadata: dict[str, Any], name: str) -> Sensor:
 
 @dataclass(frozen=True)
 class Camera:
-    """What is known of a camera's lens array."""
+    """The lens array of a camera, as its metadata describes it."""
 
     known: Known
     """What is kept when its grid is found in the picture."""

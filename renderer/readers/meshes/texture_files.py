@@ -131,7 +131,8 @@ def to_rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) ->
         pixels = ((pixels.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
     channels = pixels.shape[2]
     rgba = np.full((*pixels.shape[:2], 4), 255, np.uint8)
-    rgba[:, :, :3] = pixels[:, :, :1] if channels <= 2 else pixels[:, :, :3]
+    for channel in range(3):  # one at a time: NumPy copies rows of 3 slowly
+        rgba[:, :, channel] = pixels[:, :, channel if channels > 2 else 0]
     if channels in {2, 4} and not opaque:
         rgba[:, :, 3] = pixels[:, :, -1]
     return rgba

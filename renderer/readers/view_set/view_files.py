@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.cores import count_available_cores
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.light_field import LightField, flip_axes
 from ciir.renderer.readers import pictures
@@ -143,8 +143,7 @@ class ViewFiles:
 
 def count_threads() -> int:
     """One for each core, at least two: a decoder releases the interpreter."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(2, cores)
+    return max(2, count_available_cores())
 
 
 def _describe(shape: tuple[int, ...], dtype: np.dtype[np.uint8] | np.dtype[np.uint16]) -> str:

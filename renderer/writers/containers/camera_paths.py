@@ -11,7 +11,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.options import PathName
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -49,11 +49,7 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
 def draw_frames(light_field: LightField, path: PathName, frames: int) -> Iterator[NDArray[np.uint8]]:
     """What the camera sees at each position, `(H, W, 3)`: between views the nearest four, blended bilinearly."""
     views = light_field.with_depth_sense("cameras").views
-    return draw_at(views, list_positions(path, frames, (views.shape[0], views.shape[1])))
-
-
-def draw_at(views: NDArray[Any], positions: Iterable[tuple[float, float]]) -> Iterator[NDArray[np.uint8]]:
-    """What the camera sees at each position (v, u) among `views`, as `draw_frames` returns it."""
+    positions = list_positions(path, frames, (views.shape[0], views.shape[1]))
     return (_to_rgb8(_blend(views, v, u)) for v, u in positions)
 
 
@@ -66,6 +62,11 @@ def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
             if weight_v * weight_u > 0:
                 blended += np.float32(weight_v * weight_u) * views[row, column]
     return blended / np.float32(np.iinfo(views.dtype).max)
+
+
+def to_rgb8(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """A picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is left out, 16 bit are rounded."""
+    return _to_rgb8(pixels.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max))
 
 
 def _to_rgb8(picture: NDArray[np.float32]) -> NDArray[np.uint8]:

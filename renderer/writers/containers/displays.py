@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ciir.renderer.displays.integral import IntegralDisplay
@@ -34,7 +35,8 @@ class QuiltWriter(WholeWriter):
         if picture.layout is not None:
             self.beside = {".json": picture.layout.to_json().encode()}
             if parse_name(self.options.name) is None:
-                name = f"NAME{picture.layout.suffix}{SUFFIXES[0]}"
+                given = PurePath(self.options.name or f"NAME{SUFFIXES[0]}")
+                name = f"{given.stem}{picture.layout.suffix}{given.suffix}"
                 notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
         return notes
 

@@ -13,17 +13,18 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.containers.camera_paths import draw_at, draw_frames, list_positions
+from ciir.renderer.writers.containers.camera_paths import draw_frames, list_positions, to_rgb8
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
     from PIL import Image
 
     from ciir.renderer.light_field import LightField
+    from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.writers.writer import Contents
 
 MOST_SIDE = 16_383
@@ -32,6 +33,8 @@ MOST_ANIMATION_FPS = 50
 """Browsers show a frame of less than 20 ms for 100 ms."""
 RATES = 1 / 60, 240.0
 """Frames per second of pictures at several times, where none are asked for."""
+_SAME_STEP = 0.1
+"""Of the largest step between two times: by how much others may differ, as times of 30 a second in milliseconds do."""
 _USUAL_FPS = 30.0
 _BT601, _LIMITED = 6, 1
 """How FFmpeg turns RGB into luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
@@ -58,15 +61,28 @@ class PathWriter(WholeWriter):
 
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the frames, and notes what is lost."""
+        views = light_field.views
         if self.times:
-            frames = draw_at(light_field.views, ((0, number) for number in range(self.count)))
+            notes = self.write_frames(to_rgb8(views[0, number]) for number in range(self.count))
         else:
-            frames = draw_frames(light_field, self.options.path, self.count)
-        notes = self.write_frames(frames)
-        count_v, count_u, *_, channels = light_field.views.shape
-        if count_v * count_u > 1 and not self.times:
-            notes.append("between views the nearest are blended: what moves by more than a pixel is seen twice there")
-        if light_field.views.dtype == np.uint16:
+            notes = self.write_frames(draw_frames(light_field, self.options.path, self.count))
+            if views.shape[0] * views.shape[1] > 1:
+                notes.append(
+                    "between views the nearest are blended: what moves by more than a pixel is seen twice there"
+                )
+        return [*notes, *self._list_losses(views.shape[4], views.dtype)]
+
+    def stream(self, contents: Contents, pictures: Iterable[Pixels]) -> list[str]:
+        """Writes one view at several times, as `begin` and `write` do, but keeps no picture; returns notes."""
+        self.check(contents)
+        notes = self.write_frames(map(to_rgb8, pictures))
+        return [*notes, *self._list_losses(contents.channels, contents.dtype)]
+
+    def _list_losses(self, channels: int, dtype: np.dtype[Any]) -> list[str]:
+        notes = []
+        if len(self.times) > 2 and np.ptp(steps := np.diff(self.times)) > _SAME_STEP * abs(steps).max():
+            notes.append(f"time: the times are uneven, and the frames pass evenly, {self.fps:g} a second")
+        if dtype == np.uint16:
             notes.append(f"{self.name} holds 8 bit: samples are rounded")
         if channels in (2, 4):
             notes.append(f"{self.name}: alpha is left out")

@@ -18,15 +18,18 @@ MAX_SIDE = 65_500
 
 
 def encode(pixels: Pixels, quality: int = 95) -> bytes:
-    """A JPEG of contiguous `(height, width)` or `(height, width, 3)` 8-bit pixels, with full chroma resolution.
+    """A JPEG of contiguous `(height, width)` or `(height, width, 2..4)` 8-bit pixels, with full chroma resolution;
+    alpha is left out where it is opaque everywhere.
 
     Raises `InvalidOption` where JPEG can't hold the pixels.
     """
+    if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] in (2, 4) and (pixels[..., -1] == 255).all():
+        pixels = pixels[..., 0] if pixels.shape[2] == 2 else pixels[..., :3]
     if pixels.dtype != np.uint8 or (pixels.ndim == 3 and pixels.shape[2] != 3):
         channels = pixels.shape[2] if pixels.ndim == 3 else 1
         raise InvalidOption(
-            f"picture: JPEG holds 8-bit grey or RGB, not {channels} channels of {8 * pixels.itemsize} bit; "
-            "name the file .png or .tif"
+            f"picture: JPEG holds 8-bit grey or RGB without transparency, not {channels} channels of "
+            f"{8 * pixels.itemsize} bit; name the file .png or .tif"
         )
     if max(pixels.shape[:2]) > MAX_SIDE:
         raise InvalidOption(

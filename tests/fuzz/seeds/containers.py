@@ -20,6 +20,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import Contents
 from tests.fuzz.mutate import edit_values
 from tests.fuzz.seeds import noise, zipped
+from tests.fuzz.seeds import pack as pack_files
 from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 
 if TYPE_CHECKING:
@@ -44,11 +45,22 @@ def npy() -> list[bytes]:
     return [plain, plain + _save(np.array("lenses")), *map(_save, others)]
 
 
-def npz() -> list[bytes]:
+def _npz_files() -> list[dict[str, bytes]]:
     """One array, and views with their positions."""
     positions = np.array([(1, 1), (1, 0), (0, 1), (0, 0)])
-    listed = {"views.npy": VIEWS.reshape(4, 4, 5, 3), "positions.npy": positions, "report.npy": np.array("{}")}
-    return [zipped({"a.npy": npy()[0]}), zipped({name: _save(array) for name, array in listed.items()})]
+    report = np.array('{"lens_array": {"depth_sense": "lenses"}}')
+    listed = {"views.npy": VIEWS.reshape(4, 4, 5, 3), "positions.npy": positions, "report.npy": report}
+    return [{"a.npy": npy()[0]}, {name: _save(array) for name, array in listed.items()}]
+
+
+def npz() -> list[bytes]:
+    """Whole zips."""
+    return [zipped(files) for files in _npz_files()]
+
+
+def npz_arrays() -> list[bytes]:
+    """Names, and the arrays behind them."""
+    return [pack_files("\n".join(files).encode(), *files.values()) for files in _npz_files()]
 
 
 def mat() -> list[bytes]:

@@ -49,6 +49,7 @@ def test_all_entries_are_read():
         ("pitch = 1.0\n", "", r"lenses.pitch is missing; give a number from 0.0001 to 10000"),
         ("gap = 3.0", "gap = 'x'", r"lenses.gap is 'x'; give a number"),
         ("gap = 3.0", "gap = nan", r"lenses.gap is 'nan'; give a number"),
+        ("gap = 3.0", "gap = 3.0\nppi = 25", "lenses.ppi is not known; give gap, grid, offset, pitch, rotation"),
         ("gap = 3.0", "gap = 3.0\nfocal = 3", r"lenses.focal is not known; give gap, grid, offset, pitch, rotation"),
         ("gap = 3.0", "gap = 3.0\n[glass]", r"\[glass\] is not known; give \[panel\], \[lenses\] and \[viewer\]"),
         ("[lenses]", "[[lenses]]", r"lenses is no table"),

@@ -43,6 +43,10 @@ def test_the_json_beside_it_holds_the_layout():
     text = PORTRAIT.to_json()
     assert parse_json(text.encode(), name="j") == PORTRAIT
     assert parse_json(json.dumps({"quilt_settings": json.loads(text)}).encode(), name="j") == PORTRAIT
+    inverted = parse_json(text.replace("false", "true").encode(), name="j")
+    assert inverted.is_inverted
+    quilt = np.random.default_rng(3).integers(0, 256, (12, 16, 3), np.uint8)
+    assert np.array_equal(split_quilt(quilt, inverted, name="q"), split_quilt(quilt, PORTRAIT, name="q")[::-1])
     assert json.loads(text) == {"viewX": 8, "viewY": 6, "viewTotal": 48, "aspect": 0.75, "invertViews": False}
 
 

@@ -92,7 +92,7 @@ def test_a_set_of_views_with_a_point_cloud_beside_it() -> None:
 
 
 def test_reading_starts_without_what_only_some_files_need() -> None:
-    heavy = "{'trimesh', 'PIL', 'DracoPy', 'pyrender', 'embreex', 'tifffile', 'imagecodecs'}"
+    heavy = "{'trimesh', 'PIL', 'DracoPy', 'OpenGL', 'embreex', 'tifffile', 'imagecodecs'}"
     code = f"import sys, ciir.renderer.readers.inputs, ciir.renderer.scenes; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)  # noqa: S603
     assert done.stdout.strip() == "[]"

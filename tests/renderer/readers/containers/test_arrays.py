@@ -139,6 +139,11 @@ def test_npz_of_one_array_under_any_name():
     assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
+def test_npz_of_several_arrays_with_a_light_field():
+    found = read(zipped(LF=numbered("u2"), disparity=numbered("u1")), "npz")
+    np.testing.assert_array_equal(found.views, numbered("u2"))
+
+
 def test_npz_of_two_arrays_names_them():
     with pytest.raises(Unreadable, match=r"2 arrays with five axes \(left, right\)"):
         read(zipped(left=numbered("u1"), right=numbered("u1")), "npz")

@@ -73,6 +73,15 @@ def test_chunks_that_are_not_whole_or_not_there(dtype, options):
         assert found[v, u, y, x, c] == (value(v, u, y, x, c) if u < 2 else options.get("fillvalue", 0))
 
 
+def test_a_fill_value_of_no_size():
+    """HDF5 ends the process where it is read."""
+    data = bytearray(made(lambda file: file.create_dataset("LF", (V, U, H, W, 3), "f8", chunks=True)))
+    place = data.index(b"\x02\x03\x02\x01" + bytes(4))  # the message of the fill value, version 2: its size is 0
+    data[place + 4 : place + 8] = (-2).to_bytes(4, "little", signed=True)
+    with pytest.raises(ValueError, match="fill value"):
+        read(bytes(data))
+
+
 @pytest.mark.parametrize("options", [{"fletcher32": True}, {"shuffle": True}, {"compression": "gzip"}])
 def test_a_chunk_of_another_size(options):
     def fill(file):

@@ -112,7 +112,7 @@ def test_lf_among_other_variables():
             r"2 variables have five axes \(a, b\); name the light field LF",
         ),
         ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
-        ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, Unreadable, "LF holds complex128"),
+        ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, UnsupportedType, "LF is of class complex double"),
         ({"LF": np.full((2, 2, 4, 4, 3), "a", object)}, UnsupportedType, "LF is of class cell"),
         ({"LF": np.zeros((2, 2, 4, 4, 5), np.uint8)}, Unreadable, "1 to 4 channels"),
     ],
@@ -120,6 +120,24 @@ def test_lf_among_other_variables():
 def test_other_variables_are_refused(variables, error, message):
     with pytest.raises(error, match=message):
         read(saved(**variables))
+
+
+def test_the_oldest_byte_order_and_small_elements():
+    """MATLAB on other processors wrote the most significant byte first; names of up to four bytes lie in the tag."""
+    body = struct.pack(">IIII", UINT32, 8, 9, 0) + struct.pack(">II5i4x", INT32, 20, 1, 1, 2, 2, 1)
+    body += struct.pack(">HH4s", 2, INT8, b"LF") + struct.pack(">HH4B", 4, 2, 1, 2, 3, 4)
+    found = read(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI" + struct.pack(">II", MATRIX, len(body)) + body)
+    np.testing.assert_array_equal(found.views[0, 0, :, :, 0], [[1, 3], [2, 4]])
+
+
+@pytest.mark.parametrize("number", [0, 8, 14, 15, 4000])
+def test_numbers_of_no_known_type(number):
+    """SciPy's reader would end the process."""
+    data = bytearray(make_mat5())
+    place = data.index(struct.pack("<II", 2, V * U * H * W * 3))
+    data[place : place + 4] = struct.pack("<I", number)
+    with pytest.raises(Unreadable, match=f"LF has samples of type {number}, which is none"):
+        read(bytes(data))
 
 
 def test_sizes_are_checked_by_the_header():

@@ -124,10 +124,10 @@ def test_a_pitch_that_is_no_whole_number_is_not_called_the_size_of_elemental_ima
         return np.repeat(np.uint8(255 * np.outer(profile, profile))[..., None], 3, axis=2)
 
     assert "every 15x15 pixels, the size of an elemental image, or of a view" in message(make_lenses(15))
-    text = message(make_lenses(14.4))
-    assert "repeats about every 14x14 pixels, which doesn't divide it as elemental images of 15x15 would; give" in text
-    assert "give lens_pitch auto for a raw lenslet picture" in text
-    assert "the size of an elemental image" not in text
+    for options in ({}, {"pixels": (14, 14)}, {"lenses": (51, 51)}):
+        text = message(make_lenses(14.4), **options)
+        assert text.endswith(f"; its lenses are 14.40 pixels apart: {RAW}")
+        assert "repeats" not in text
 
 
 def test_margins_are_not_guessed_from_the_size():

@@ -33,7 +33,7 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     assert notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
     assert notes[1:] == (
         "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
-        "quilt: name it NAME_qs8x6a1.png; displays read columns, rows and aspect there",
+        f"quilt: name it a_qs8x6a1{suffix}; displays read columns, rows and aspect there",
     )
 
 
@@ -55,7 +55,7 @@ def test_for_a_device_views_get_its_aspect(tmp_path):
 def test_columns_rows_and_aspect_are_options(tmp_path):
     notes = FIELD.save(tmp_path / "a.png", "quilt", quilt="12x4", aspect=1.5)
     assert read(tmp_path / "a.png").shape == (4 * 8, 12 * 12, 3)
-    assert "NAME_qs12x4a1.5.png" in notes[-1]
+    assert "name it a_qs12x4a1.5.png;" in notes[-1]
 
 
 def test_the_name_of_a_quilt_may_hold_its_layout(tmp_path):

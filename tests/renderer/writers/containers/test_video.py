@@ -121,6 +121,20 @@ def test_numbers_out_of_range_leave_the_earlier_file(tmp_path, name, options, me
 
 
 @pytest.mark.parametrize(
+    ("times", "is_noted"), [((0, 0.1, 0.3), True), ((0, 0.033, 0.067, 0.1), False), ((0, 2), False)]
+)
+def test_uneven_times_are_noted(times, is_noted):
+    contents = Contents(tuple(np.ndindex(1, len(times))), (1, len(times)), 16, 16, 3, np.dtype(np.uint8), times=times)
+    report = {"notes": []}
+    with FileWriter(io.BytesIO(), "gif") as writer:
+        writer.begin(contents)
+        for view in contents.views:
+            writer.write(view, np.full((16, 16, 3), 80 * view[1], np.uint8))
+        writer.finish(report)
+    assert any(note.startswith("time: the times are uneven") for note in report["notes"]) == is_noted
+
+
+@pytest.mark.parametrize(
     ("times", "rate"),
     [
         ((), None),

@@ -56,6 +56,16 @@ def test_jpeg_is_close(channels):
     assert np.abs(read.astype(int) - ramp).max() <= 8
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_alpha_that_is_opaque_is_left_out_of_jpeg(channels):
+    pixels = make_picture(7, 5, channels)
+    opaque = np.concatenate([pixels, np.full((7, 5, 1), 255, np.uint8)], axis=2)
+    assert encode(opaque, ".jpg") == encode(pixels, ".jpg")
+    opaque[6, 4, -1] = 254
+    with pytest.raises(InvalidOption, match="without transparency"):
+        encode(opaque, ".jpg")
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_strided_pixels_are_written_as_they_stand_and_always_alike(suffix):
     views = make_picture(12, 18)[1::3, 2::2]
@@ -65,7 +75,12 @@ def test_strided_pixels_are_written_as_they_stand_and_always_alike(suffix):
 @pytest.mark.parametrize(
     ("shape", "dtype", "suffix", "message"),
     [
-        ((4, 4, 2), np.uint8, ".jpeg", r"JPEG holds 8-bit grey or RGB, not 2 channels.*name the file \.png or \.tif"),
+        (
+            (4, 4, 2),
+            np.uint8,
+            ".jpeg",
+            r"JPEG holds 8-bit grey or RGB without transparency, not 2 channels.*name the file \.png or \.tif",
+        ),
         ((4, 4, 4), np.uint8, ".jpeg", "not 4 channels of 8 bit"),
         ((4, 4, 3), np.uint16, ".jpg", "3 channels of 16 bit"),
         ((1, 65_501, 1), np.uint8, ".jpg", "1x65501"),
