@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -90,3 +92,42 @@ def _is_ready(url: str) -> bool:
 def find_workers(pid: int, module: str = MODULE) -> list[int]:
     """The process ids of the worker processes of a server, or of those that run another `module`."""
     return [each for each in descendants(pid) if module.encode() in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+class Line:
+    """A port of this machine whose connections go on to a server's, until `cut` ends them as the server's end would."""
+
+    def __init__(self, target: int) -> None:
+        self.target = target
+        self.port = 0
+        self.sockets: list[socket.socket] = []
+        self.mend()
+
+    def mend(self) -> None:
+        """Listens, at the port of before."""
+        listener = socket.create_server(("127.0.0.1", self.port))
+        self.port = listener.getsockname()[1]
+        self.sockets = [listener]
+        threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
+
+    def cut(self) -> None:
+        """Closes all connections; new ones are refused."""
+        for each in self.sockets:
+            with suppress(OSError):  # its other end may be gone
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+
+    def _accept(self, listener: socket.socket) -> None:
+        with suppress(OSError):  # closed
+            while True:
+                ends = listener.accept()[0], socket.create_connection(("127.0.0.1", self.target))
+                self.sockets += ends
+                for source, sink in (ends, ends[::-1]):
+                    threading.Thread(target=_copy, args=(source, sink), daemon=True).start()
+
+
+def _copy(source: socket.socket, sink: socket.socket) -> None:
+    with suppress(OSError):
+        while data := source.recv(1 << 16):
+            sink.sendall(data)
+        sink.shutdown(socket.SHUT_WR)

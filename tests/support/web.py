@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import socket
+import threading
 from contextlib import contextmanager
 
 from fastapi.testclient import TestClient
@@ -15,6 +18,8 @@ from ciir.service.jobs.workers import task as tasks
 from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
 from ciir.service.web.app import create_app
+from ciir.service.web.server import DrainingServer
+from tests.support.waiting import wait_until
 
 
 class ThreadPool:
@@ -65,6 +70,35 @@ def run_app(folder, **settings):
     with TestClient(create_app(found, engine), raise_server_exceptions=False) as client:
         client.pool, client.engine = pool, engine
         yield client
+
+
+class ServerThread:
+    """A server in a thread."""
+
+    def __init__(self, pool, settings, listener):
+        self.pool = pool
+        self.uvicorn = DrainingServer(create_app(settings, Engine(settings, Metrics(), pool)))
+        self.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        self.thread = threading.Thread(target=self.uvicorn.run, args=([listener],))
+        self.thread.start()
+
+    def terminate(self):
+        self.uvicorn.handle_exit(signal.SIGTERM, None)
+
+
+@contextmanager
+def serve_app(folder, **settings):
+    """The application with `settings` on a port of this machine, in a thread of this process."""
+    found = Settings(folder=folder, **settings)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = ServerThread(ThreadPool(found), found, listener)
+        try:
+            wait_until(lambda: server.uvicorn.started)
+            yield server
+        finally:
+            server.uvicorn.should_exit = True
+            server.thread.join(30)
+            assert not server.thread.is_alive()
 
 
 def check_problem(response, status, *parts):

@@ -40,7 +40,7 @@ export class Stage {
     this.stopped = new AbortController();
     /** So that the slider's right end is near, and the right arrow key goes to the right. */
     this.sign = lightField.depthSense === "lenses" ? -1 : 1;
-    this.canvas.style.setProperty("--ratio", String(lightField.width / lightField.height));
+    element.style.setProperty("--ratio", String(lightField.width / lightField.height));
     const label = /** @type {HTMLElement} */ (this.tilt.closest("label"));
     label.hidden = !("DeviceOrientationEvent" in window && matchMedia("(any-pointer: coarse)").matches);
     this.isQueued = this.hasBegun = false;
@@ -103,11 +103,12 @@ export class Stage {
   };
 
   /**
-   * Focuses on what is at a place of the picture, 0 to 1 from the top left.
+   * Focuses on what is at a place of the picture, 0 to 1 from the top left. The canvas gets an event `choose` with the place.
    * @param {number} x
    * @param {number} y
    */
   focusOn = (x, y) => {
+    this.canvas.dispatchEvent(new CustomEvent("choose", { detail: { x, y } }));
     const found = this.viewer.meter.measure(x, y);
     if (found === null) {
       this.status.textContent = VIEWER_TEXTS.flat;

@@ -30,6 +30,16 @@ import { VIEWER_TEXTS } from "./texts.js";
  * @property {number} cell_width
  */
 
+/**
+ * @typedef {object} Level Views of one size in a texture, whole rows of them.
+ * @property {number} width
+ * @property {number} height
+ * @property {number} unit
+ * @property {WebGLTexture} texture
+ * @property {number} first The first row of views that is loaded, and the last; rows between them are.
+ * @property {number} last
+ */
+
 const VERTEX = `#version 300 es
 out vec2 place;  // (0, 0) at the top left of the picture, (1, 1) at its lower right
 void main() {
@@ -39,21 +49,23 @@ void main() {
 }`;
 
 const MOST_TAPS = 1024; // vectors that a uniform block holds everywhere
-const FRAGMENT = `#version 300 es
+const HEAD = `#version 300 es
 precision highp float;
 precision highp sampler2DArray;
 uniform sampler2DArray views;
-uniform int count;
-layout(std140) uniform Taps { vec4 taps[${MOST_TAPS}]; };  // of each view: what its picture is shifted by, its layer, its weight
 in vec2 place;
-out vec4 color;
+out vec4 color;`;
+// taps: of each view what its picture is shifted by, its layer, its weight
+const MANY = `${HEAD}
+uniform int count;
+layout(std140) uniform Taps { vec4 taps[${MOST_TAPS}]; };
 void main() {
   vec3 sum = vec3(0.0);
   for (int i = 0; i < count; i++) sum += taps[i].w * textureLod(views, vec3(place - taps[i].xy, taps[i].z), 0.0).rgb;
   color = vec4(sum, 1.0);
 }`;
 const SLOW = 20; // milliseconds of a frame, above which less is drawn while something moves
-const FEW = 4; // views that are always added up
+const FEW = 4; // views that are always added up, and without a loop, which takes twice as long in software
 
 /** Shows a light field on a canvas. Load the views with `setView` or `setTile`; set `viewpoint`, `disparity` and `aperture`; call `draw`. */
 export class LightFieldViewer {
@@ -66,7 +78,7 @@ export class LightFieldViewer {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error(VIEWER_TEXTS.noWebgl);
     const most = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
-    const { rows, cols, width, height } = lightField;
+    const { rows, cols } = lightField;
     if (rows * cols > most) throw new Error(VIEWER_TEXTS.tooMany(rows * cols, most));
     this.canvas = canvas;
     this.lightField = lightField;
@@ -80,10 +92,11 @@ export class LightFieldViewer {
     /** Views that are added up while something moves; below FEW the picture has half the pixels along a side. */
     this.most = 64;
     this.meter = new DisparityMeter(lightField);
-    /** The first and the last row of views that are loaded; coarse views stand for the others. */
-    this.fine = [0, rows - 1];
-    this.uniforms = this.#compile();
-    this.texture = this.#allocate(gl.TEXTURE0, width, height);
+    /** The smallest views first, which stand for larger ones that are not loaded. @type {Level[]} */
+    this.levels = [];
+    this.programs = Array.from({ length: FEW + 1 }, (_, count) => this.#compile(count ? addUp(count) : MANY));
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
+    gl.bufferData(gl.UNIFORM_BUFFER, 16 * MOST_TAPS, gl.DYNAMIC_DRAW);
   }
 
   /**
@@ -92,49 +105,50 @@ export class LightFieldViewer {
    * @param {ImageBitmap} mosaic
    */
   async setTile(tile, mosaic) {
-    const { gl, lightField } = this;
-    const isCoarse = tile.width < lightField.width || tile.height < lightField.height;
-    if (isCoarse) this.#allocate(gl.TEXTURE1, tile.width, tile.height);
+    const { rows, cols } = this.lightField;
+    if (this.levels.some(({ width, first, last }) => width > tile.width && first === 0 && last === rows - 1)) return;
     for (let v = 0; v < tile.rows; v++) {
-      for (let u = 0; u < lightField.cols; u++) {
+      for (let u = 0; u < cols; u++) {
         const view = await createImageBitmap(mosaic, u * tile.cell_width, v * tile.cell_height, tile.width, tile.height);
-        this.setView((tile.row + v) * lightField.cols + u, view, isCoarse ? gl.TEXTURE1 : gl.TEXTURE0);
+        this.setView((tile.row + v) * cols + u, view);
         view.close();
         await new Promise((done) => setTimeout(done)); // so that the page answers in between
       }
     }
-    const [first, last] = this.fine;
-    this.fine = isCoarse ? [lightField.rows, -1] : [Math.min(tile.row, first), Math.max(tile.row + tile.rows - 1, last)];
   }
 
   /**
-   * Loads a view.
+   * Loads a view of any size, after those to the left of it.
    * @param {number} index
    * @param {ImageBitmap | HTMLImageElement} picture
-   * @param {number} [unit] That of the views, or of the small ones.
    */
-  setView(index, picture, unit = this.gl.TEXTURE0) {
-    const { gl } = this;
-    gl.activeTexture(unit);
+  setView(index, picture) {
+    const { gl, lightField } = this;
+    const level = this.levels.find(({ width, height }) => width === picture.width && height === picture.height) ?? this.#addLevel(picture);
+    gl.activeTexture(gl.TEXTURE0 + level.unit);
     gl.texSubImage3D(
       gl.TEXTURE_2D_ARRAY, 0, 0, 0, index, picture.width, picture.height, 1, gl.RGBA, gl.UNSIGNED_BYTE, picture,
     );
+    const row = Math.floor(index / lightField.cols);
+    if ((index + 1) % lightField.cols === 0) Object.assign(level, { first: Math.min(row, level.first), last: Math.max(row, level.last) });
     if (this.meter.needs(index)) this.meter.add(index, picture);
   }
 
   /**
    * The epipolar plane image of a row of pixels, RGBA: the row in each view of the middle row of views, from left to right.
-   * @param {number} y
+   * @param {number} place Of the row, 0 to 1 from the top.
    */
-  readEpi(y) {
+  readEpi(place) {
     const { gl, lightField } = this;
-    const { rows, cols, width } = lightField;
+    const { rows, cols } = lightField;
+    const middle = (rows - 1) >> 1;
+    const { width, height, texture } = this.#findLevel(middle, middle);
     const pixels = new Uint8ClampedArray(cols * width * 4);
     const buffer = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
     for (let col = 0; col < cols; col++) {
-      const layer = ((rows - 1) >> 1) * cols + col;
-      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.texture, 0, layer);
+      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, texture, 0, middle * cols + col);
+      const y = Math.min(Math.floor(place * height), height - 1);
       gl.readPixels(0, y, width, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixels, col * width * 4);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -159,11 +173,15 @@ export class LightFieldViewer {
     const width = Math.ceil(lightField.width * detail), height = Math.ceil(lightField.height * detail);
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     const rows = taps.filter((_, i) => i % 4 === 2).map((layer) => Math.floor(layer / lightField.cols));
-    const isFine = Math.min(...rows) >= this.fine[0] && Math.max(...rows) <= this.fine[1];
+    const count = taps.length / 4;
+    const { program, uniforms } = this.programs[count > FEW ? 0 : count];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.uniform1i(this.uniforms.views, isFine ? 0 : 1);
-    gl.uniform1i(this.uniforms.count, taps.length / 4);
-    gl.bufferSubData(gl.UNIFORM_BUFFER, 0, new Float32Array(taps));
+    gl.useProgram(program);
+    gl.uniform1i(uniforms.views, this.#findLevel(Math.min(...rows), Math.max(...rows)).unit);
+    if (count > FEW) {
+      gl.uniform1i(uniforms.count, count);
+      gl.bufferSubData(gl.UNIFORM_BUFFER, 0, new Float32Array(taps));
+    } else gl.uniform4fv(uniforms.taps, taps);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
@@ -202,11 +220,11 @@ export class LightFieldViewer {
     this.viewpoint = [clamp(v, 0, rows - 1), clamp(u, 0, cols - 1)];
   }
 
-  /** @returns {Record<string, WebGLUniformLocation | null>} */
-  #compile() {
+  /** @param {string} fragment */
+  #compile(fragment) {
     const { gl } = this;
     const program = gl.createProgram();
-    for (const [kind, source] of /** @type {const} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
+    for (const [kind, source] of /** @type {const} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]])) {
       const shader = gl.createShader(kind);
       if (!shader) throw new Error(VIEWER_TEXTS.lostWebgl);
       gl.shaderSource(shader, source);
@@ -215,29 +233,41 @@ export class LightFieldViewer {
     }
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) ?? "");
-    gl.useProgram(program);
-    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
-    gl.bufferData(gl.UNIFORM_BUFFER, 16 * MOST_TAPS, gl.DYNAMIC_DRAW);
-    const names = ["views", "count"];
-    return Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
+    const [views, count, taps] = ["views", "count", "taps"].map((name) => gl.getUniformLocation(program, name));
+    return { program, uniforms: { views, count, taps } };
   }
 
   /**
-   * Makes a texture for all views and binds it.
-   * @param {number} unit
-   * @param {number} width
-   * @param {number} height
+   * The largest views of which these rows are loaded, else the smallest.
+   * @param {number} first
+   * @param {number} last
    */
-  #allocate(unit, width, height) {
+  #findLevel(first, last) {
+    return this.levels.findLast((level) => level.first <= first && last <= level.last) ?? this.levels[0];
+  }
+
+  /** Makes a texture for all views. @param {{width: number, height: number}} size Of a view. */
+  #addLevel({ width, height }) {
     const { gl, lightField } = this;
     const texture = gl.createTexture();
-    gl.activeTexture(unit);
+    const unit = this.levels.length;
+    gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, width, height, lightField.rows * lightField.cols);
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, side, gl.CLAMP_TO_EDGE);
     for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, filter, gl.LINEAR);
-    return texture;
+    const level = { width, height, unit, texture, first: lightField.rows, last: -1 };
+    this.levels = [...this.levels, level].sort((one, other) => one.width - other.width);
+    return level;
   }
+}
+
+/** A shader that adds up so many views. @param {number} count */
+function addUp(count) {
+  const terms = Array.from({ length: count }, (_, i) => `taps[${i}].w * texture(views, vec3(place - taps[${i}].xy, taps[${i}].z))`);
+  return `${HEAD}
+uniform vec4 taps[${count}];
+void main() { color = vec4((${terms.join(" + ")}).rgb, 1.0); }`;
 }
 
 /**

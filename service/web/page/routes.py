@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from hashlib import sha256
 from pathlib import Path
 
@@ -17,6 +18,7 @@ FOLDERS = {"": Path(__file__).parent / "assets", "viewer/": Path(html.__file__).
 MEDIA_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
+    ".jpg": "image/jpeg",
     ".js": "text/javascript",
     ".json": "application/json",
     ".png": "image/png",
@@ -30,8 +32,11 @@ FILES = {
     if path.suffix in MEDIA_TYPES
 }
 """All that is served, by name."""
+_MAP = FILES["index.html"].read_bytes().partition(b'<script type="importmap">')[2].partition(b"</script>")[0]
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    # The import map is no code: it names the files of packages, and must stand in the page, hence its hash.
+    f"default-src 'none'; script-src 'self' 'sha256-{b64encode(sha256(_MAP).digest()).decode()}'; "
+    "style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "  # a mesh's textures are blobs and data
 )
 """The Content-Security-Policy of the pages, without who may frame them."""

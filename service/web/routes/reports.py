@@ -96,6 +96,8 @@ class Plan(TypedDict):
     """Along each side of a lens's cell, of a mesh."""
     model: str
     scale: int
+    predicted_ms: NotRequired[float]
+    """The estimate of `timings_ms.total`, of a reconstruction."""
     reasons: list[str]
     skipped: Skipped | None
 

@@ -3,75 +3,41 @@
 import io
 import os
 import signal
-import socket
 import threading
-from contextlib import contextmanager
 
 import httpx2
 
-from ciir.service.jobs.engine import Engine
 from ciir.service.jobs.workers.pool import Cancelled
-from ciir.service.metrics import Metrics
-from ciir.service.settings import Settings
 from ciir.service.web import server as server_module
-from ciir.service.web.app import create_app
 from ciir.service.web.connections import AcceptErrors
-from ciir.service.web.server import DrainingServer
 from tests.support.waiting import wait_until
-from tests.support.web import ThreadPool
+from tests.support.web import serve_app
 
 POST = "/v1/reconstructions"
 FIELDS = {"lenses": "6x9", "model": "none"}
 
 
-class ServerThread:
-    """A server in a thread."""
-
-    def __init__(self, pool, settings, listener):
-        self.pool = pool
-        self.uvicorn = DrainingServer(create_app(settings, Engine(settings, Metrics(), pool)))
-        self.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
-        self.thread = threading.Thread(target=self.uvicorn.run, args=([listener],))
-        self.thread.start()
-
-    def terminate(self):
-        self.uvicorn.handle_exit(signal.SIGTERM, None)
-
-    def post(self, eia, responses):
-        """Posts in a thread that adds the response to `responses`."""
-        files = {"file": ("a.png", io.BytesIO(eia))}
-        poster = threading.Thread(
-            target=lambda: responses.append(httpx2.post(self.url + POST, files=files, data=FIELDS, timeout=60))
-        )
-        poster.start()
-        return poster
-
-
-@contextmanager
-def run_server(folder, **settings):
-    found = Settings(folder=folder, **settings)
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        server = ServerThread(ThreadPool(found), found, listener)
-        try:
-            wait_until(lambda: server.uvicorn.started)
-            yield server
-        finally:
-            server.uvicorn.should_exit = True
-            server.thread.join(30)
-            assert not server.thread.is_alive()
+def post(server, eia, responses):
+    """Posts in a thread that adds the response to `responses`."""
+    files = {"file": ("a.png", io.BytesIO(eia))}
+    poster = threading.Thread(
+        target=lambda: responses.append(httpx2.post(server.url + POST, files=files, data=FIELDS, timeout=60))
+    )
+    poster.start()
+    return poster
 
 
 def test_its_loop_logs_errors_of_accepting_once_a_second(tmp_path):
-    with run_server(tmp_path) as server:
+    with serve_app(tmp_path) as server:
         assert isinstance(server.uvicorn._loop.get_exception_handler(), AcceptErrors)
 
 
 def test_running_jobs_are_finished(eia, tmp_path):
     started, go = threading.Event(), threading.Event()
     responses, streams = [], []
-    with run_server(tmp_path) as server:
+    with serve_app(tmp_path) as server:
         server.pool.before = lambda work, progress, cancelled: (started.set(), go.wait(30))
-        poster = server.post(eia, responses)
+        poster = post(server, eia, responses)
         assert started.wait(30)
         with httpx2.Client(base_url=server.url) as client:
             assert client.get("/readyz").status_code == 200
@@ -105,16 +71,16 @@ def test_unfinished_jobs_are_done_by_the_next_server(eia, tmp_path):
         assert cancelled.wait(30)
         raise Cancelled
 
-    with run_server(tmp_path, drain_seconds=0) as server:
+    with serve_app(tmp_path, drain_seconds=0) as server:
         server.pool.before = before
-        poster = server.post(eia, responses)
+        poster = post(server, eia, responses)
         assert started.wait(30)
         server.terminate()
         server.thread.join(30)
         assert not server.thread.is_alive()
         poster.join(30)
     assert responses[0].status_code == 202
-    with run_server(tmp_path) as server, httpx2.Client(base_url=server.url) as client:
+    with serve_app(tmp_path) as server, httpx2.Client(base_url=server.url) as client:
         place = responses[0].headers["location"]
         wait_until(lambda: client.get(place).json()["state"] == "done")
         assert client.get(f"{place}/result").status_code == 200
@@ -123,7 +89,7 @@ def test_unfinished_jobs_are_done_by_the_next_server(eia, tmp_path):
 
 def test_a_second_signal_kills(tmp_path, monkeypatch):
     killed = []
-    with run_server(tmp_path) as server:
+    with serve_app(tmp_path) as server:
         monkeypatch.setattr(server.uvicorn._state.engine, "drain", threading.Event().wait)
         monkeypatch.setattr(server_module.signal, "signal", lambda *given: killed.append(given))
         monkeypatch.setattr(server_module.os, "kill", lambda *given: killed.append(given))

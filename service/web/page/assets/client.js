@@ -35,6 +35,15 @@ export function setKey(key) {
   sessionStorage.setItem(KEY, key);
 }
 
+/** The key; none in a frame of another page, where the browser may refuse the storage. */
+function readKey() {
+  try {
+    return sessionStorage.getItem(KEY);
+  } catch {
+    return null;
+  }
+}
+
 /**
  * @param {string} path
  * @param {RequestInit} [init]
@@ -42,7 +51,7 @@ export function setKey(key) {
  * @throws {Problem}
  */
 export async function request(path, init = {}) {
-  const key = sessionStorage.getItem(KEY);
+  const key = readKey();
   const headers = { ...init.headers, ...(key ? { "X-API-Key": key } : {}) };
   const response = await fetch(path, { ...init, headers }).catch((error) => {
     throw error.name === "AbortError" ? error : new Problem(0);

@@ -1,104 +1,116 @@
 // @ts-check
-/** Two of several pictures of one thing at the same spot, with a divider between them, a common zoom, and what differs from the truth. */
+/** Two of several pictures of one view at the same spot, with a divider between them, a common zoom, and what differs from the truth. */
+import { make } from "./dom.js";
+import { followGestures } from "./gestures.js";
+import { measureQuality } from "./score.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
-const ZOOMS = [1, 2, 4, 8, 16, 32]; // screen pixels for each pixel of the largest picture
+const FEWEST = 8; // pixels of the largest picture across the frame at the strongest zoom
 const DIFFERENCE = 4; // times which a difference is made brighter
 
-const MARKUP = `<div class="compared"><canvas tabindex="0" role="img"></canvas><input name="divider" type="range" min="0" max="100" value="50"></div>
-<div class="controls"><select name="left"></select><select name="right"></select>
-<label>${PICTURE_TEXTS.zoom} <input name="zoom" type="range" min="0" max="${ZOOMS.length - 1}" value="0"></label>
-<label><input name="difference" type="checkbox"> <span></span></label><p role="status"></p></div>`;
+/** @typedef {{name: string, make: () => Promise<Blob>}} Way To make a picture of the view. */
+/** @typedef {{picture: HTMLCanvasElement, difference?: HTMLCanvasElement, quality?: {psnr: number, ssim: number}}} Made */
 
 /**
- * Shows two pictures of several, the second at the right of a divider. Drag or arrow keys move what a zoom shows.
+ * Shows two pictures of several, the second at the right of a divider.
  * @param {HTMLElement} element What is in it is replaced.
- * @param {{name: string, picture: Blob}[]} pictures At least two, of any sizes, of the same view.
+ * @param {Way[]} ways Those of any sizes are shown in that of the largest. Each is made when it is first shown.
+ * @param {[number, number]} shown The ways that are shown first.
  * @param {Blob} [truth] What they should look like: a direct rendering of the mesh.
  */
-export async function showComparison(element, pictures, truth) {
-  const loaded = await Promise.all(pictures.map(async ({ name, picture }) => ({ name, bitmap: await createImageBitmap(picture) })));
-  const ideal = truth && (await createImageBitmap(truth));
-  const width = Math.max(...loaded.map(({ bitmap }) => bitmap.width)), height = Math.max(...loaded.map(({ bitmap }) => bitmap.height));
-  element.innerHTML = MARKUP;
+export async function showComparison(element, ways, shown, truth) {
+  const ideal = truth && (await readPicture(truth));
+  /** @type {Map<string, Made>} */
+  const made = new Map();
+  const choose = ["left", "right"].map((name, side) => {
+    const options = ways.map((way, index) => make("option", way.name, { value: String(index) }));
+    const select = make("select", options, { name, "aria-label": PICTURE_TEXTS[/** @type {"left" | "right"} */ (name)] });
+    select.value = String(shown[side]);
+    return select;
+  });
+  const sides = choose.map(({ name }) => make("div", "", { class: `half ${name}` }));
+  const pictures = make("div", sides, { class: "pictures", tabindex: "0", role: "img", "aria-label": PICTURE_TEXTS.compared });
+  const divider = make("input", "", { name: "divider", type: "range", step: "any", "aria-label": PICTURE_TEXTS.divider });
+  const zoom = make("input", "", { name: "zoom", type: "range", min: "0", step: "0.1", value: "0" });
+  const difference = make("input", "", { name: "difference", type: "checkbox" });
+  const status = make("p", "", { role: "status" });
+  const differenceLabel = make("label", [difference, make("span", PICTURE_TEXTS.difference)]);
+  differenceLabel.hidden = !ideal;
+  const frame = make("div", [pictures, divider], { class: "compared" });
+  const zoomLabel = make("label", [make("span", PICTURE_TEXTS.zoom), zoom]);
+  element.replaceChildren(frame, make("div", [...choose, status, zoomLabel, differenceLabel], { class: "controls" }));
   element.classList.add("comparison", "light-field");
-  const find = (/** @type {string} */ name) => /** @type {HTMLInputElement} */ (element.querySelector(`[name=${name}]`));
-  const canvas = /** @type {HTMLCanvasElement} */ (element.querySelector("canvas"));
-  const status = /** @type {HTMLElement} */ (element.querySelector("[role=status]"));
-  const [left, right, divider, zoom, difference] = ["left", "right", "divider", "zoom", "difference"].map(find);
-  const selects = /** @type {HTMLSelectElement[]} */ (/** @type {unknown[]} */ ([left, right]));
-  for (const [name, input] of Object.entries({ left, right, divider })) {
-    input.ariaLabel = PICTURE_TEXTS[/** @type {"left" | "right" | "divider"} */ (name)];
-  }
-  canvas.ariaLabel = PICTURE_TEXTS.compared;
-  for (const select of selects) select.append(...loaded.map(({ name }, index) => new Option(name, String(index))));
-  right.value = String(loaded.length - 1);
-  const label = /** @type {HTMLElement} */ (difference.closest("label"));
-  /** @type {HTMLElement} */ (label.querySelector("span")).textContent = PICTURE_TEXTS.difference;
-  label.hidden = !ideal;
-  Object.assign(canvas, { width, height });
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-  const measured = loaded.map(({ bitmap }) => ideal && compare(bitmap, ideal));
-  let centre = [0.5, 0.5];
 
-  const draw = () => {
-    const scale = ZOOMS[Number(zoom.value)];
-    centre = centre.map((each) => Math.min(Math.max(each, 0.5 / scale), 1 - 0.5 / scale));
-    const border = (Number(divider.value) / 100) * width;
-    context.imageSmoothingEnabled = false;
-    for (const [side, select] of [left, right].entries()) {
-      const index = Number(select.value);
-      const shown = difference.checked && measured[index] ? measured[index].picture : loaded[index].bitmap;
-      context.save();
-      context.beginPath();
-      context.rect(side === 0 ? 0 : border, 0, side === 0 ? border : width - border, height);
-      context.clip();
-      const [x, y] = [centre[0] - 0.5 / scale, centre[1] - 0.5 / scale];
-      context.drawImage(shown, x * shown.width, y * shown.height, shown.width / scale, shown.height / scale, 0, 0, width, height);
-      context.restore();
+  const place = followGestures(pictures, zoom);
+  const divide = () => frame.style.setProperty("--divider", `${divider.value}%`);
+  const show = async () => {
+    const wanted = choose.map(({ value }) => ways[Number(value)]);
+    try {
+      for (const way of wanted) {
+        if (!made.has(way.name)) made.set(way.name, judge(await readPicture(await way.make()), ideal));
+      }
+    } catch (error) {
+      if (!(error instanceof DOMException && error.name === "AbortError")) status.textContent = error instanceof Error ? error.message : String(error);
+      return;
     }
-    context.fillStyle = "#fff";
-    context.fillRect(border - 1, 0, 2, height);
-    const texts = [left, right].map(({ value }) => PICTURE_TEXTS.quality(loaded[Number(value)].name, measured[Number(value)]?.psnr));
-    status.textContent = texts.join(" · ");
+    const found = wanted.map(({ name }) => /** @type {Made} */ (made.get(name)));
+    const width = Math.max(...found.map(({ picture }) => picture.width)), height = Math.max(...found.map(({ picture }) => picture.height));
+    element.style.setProperty("--ratio", String(width / height));
+    zoom.max = String(Math.max(0, Math.log2(width / FEWEST)));
+    place();
+    for (const [side, each] of found.entries()) {
+      const canvas = (difference.checked && each.difference) || each.picture;
+      sides[side].replaceChildren(side === 1 && found[0] === each ? copy(canvas, canvas.width, canvas.height) : canvas);
+    }
+    status.replaceChildren(...wanted.map(({ name }, side) => make("span", PICTURE_TEXTS.quality(name, found[side].quality))));
   };
-  const pan = (/** @type {number} */ x, /** @type {number} */ y) => {
-    const scale = ZOOMS[Number(zoom.value)];
-    centre = [centre[0] + x / scale, centre[1] + y / scale];
-    draw();
-  };
-  for (const input of [left, right, divider, zoom, difference]) input.addEventListener("input", draw);
-  canvas.addEventListener("pointermove", (event) => {
-    if (event.buttons & 1) pan(-event.movementX / canvas.clientWidth, -event.movementY / canvas.clientHeight);
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
-    if (!step) return;
-    event.preventDefault();
-    pan(step[0], step[1]);
-  });
-  draw();
+  for (const input of [...choose, difference]) input.addEventListener("input", show);
+  divider.addEventListener("input", divide);
+  divide();
+  await show();
+}
+
+/** @param {Blob} blob */
+async function readPicture(blob) {
+  const bitmap = await createImageBitmap(blob);
+  const picture = copy(bitmap, bitmap.width, bitmap.height);
+  bitmap.close();
+  return picture;
 }
 
 /**
- * How a picture, scaled to the truth's size, differs from it: as a picture, and as PSNR in decibels of 8-bit RGB.
- * @param {ImageBitmap} bitmap
- * @param {ImageBitmap} truth
+ * @param {ImageBitmap | HTMLCanvasElement} picture
+ * @param {number} width
+ * @param {number} height
  */
-function compare(bitmap, truth) {
-  const [one, other] = [bitmap, truth].map((each) => {
-    const context = new OffscreenCanvas(truth.width, truth.height).getContext("2d");
-    if (context) context.imageSmoothingEnabled = false; // as it is shown
-    context?.drawImage(each, 0, 0, truth.width, truth.height);
-    return /** @type {ImageData} */ (context?.getImageData(0, 0, truth.width, truth.height));
-  });
-  let sum = 0;
-  for (let i = 0; i < one.data.length; i++) {
-    const away = Math.abs(one.data[i] - other.data[i]);
-    sum += away * away; // alpha is 255 in both
-    if (i % 4 < 3) one.data[i] = DIFFERENCE * away;
-  }
-  const picture = new OffscreenCanvas(truth.width, truth.height);
-  picture.getContext("2d")?.putImageData(one, 0, 0);
-  return { picture, psnr: 10 * Math.log10((255 * 255 * 3 * truth.width * truth.height) / sum) };
+function copy(picture, width, height) {
+  const canvas = make("canvas", "", { width: String(width), height: String(height) });
+  const context = draw(canvas);
+  context.imageSmoothingEnabled = false; // as it is shown
+  context.drawImage(picture, 0, 0, width, height);
+  return canvas;
+}
+
+/** @param {HTMLCanvasElement} canvas */
+function draw(canvas) {
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  if (!context) throw new Error(PICTURE_TEXTS.noCanvas);
+  return context;
+}
+
+/**
+ * A picture with how it differs from the truth, in the truth's size.
+ * @param {HTMLCanvasElement} picture
+ * @param {HTMLCanvasElement} [truth]
+ * @returns {Made}
+ */
+function judge(picture, truth) {
+  if (!truth) return { picture };
+  const { width, height } = truth;
+  const difference = copy(picture, width, height);
+  const [one, other] = [difference, truth].map((each) => draw(each).getImageData(0, 0, width, height));
+  const quality = measureQuality(one, other);
+  for (let i = 0; i < one.data.length; i++) if (i % 4 < 3) one.data[i] = DIFFERENCE * Math.abs(one.data[i] - other.data[i]);
+  draw(difference).putImageData(one, 0, 0);
+  return { picture, difference, quality };
 }

@@ -1,6 +1,7 @@
 // @ts-check
 /** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
 import { Job } from "./client.js";
+import { make } from "./dom.js";
 import { writeZip } from "./zip.js";
 
 /**
@@ -8,9 +9,14 @@ import { writeZip } from "./zip.js";
  * @property {string} name As the user knows it.
  * @property {string} [scene] A shipped scene, in place of a file.
  * @property {File} [file]
+ * @property {{name: string, file: File}[]} [parts] The files of one that holds several.
  */
 
-/** @typedef {{kind: string, options: Record<string, string>, lenses: number[], pixels: number[]}} Candidate Of a lens grid. */
+/** @import { RawGrid } from "./lenses.js" */
+/**
+ * A lens grid that a picture may have.
+ * @typedef {{kind: string, options: Record<string, string>, pixels: number[], lenses?: number[], lens_grid?: RawGrid}} Candidate
+ */
 
 /**
  * What an input is.
@@ -28,7 +34,7 @@ export async function joinFiles(files) {
   if (files.length === 1) return { name: files[0].name, file: files[0].file };
   const sorted = files.toSorted((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
   const name = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0] ?? sorted[0].name;
-  return { name, file: new File([await writeZip(sorted)], `${name}.zip`) };
+  return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted };
 }
 
 /**
@@ -45,7 +51,7 @@ export async function listDropped(dropped) {
  * @returns {Promise<{name: string, file: File}[]>}
  */
 async function listEntry(entry) {
-  if (entry instanceof FileSystemFileEntry || entry.isFile) {
+  if (entry.isFile) {
     const file = await new Promise((resolve, reject) => /** @type {FileSystemFileEntry} */ (entry).file(resolve, reject));
     return [{ name: entry.fullPath.slice(1), file }];
   }
@@ -82,10 +88,26 @@ export function makeForm(input, fields) {
  * What an input is: found in its content by the server.
  * @param {Input} input
  * @param {AbortSignal} signal
+ * @param {Record<string, string>} [options] That say how it is read.
  * @returns {Promise<Description>}
  */
-export async function describe(input, signal) {
+export async function describe(input, signal, options = {}) {
   if (input.scene) return { kind: "scene", candidates: [], notes: [] };
-  const job = await Job.post("inspections", makeForm(input, {}), signal);
+  const job = await Job.post("inspections", makeForm(input, options), signal);
   return (await job.follow(() => {}, signal)).json();
+}
+
+/**
+ * A picture, decoded.
+ * @param {File | undefined} file
+ * @param {() => Promise<Blob>} read Gives it where the browser doesn't read the file.
+ */
+export async function readImage(file, read) {
+  const image = make("img");
+  const load = async (/** @type {Blob} */ blob) => {
+    image.src = URL.createObjectURL(blob);
+    await image.decode().finally(() => URL.revokeObjectURL(image.src));
+  };
+  await (file ? load(file) : Promise.reject()).catch(async () => load(await read()));
+  return image;
 }

@@ -69,10 +69,11 @@ export async function run(kind, form, name) {
   report(null);
   try {
     const mine = await Job.post(kind, form, signal);
+    const wasDone = mine.status.state === "done";
     job = mine;
     const response = await mine.follow(report, signal);
     showDetails(mine.status);
-    say(SENTENCES.done(SENTENCES.time(performance.now() - begun)));
+    say(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
     return { job: mine, response };
   } finally {
     if (!signal.aborted) {
@@ -144,7 +145,9 @@ function showDetails(status) {
       make("li", [make("i", "", { class: `stage-${stage}` }), make("span", `${STAGES[stage]} ${SENTENCES.time(Number(time))}`)]),
     ),
   );
-  const remarks = [...notes, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  const { predicted_ms: predicted } = plan ?? {};
+  const estimate = predicted && timings.total ? [SENTENCES.estimate(SENTENCES.time(timings.total), SENTENCES.time(predicted))] : [];
+  const remarks = [...estimate, ...notes, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
   find("remarks", HTMLElement).replaceChildren(...remarks);
   details.hidden = false;
 }

@@ -14,15 +14,15 @@ const shown = new WeakMap();
 
 /**
  * Shows a light field in an element, in place of what is there, while its tiles arrive. The viewpoint in the address is kept
- * unless a light field of another size was there.
+ * unless a light field of another size was there. One of the same size goes into the viewer that is there.
  * @param {HTMLElement} element
  * @param {Response} response
+ * @param {number} scale By how many times larger these views are shown, until the larger ones follow.
  * @returns {Promise<Stage>} When all views are there.
  * @throws {Error} For what is no light field, without WebGL 2, and where the connection breaks.
  */
-export async function showLightField(element, response) {
+export async function showLightField(element, response, scale = 1) {
   const previous = shown.get(element);
-  previous?.close();
   /** @type {Stage | undefined} */
   let stage;
   /** @type {Tile[]} */
@@ -31,8 +31,14 @@ export async function showLightField(element, response) {
     if (stage?.stopped.signal.aborted) return stage; // another light field took its place
     const tile = tiles.find(({ file }) => file === name);
     if (name === "light_field.json") {
-      const { depth_sense: depthSense, tiles: planned, ...size } = JSON.parse(new TextDecoder().decode(bytes));
+      const { depth_sense: depthSense, tiles: planned, width, height, ...grid } = JSON.parse(new TextDecoder().decode(bytes));
       tiles = planned;
+      const size = { ...grid, width: scale * width, height: scale * height };
+      if (previous && !previous.stopped.signal.aborted && hasSize(previous.lightField, size)) {
+        stage = previous;
+        continue;
+      }
+      previous?.close();
       if (previous && !hasSize(previous.lightField, size)) forgetPlace();
       stage = new Stage(element, { ...size, depthSense });
       shown.set(element, stage);

@@ -4,19 +4,21 @@ import { Job, request, setKey } from "./client.js";
 import { showComparison } from "./compare.js";
 import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
-import { describe, joinFiles, listChosen, listDropped, makeForm } from "./inputs.js";
+import { LensGrid } from "./grid.js";
+import { describe, joinFiles, listChosen, listDropped, makeForm, readImage } from "./inputs.js";
 import { begin, clear, run, say, showProblem, stop } from "./job.js";
+import { readGrid } from "./lenses.js";
 import { PLACE, showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
+import { allowTurning, closeMesh, hidePreview, openMesh, watchPlace } from "./place.js";
 import { keepJob, showRecent } from "./recent.js";
-import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
+import { fitSettings, LENSES, listModels, offerGrids, offerModels, readSettings, watchSettings, writeLenses } from "./settings.js";
 import { readState, writeState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 /** @import { Input } from "./inputs.js" */
 /** @import { Entry } from "./recent.js" */
 
-const GRID = ["lenses", "pixels", "lens_pitch"]; // options that give the lens grid of a picture
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const frame = find("frame", HTMLElement);
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
@@ -25,7 +27,9 @@ let input = null;
 let kind = "";
 /** Pictures of what is open, by what they were made with. @type {Map<string, Blob>} */
 const pictures = new Map();
-/** The light field that is shown. @type {{close: () => void} | undefined} */
+/** The lens grid that is shown. @type {LensGrid | undefined} */
+let lensGrid;
+/** The light field that is shown. @type {import("./viewer/page.js").Stage | undefined} */
 let stage;
 
 /**
@@ -35,22 +39,30 @@ let stage;
  */
 async function open(chosen, settings) {
   clear();
+  closeMesh();
   pictures.clear();
   find("caption", HTMLElement).textContent = "";
   frame.replaceChildren(make("p", TEXTS.waiting));
   showPart("work");
   say(TEXTS.packing);
+  input = null;
+  fitSettings("");
+  /** @type {Input | undefined} */
+  let given;
   try {
-    input = await chosen;
-    writeName(input, TEXTS.reading);
-    const found = await describe(input, begin(TEXTS.reading));
+    given = await chosen;
+    writeName(given, TEXTS.reading);
+    const found = await describe(given, begin(TEXTS.reading));
     kind = found.kind;
-    writeName(input, KINDS[kind] ?? "");
+    writeName(given, KINDS[kind] ?? "");
     fitSettings(kind);
+    if (kind === "mesh") void openMesh(given);
     offerGrids(found.candidates, settings);
     offerFormats(kind);
+    input = given;
   } catch (error) {
-    return showProblem(error, input?.name ?? "", () => void open(chosen, settings));
+    if (given) writeName(given, "");
+    return showProblem(error, given?.name ?? "", () => void open(chosen, settings));
   }
   await show();
 }
@@ -77,14 +89,17 @@ function showPart(part) {
 
 /** Makes and shows the picture that is chosen, as mapped first. */
 async function show() {
+  if (!input) return; // it is still being read
   stop();
+  say("");
   stage?.close();
-  if (!input) return;
   const settings = readSettings();
-  const mode = modes.find((field) => field.checked)?.value ?? "upscaled";
+  const mode = modes.find((field) => field.checked && !field.closest("[hidden]"))?.value ?? "upscaled";
   keepState({ ...settings, show: mode });
-  if (kind === "picture" && !GRID.some((name) => name in settings)) return askForLenses();
+  allowTurning((kind === "mesh" || kind === "scene") && (mode === "mapped" || mode === "upscaled"));
+  const isUnknown = kind === "picture" && !LENSES.some((name) => settings[name]);
   try {
+    if (mode === "grid" || isUnknown) return await showGrid(settings, isUnknown);
     await showBlob(await makePicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped, mode === "mapped"), TEXTS.mapped);
     if (mode === "upscaled") await showBlob(await makePicture(settings, TEXTS.upscaled, true), TEXTS.upscaled);
     if (mode === "compare") await showCompared(settings);
@@ -94,11 +109,34 @@ async function show() {
   }
 }
 
-/** Says that an elemental image array needs its lens grid. */
-function askForLenses() {
+/**
+ * Shows the picture with its lens grid, and the view that is mapped by it.
+ * @param {Record<string, string>} settings
+ * @param {boolean} isUnknown Whether the lenses are still to be given.
+ */
+async function showGrid(settings, isUnknown) {
+  if (!input) return;
+  if (!lensGrid?.element.isConnected) {
+    const { crop = "" } = settings;
+    const read = () => makePicture({ crop, pixels: "1x1", arrangement: "eia", model: "none" }, TEXTS.reading); // each pixel a lens
+    const image = await readImage(crop ? undefined : input.file, read);
+    image.alt = SENTENCES.job(TEXTS.grid, input.name);
+    lensGrid = new LensGrid(makeHolder(), image, (options) => {
+      writeLenses(options);
+      settle();
+    });
+  }
+  const options = Object.fromEntries(Object.entries(settings).filter(([name]) => LENSES.includes(name)));
+  const grid = readGrid(options, lensGrid.size) ?? (isUnknown ? lensGrid.grid : await findGrid(options));
+  if (grid) lensGrid.draw(grid);
+  if (!isUnknown) return lensGrid.showView(await makePicture({ ...settings, model: "none", scale: "" }, TEXTS.mapped));
   say(TEXTS.needsLenses);
-  frame.replaceChildren(make("p", TEXTS.waiting));
   /** @type {HTMLInputElement | null} */ (document.querySelector("[name=lenses]"))?.focus();
+}
+
+/** The lens grid of a raw picture, where options leave some of it to be found. @param {Record<string, string>} options */
+async function findGrid(options) {
+  return input && (await describe(input, begin(TEXTS.reading), options)).candidates.find((each) => each.lens_grid)?.lens_grid;
 }
 
 /** Puts the input and its settings into the address. @param {Record<string, string>} settings */
@@ -123,31 +161,43 @@ async function makePicture(fields, what, isKept = false) {
 
 /** Shows the centre view as it is made in several ways, and the truth of a mesh. @param {Record<string, string>} settings */
 async function showCompared(settings) {
-  const compared = [];
-  for (const [name, model] of Object.entries({ [TEXTS.mapped]: "none", [TEXTS.bicubic]: "bicubic", [TEXTS.upscaled]: settings.model })) {
-    compared.push({ name, picture: await makePicture({ ...settings, model, scale: model === "none" ? "" : settings.scale }, name) });
-  }
+  await offered;
+  const models = listModels(Number(settings.scale) || 2).filter((name) => name !== "bicubic");
+  const named = { [TEXTS.mapped]: "none", [TEXTS.bicubic]: "bicubic", [TEXTS.upscaled]: settings.model };
+  const compared = [...Object.entries(named), ...models.map((name) => [name, name])].map(([name, model]) => {
+    const fields = { ...settings, model, scale: model === "none" ? "" : settings.scale };
+    return { name, make: () => makePicture(fields, name) };
+  });
   const hasTruth = kind === "mesh" || kind === "scene";
-  const truth = hasTruth ? await makePicture({ ...settings, model: "", strategy: "direct" }, TEXTS.truth) : undefined;
-  await showComparison(makeHolder(TEXTS.compare), compared, truth);
+  const makeTruth = () => makePicture({ ...settings, model: "", strategy: "direct" }, TEXTS.truth);
+  if (hasTruth) compared.push({ name: TEXTS.truth, make: makeTruth });
+  const truth = hasTruth ? await makeTruth() : undefined;
+  await showComparison(makeHolder(), compared, [0, 2], truth);
 }
 
-/** An element in place of what is shown. @param {string} what It shows. */
-function makeHolder(what) {
+/** An element in place of what is shown. */
+function makeHolder() {
   const holder = make("div");
   frame.replaceChildren(holder);
-  find("caption", HTMLElement).textContent = what;
+  find("caption", HTMLElement).textContent = "";
   return holder;
 }
 
-/** Shows all views. @param {Record<string, string>} settings */
+/** Shows all views: as mapped, until they are upscaled. @param {Record<string, string>} settings */
 async function showAround(settings) {
-  const response = await makeFile("reconstructions", { ...settings, views: "all", format: "tiles" }, TEXTS.around);
-  const shown = (stage = await showLightField(makeHolder(TEXTS.around), response));
-  addOverlays(shown, async () => {
-    const { scale, model, ...reading } = settings;
-    return (await makeFile("disparities", { ...reading, format: "viridis" }, TEXTS.depth)).blob();
-  });
+  const holder = makeHolder();
+  const all = { ...settings, views: "all", format: "tiles" };
+  const mapped = await makeFile("reconstructions", { ...all, model: "none", scale: "" }, TEXTS.mapped, false);
+  const scale = settings.model === "none" ? 1 : Number(settings.scale) || 2;
+  let shown = (stage = await showLightField(holder, mapped, scale));
+  try {
+    shown = stage = await showLightField(holder, await makeFile("reconstructions", all, TEXTS.around));
+  } finally {
+    addOverlays(shown, async () => {
+      const { scale, model, ...reading } = settings;
+      return (await makeFile("disparities", { ...reading, format: "viridis" }, TEXTS.depth)).blob();
+    });
+  }
 }
 
 /**
@@ -159,6 +209,7 @@ async function showBlob(picture, what) {
   image.src = URL.createObjectURL(picture);
   await image.decode();
   frame.replaceChildren(image);
+  hidePreview();
   URL.revokeObjectURL(image.src);
   find("caption", HTMLElement).textContent = SENTENCES.size(what, image.naturalHeight, image.naturalWidth);
 }
@@ -193,7 +244,8 @@ async function reopen(entry) {
     if (input?.name !== entry.name) input = { name: entry.name };
     writeName(input, "");
     showPart("work");
-    await showBlob(await response.blob(), entry.what);
+    if (entry.what === TEXTS.around) stage = await showLightField(makeHolder(), response);
+    else await showBlob(await response.blob(), entry.what);
   } catch (error) {
     showProblem(error, entry.name, () => void reopen(entry));
   }
@@ -216,11 +268,15 @@ function openFiles(files) {
 }
 
 writeTexts();
+let offered = offerModels().catch(() => {}); // without the list, the network is selected automatically
+watchPlace(readSettings);
 let settling = 0;
-watchSettings(() => {
+/** Shows what the settings say, once they rest. */
+function settle() {
   clearTimeout(settling);
   settling = setTimeout(show, SETTLE_MILLISECONDS);
-});
+}
+watchSettings(settle);
 watchExport(
   (plural, fields) => makeFile(plural, { ...readSettings(), ...fields }, TEXTS.export),
   (error) => showProblem(error, input?.name ?? "", () => find("export-form", HTMLFormElement).requestSubmit()),
@@ -238,13 +294,21 @@ for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelec
     void open({ name: scene, scene }, {});
   });
 }
-document.addEventListener("dragover", (event) => event.preventDefault());
+/** @param {boolean} isOver Whether something is dragged over the page. */
+const markDrag = (isOver) => document.body.classList.toggle("dragging", isOver);
+document.addEventListener("dragover", (event) => {
+  event.preventDefault();
+  markDrag(true);
+});
+document.addEventListener("dragleave", (event) => markDrag(event.relatedTarget !== null));
 document.addEventListener("drop", async (event) => {
   event.preventDefault();
+  markDrag(false);
   if (event.dataTransfer) openFiles(await listDropped(event.dataTransfer));
 });
 find("close", HTMLButtonElement).addEventListener("click", () => {
   clear();
+  closeMesh();
   input = null;
   history.replaceState(null, "", location.pathname);
   openAddress();
@@ -252,9 +316,9 @@ find("close", HTMLButtonElement).addEventListener("click", () => {
 find("key-form", HTMLFormElement).addEventListener("submit", (event) => {
   event.preventDefault();
   setKey(find("key", HTMLInputElement).value);
+  offered = offerModels().catch(() => {});
   find("retry", HTMLButtonElement).click();
 });
 addEventListener("hashchange", openAddress);
 showRecent(reopen);
 openAddress();
-offerModels().catch(() => {}); // without the list, the network is selected automatically

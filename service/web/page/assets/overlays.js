@@ -1,10 +1,9 @@
 // @ts-check
 /** What is laid over a light field: its disparity in colours, and the epipolar plane image (EPI) of a row of pixels. */
+import { make } from "./dom.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
 /** @import { Stage } from "./viewer/page.js" */
-
-const LINE = 8; // pixels of the EPI's height for each view
 
 /**
  * Adds two check boxes to a light field whose views are loaded.
@@ -12,24 +11,9 @@ const LINE = 8; // pixels of the EPI's height for each view
  * @param {() => Promise<Blob>} requestDisparity Makes the disparity of the centre view as a picture in colours.
  */
 export function addOverlays(stage, requestDisparity) {
-  const { lightField, viewer } = stage;
   const picture = /** @type {HTMLElement} */ (stage.element.querySelector(".picture"));
-  const disparity = new Image();
-  disparity.className = "overlay";
-  disparity.alt = PICTURE_TEXTS.disparityShown;
-  const row = make("input", { type: "range", max: String(lightField.height - 1), value: String(lightField.height >> 1) });
-  const label = make("label", { textContent: PICTURE_TEXTS.row });
-  label.append(row);
-  const epi = make("canvas", { className: "epi", width: lightField.width, height: lightField.cols * LINE, role: "img", ariaLabel: PICTURE_TEXTS.epiShown });
-  const drawEpi = () => {
-    const small = new OffscreenCanvas(lightField.width, lightField.cols);
-    small.getContext("2d")?.putImageData(viewer.readEpi(Number(row.value)), 0, 0);
-    const context = epi.getContext("2d");
-    if (!context) return;
-    context.imageSmoothingEnabled = false;
-    context.drawImage(small, 0, 0, epi.width, epi.height);
-  };
-  row.addEventListener("input", drawEpi);
+  const disparity = make("img", "", { class: "overlay", alt: PICTURE_TEXTS.disparityShown });
+  stage.stopped.signal.addEventListener("abort", () => URL.revokeObjectURL(disparity.src));
   const showDisparity = async (/** @type {HTMLInputElement} */ box) => {
     if (box.checked && !disparity.src) {
       stage.status.textContent = PICTURE_TEXTS.measuring;
@@ -45,13 +29,46 @@ export function addOverlays(stage, requestDisparity) {
     if (box.checked) picture.append(disparity);
     else disparity.remove();
   };
-  const showEpi = (/** @type {HTMLInputElement} */ box) => {
-    if (!box.checked) return void (epi.remove(), label.remove());
-    picture.after(label, epi);
-    drawEpi();
-  };
-  stage.stopped.signal.addEventListener("abort", () => URL.revokeObjectURL(disparity.src));
+  const epi = makeEpi(stage, picture);
+  const showEpi = (/** @type {HTMLInputElement} */ box) => (box.checked ? epi.show() : epi.hide());
   stage.status.before(makeCheckbox("disparity", PICTURE_TEXTS.disparity, showDisparity), makeCheckbox("epi", PICTURE_TEXTS.epi, showEpi));
+}
+
+/**
+ * The EPI of a row of pixels, which a slider or a click on the picture chooses, and a line over the picture that marks it.
+ * @param {Stage} stage
+ * @param {HTMLElement} picture
+ */
+function makeEpi(stage, picture) {
+  const { canvas, lightField, viewer } = stage;
+  const row = make("input", "", { name: "row", type: "range", max: String(lightField.height - 1), value: String(lightField.height >> 1) });
+  const label = make("label", [make("span", PICTURE_TEXTS.row), row]);
+  const epi = make("canvas", "", { class: "epi", role: "img", "aria-label": PICTURE_TEXTS.epiShown });
+  const mark = make("div", "", { class: "mark" });
+  const draw = () => {
+    const pixels = viewer.readEpi((Number(row.value) + 0.5) / lightField.height);
+    Object.assign(epi, { width: pixels.width, height: pixels.height });
+    epi.style.setProperty("--views", String(pixels.height));
+    epi.getContext("2d")?.putImageData(pixels, 0, 0);
+    mark.style.setProperty("--row", String((Number(row.value) + 0.5) / lightField.height));
+  };
+  const choose = (/** @type {Event} */ event) => {
+    row.value = String(Math.floor(/** @type {CustomEvent} */ (event).detail.y * lightField.height));
+    draw();
+  };
+  row.addEventListener("input", draw);
+  return {
+    show: () => {
+      picture.append(mark);
+      picture.after(epi, label);
+      canvas.addEventListener("choose", choose);
+      draw();
+    },
+    hide: () => {
+      for (const element of [mark, epi, label]) element.remove();
+      canvas.removeEventListener("choose", choose);
+    },
+  };
 }
 
 /**
@@ -60,20 +77,7 @@ export function addOverlays(stage, requestDisparity) {
  * @param {(box: HTMLInputElement) => void} change
  */
 function makeCheckbox(name, text, change) {
-  const box = make("input", { type: "checkbox", name });
+  const box = make("input", "", { type: "checkbox", name });
   box.addEventListener("change", () => change(box));
-  const label = make("label", {});
-  label.append(box, ` ${text}`);
-  return label;
-}
-
-/**
- * @template {keyof HTMLElementTagNameMap} T
- * @param {T} tag
- * @param {Record<string, unknown>} properties
- */
-function make(tag, properties) {
-  const element = document.createElement(tag);
-  Object.assign(element, properties);
-  return element;
+  return make("label", [box, make("span", text)]);
 }

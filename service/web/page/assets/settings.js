@@ -6,6 +6,8 @@ import { SENTENCES, TEXTS } from "./texts.js";
 
 /** @import { Candidate } from "./inputs.js" */
 
+/** Options that say where the lenses of a picture are. */
+export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
 const form = find("settings", HTMLFormElement);
 /** Scales of the networks. @type {Map<string, number[]>} */
 const scales = new Map([["auto", [2]]]);
@@ -60,16 +62,25 @@ export function writeSettings(settings) {
  */
 export function offerGrids(found, settings) {
   candidates = found;
-  const names = found.map(({ lenses, pixels }) => SENTENCES.grid(lenses.join("x"), pixels.join("x")));
+  const names = found.map(({ lenses, pixels, lens_grid: grid }) =>
+    grid ? SENTENCES.rawGrid(grid.pitch, grid.rotation) : SENTENCES.grid((lenses ?? []).join("x"), pixels.join("x")),
+  );
   grids.replaceChildren(...names.map((name, index) => make("option", name, { value: String(index) })));
   /** @type {HTMLElement} */ (grids.parentElement).hidden = found.length < 2;
   const isGiven = ["lenses", "pixels", "lens_pitch"].some((name) => name in settings);
   writeSettings(isGiven ? settings : { ...settings, ...found[0]?.options });
 }
 
-/** Shows the fields for what is open. @param {string} kind Of the input. */
+/** Replaces the options that say where the lenses are. @param {Record<string, string>} options */
+export function writeLenses(options) {
+  const kept = Object.entries(readSettings()).filter(([name]) => !LENSES.includes(name));
+  writeSettings({ ...Object.fromEntries(kept), ...options });
+}
+
+/** Shows the fields for what is open. @param {string} kind Of the input; empty until it is known. */
 export function fitSettings(kind) {
-  for (const part of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-for]"))) {
+  find("work", HTMLElement).dataset.kind = kind;
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-for]"))) {
     part.hidden = !part.dataset.for?.split(" ").includes(kind);
   }
 }
@@ -81,6 +92,11 @@ export function fitSettings(kind) {
 function offerModel(name, sizes) {
   if (!scales.has(name)) form.model.append(make("option", name));
   scales.set(name, sizes);
+}
+
+/** The networks and interpolations that make views so many times larger. @param {number} scale */
+export function listModels(scale) {
+  return [...scales].filter(([name, sizes]) => name !== "auto" && sizes.includes(scale)).map(([name]) => name);
 }
 
 /** Offers the scales of the chosen network. */
@@ -96,6 +112,9 @@ function showValues() {
   for (const field of /** @type {NodeListOf<HTMLInputElement>} */ (form.querySelectorAll("[type=range]"))) {
     const shown = field.parentElement?.querySelector(".value");
     if (shown) shown.textContent = field.value + ("angle" in field.dataset ? "°" : "");
+  }
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-with]"))) {
+    part.hidden = form[part.dataset.with ?? ""].value === "";
   }
 }
 
@@ -117,8 +136,7 @@ export function watchSettings(changed) {
   form.addEventListener("change", (event) => {
     if (event.target === form.model) offerScales();
     if (event.target === grids) {
-      const { lenses, pixels, lens_pitch, rotate, ...kept } = readSettings();
-      writeSettings({ ...kept, ...candidates[Number(grids.value)].options });
+      writeLenses(candidates[Number(grids.value)].options);
     }
     changed();
   });

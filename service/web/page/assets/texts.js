@@ -19,6 +19,7 @@ export const TEXTS = {
   picture: "Picture",
   mapped: "As mapped",
   upscaled: "Upscaled",
+  grid: "Lens grid",
   around: "Look around",
   compare: "Compare",
   bicubic: "Bicubic",
@@ -35,14 +36,28 @@ export const TEXTS = {
   lenses: "Lenses, rows x columns",
   pixels: "Pixels under each lens, rows x columns",
   lens_pitch: "Pixels from lens to lens of a raw picture",
+  lens_offset: "Centre of one lens, y,x in pixels",
+  lens_rotation: "Rotation of its rows, in degrees",
+  lens_grid: "Arrangement",
+  found: "As found",
+  square: "Square",
+  hexagonal: "Hexagonal, in rows",
+  hexagonalColumns: "Hexagonal, in columns",
+  moveGrid: "Place of the lens grid: drag it, or press arrow keys",
+  turnGrid: "Pitch and rotation of the lens grid: drag it, or press arrow keys",
+  resizeGrid: "Corner of an elemental image: drag it, or press arrow keys",
   auto: "Automatic",
   object: "Object",
+  turnHelp: "Drag the picture to turn the object, or press arrow keys, + and - there.",
   yaw: "Turn to the right",
   tilt: "Tilt forwards",
   roll: "Roll to the left",
   zoom: "Size",
   place: "Place",
   placeHelp: "-1 behind the lenses, 1 before them",
+  up: "Axis that points up",
+  y: "y",
+  z: "z, as in CAD",
   upscaling: "Upscaling",
   model: "Network",
   scale: "Times larger",
@@ -127,12 +142,18 @@ export const SENTENCES = {
   views: (done, all) => `${done} of ${all} views`,
   /** @param {string} lenses @param {string} pixels */
   grid: (lenses, pixels) => `${lenses} lenses of ${pixels} pixels`,
+  /** @param {number} pitch @param {number} rotation */
+  rawGrid: (pitch, rotation) => `${pitch.toFixed(3)} pixels from lens to lens, rows turned by ${rotation.toFixed(3)}°`,
+  /** @param {number} step */
+  everyLens: (step) => `One of ${step} is drawn in each row and column`,
   /** @param {number} seconds */
   left: (seconds) => (seconds < 90 ? `about ${Math.ceil(seconds)} s left` : `about ${Math.round(seconds / 60)} min left`),
   /** @param {number} milliseconds */
   time: (milliseconds) => (milliseconds < 9950 ? `${Math.round(milliseconds)} ms` : `${(milliseconds / 1000).toFixed(1)} s`),
-  /** @param {string} time */
-  done: (time) => `Done in ${time}`,
+  /** @param {string} time @param {boolean} wasDone Before it was asked for. */
+  done: (time, wasDone) => `Done in ${time}${wasDone ? ", from an earlier run" : ""}`,
+  /** @param {string} measured @param {string} predicted */
+  estimate: (measured, predicted) => `It took ${measured}, and the estimate was ${predicted}. Stages overlap.`,
   /** @param {string} name */
   again: (name) => `Choose ${name} again; its settings are kept.`,
   /** @param {string} what @param {string} name */
@@ -149,14 +170,16 @@ export const PICTURE_TEXTS = {
   epi: "EPI",
   epiShown: "The row of pixels in each view of the middle row, one below the other: the slope of a line is a disparity.",
   row: "Row of the EPI",
-  compared: "Two pictures of one view. Drag or arrow keys move what the zoom shows.",
+  compared: "Two pictures of one view. Wheel, pinch, + and - zoom; drag and arrow keys move what is seen.",
   left: "Picture at the left",
   right: "Picture at the right",
   divider: "Divider",
   zoom: "Zoom",
-  difference: "Difference from the direct rendering, four times as bright",
-  /** @param {string} name @param {number} [psnr] */
-  quality: (name, psnr) => (psnr === undefined ? name : `${name}: ${psnr.toFixed(2)} dB`),
+  difference: "Difference from the rendering, times 4",
+  noCanvas: "The browser refused a canvas. Close other pages, then load this one again.",
+  /** @param {string} name @param {{psnr: number, ssim: number}} [quality] */
+  quality: (name, quality) =>
+    quality && Number.isFinite(quality.psnr) ? `${name}: ${quality.psnr.toFixed(2)} dB, SSIM ${quality.ssim.toFixed(3)}` : name,
   making: "Making the views",
   nothing: "The address names no light field: give scene=vase and settings after #.",
 };

@@ -2,19 +2,12 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import open_browser
-from tests.support.servers import run_server
 
 WAIT_MILLISECONDS = 30_000
 expect.set_options(timeout=WAIT_MILLISECONDS)
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with run_server(tmp_path_factory.mktemp("page") / "log", CIIR_WORKERS="1") as server:
-        yield server
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser():
     with open_browser() as browser:
         yield browser
@@ -32,9 +25,9 @@ def page(browser, server):
     page.expected = []
     page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: problems.append(str(error)))
-    own = (server.url, "blob:")
+    own = (server, "blob:")
     page.on("request", lambda sent: None if sent.url.startswith(own) else problems.append(sent.url))
-    page.goto(server.url)
+    page.goto(server)
     yield page
     context.close()
     assert [problem for problem in problems if not any(part in problem for part in page.expected)] == []

@@ -9,7 +9,7 @@ import pytest
 
 from ciir.renderer.light_field import LightField
 from ciir.service.web.page.routes import FILES
-from tests.support.browser import needs_browser, open_browser, open_page, read_canvas
+from tests.support.browser import needs_browser, open_page, read_canvas
 from tests.support.light_fields import make_views
 
 pytestmark = needs_browser
@@ -25,12 +25,6 @@ STREAM = """
     .then(({ showLightField }) => showLightField(document.querySelector("main"), new Response(body)))
     .then(() => "all views", (error) => error.message);
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with open_browser() as browser:
-        yield browser
 
 
 @pytest.fixture
@@ -90,6 +84,31 @@ def test_small_views_show_first_and_give_way_to_the_others(page, tmp_path):
     wait_for_rest(page)
     assert measure_error(page) < JPEG
     assert re.search(r"#v=1&u=1&focus=0&aperture=0&scene=vase$", page.url)  # other settings are kept
+
+
+def test_views_as_mapped_stand_for_those_that_are_upscaled(page, tmp_path):
+    """They are shown in the size of the larger ones, which then come into the same canvas."""
+    small = LightField(np.ascontiguousarray(FIELD.views[:, :, ::2, ::2]), depth_sense="cameras")
+    mapped, _ = make_tiles(tmp_path / "a.zip", small)
+    larger, ends = make_tiles(tmp_path / "b.zip")
+    load = """([text, scale]) => import("/assets/light_field.js").then(({ showLightField }) => showLightField(
+        document.querySelector("main"), new Response(Uint8Array.from(atob(text), (each) => each.charCodeAt(0))), scale)
+    ).then(() => "shown", (error) => error.message)"""
+    assert page.evaluate(load, [b64encode(mapped).decode(), 2]) == "shown"
+    wait_for_rest(page)
+    canvas = page.locator("canvas").element_handle()
+    enlarged = np.repeat(np.repeat(small.view(1, 1), 2, 0), 2, 1)
+    before = read_canvas(page)
+    assert before.shape == enlarged.shape
+    assert np.corrcoef(before.ravel(), enlarged.ravel())[0, 1] > 0.9  # interpolated
+    part = b64encode(larger[: ends["coarse.jpg"]]).decode()
+    assert "connection broke" in page.evaluate(load, [part, 1])
+    wait_for_rest(page)
+    np.testing.assert_array_equal(read_canvas(page), before)  # they are smaller than those that are there
+    assert page.evaluate(load, [b64encode(larger).decode(), 1]) == "shown"
+    wait_for_rest(page)
+    assert measure_error(page) < JPEG
+    assert canvas.evaluate("each => each.isConnected")
 
 
 @pytest.mark.parametrize(("depth", "other", "y"), [(-2, 3, 0.25), (3, -2, 0.75)])

@@ -1,55 +1,29 @@
 """The page in a browser, on a real server with real networks."""
 
 import io
-import json
+import re
 import zipfile
 
-import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.pictures import encode_png
-from ciir.service.pipeline.options import KINDS
 from tests.support.browser import needs_browser
-from tests.support.inputs import CUBE, EIA_PNG, make_picture
+from tests.support.browser.page import choose, open_scene, set_field, wait_for_picture
+from tests.support.inputs import CUBE, EIA_PNG
 
 pytestmark = needs_browser
-OTHERS = ("inspection", "upscale")  # kinds of jobs whose results are nothing of a light field to keep
-
-
-def choose(page, *files):
-    """Chooses files, `(name, bytes)`."""
-    listed = [{"name": name, "mimeType": "", "buffer": data} for name, data in files]
-    page.locator("#files").set_input_files(listed)
-
-
-def wait_for_picture(page, height, width):
-    """Waits until the page shows a picture of that size."""
-    page.wait_for_function(
-        "([h, w]) => { const found = document.querySelector('#frame img');"
-        " return found && found.naturalHeight === h && found.naturalWidth === w; }",
-        arg=[height, width],
-    )
-
-
-def set_field(page, name, value):
-    """Fills a setting in, and leaves it."""
-    page.locator(f"#settings [name={name}]").fill(value)
-    page.locator(f"#settings [name={name}]").press("Tab")
-
-
-def open_scene(page, lenses="20x30"):
-    """Opens the vase with fewer lenses than usual."""
-    page.goto(f"{page.url.partition('#')[0]}#scene=vase&lenses={lenses}&pixels=5x5")
-    height, width = map(int, lenses.split("x"))
-    wait_for_picture(page, 2 * height, 2 * width)
 
 
 def test_a_shipped_scene_is_one_click_away(page):
+    page.evaluate("""() => {
+        const frame = document.querySelector("#frame");
+        window.sizes = [];
+        const look = () => sizes.push(...[...frame.querySelectorAll("img")].map((each) => each.naturalWidth));
+        new MutationObserver(look).observe(frame, { childList: true });
+    }""")
     page.get_by_role("button", name="Vase").click()
-    wait_for_picture(page, 100, 100)
     wait_for_picture(page, 200, 200)
+    assert page.evaluate("sizes") == [100, 200]  # as mapped first
     expect(page.get_by_role("heading", name="Vase")).to_be_visible()
     expect(page.get_by_role("status")).to_contain_text("Done in")
 
@@ -63,7 +37,7 @@ def test_a_mesh_is_shown_and_turned(page):
     page.locator("[name=yaw]").focus()
     for _ in range(5):
         page.keyboard.press("ArrowRight")
-    page.wait_for_url("**rotate=25%2C0%2C0**")
+    page.wait_for_url("**rotate=5%2C0%2C0**")
     expect(page.get_by_role("status")).to_contain_text("Done in")
     wait_for_picture(page, 40, 40)
     assert page.locator("#frame img").screenshot() != before
@@ -81,20 +55,10 @@ def test_an_elemental_image_array_asks_for_its_lenses(page):
 
 def test_the_lenses_of_an_elemental_image_array_are_found(page, server):
     form = {"scene": "vase", "lenses": "60x60", "pixels": "10x10", "background": "ffffff"}
-    choose(page, ("vase.png", page.request.post(f"{server.url}/v1/elementals", multipart=form).body()))
+    choose(page, ("vase.png", page.request.post(f"{server}/v1/elementals", multipart=form).body()))
     wait_for_picture(page, 120, 120)
     expect(page.locator("#kind")).to_have_text("An elemental image array")
     expect(page.locator("[name=pixels]")).to_have_value("10x10")
-
-
-def test_several_views_travel_as_one_zip(page):
-    views = [
-        (f"view_{v:02d}_{u:02d}.png", encode_png(make_picture(8, 10, seed=3 * v + u)))
-        for v in range(3)
-        for u in range(3)
-    ]
-    choose(page, *reversed(views))
-    wait_for_picture(page, 16, 20)
 
 
 def test_zips_are_as_python_reads_them(page):
@@ -110,15 +74,18 @@ def test_zips_are_as_python_reads_them(page):
     assert {name: archive.read(name) for name in archive.namelist()} == {"a/\u00fc.txt": b"one", "b": b""}
 
 
-@pytest.mark.parametrize("name", ["bad.obj", "<img src=x onerror=alert(1)>.obj"])
-def test_a_bad_file_is_explained_in_plain_words(page, name):
-    page.expected = ["415"]  # the second of two that are alike fails at once
+def test_a_bad_file_is_explained_in_plain_words(page):
+    page.expected, name = ["415"], "<img src=x onerror=alert(1)>.obj"
     choose(page, (name, b"hello\n"))
     problem = page.get_by_role("alert")
     expect(problem).to_contain_text("no file that the server can read")
     expect(problem).to_contain_text(f"{name}: text, which is no OBJ")
     expect(page.locator("#name")).to_have_text(name)
     assert page.locator("img[src=x]").count() == 0
+    expect(page.locator("#kind")).to_be_empty()
+    expect(page.locator("#settings")).to_be_hidden()  # until there is something that can be made
+    choose(page, ("cube.off", CUBE))
+    expect(page.locator("#settings")).to_be_visible()
 
 
 def test_an_invalid_setting_is_marked(page):
@@ -160,23 +127,11 @@ def test_the_settings_of_a_file_survive_a_reload(page):
     wait_for_picture(page, 12, 18)
 
 
-def test_a_job_is_followed_and_cancelled(page):
-    page.expected = ["409"]
-    open_scene(page, "150x150")
-    page.locator("#format").select_option("all/npz")
-    page.get_by_role("button", name="Download").click()
-    expect(page.locator("#job")).to_be_visible()
-    with page.expect_response(lambda response: response.request.method == "DELETE") as deleted:
-        page.get_by_role("button", name="Cancel").click()
-    assert page.request.get(deleted.value.url).json()["state"] == "cancelled"
-    expect(page.locator("#job")).to_be_hidden()
-    expect(page.get_by_role("status")).to_have_text("Cancelled.")
-
-
 def test_where_the_time_went_is_shown(page):
     open_scene(page)
     page.get_by_text("Where the time went").click()
     expect(page.locator("#times")).to_contain_text("Upscaling")
+    expect(page.locator("#remarks")).to_contain_text(re.compile(r"It took \S+ m?s, and the estimate was \S+ m?s"))
     expect(page.locator("#remarks")).to_contain_text("model auto")
 
 
@@ -189,69 +144,48 @@ def test_recent_jobs_are_listed_and_opened(page):
     assert page.evaluate("localStorage.length") == 0
 
 
-def test_every_format_of_the_server_is_offered(page):
-    open_scene(page)
-    script = "import('/assets/export.js').then(({ EXPORTS }) => Object.values(EXPORTS).map((g) => [g.kind, g.formats]))"
-    offered = {(kind, format_) for kind, formats in page.evaluate(script) for format_ in formats}
-    written = {(kind.plural, format_) for kind in KINDS.values() if kind.name not in OTHERS for format_ in kind.formats}
-    assert offered == written
-
-
-def test_a_download_holds_what_it_says(page):
-    open_scene(page)
-    for format_, name in (
-        ("all/npz", "vase.npz"),
-        ("displays/quilt", "vase_qs11x6a0.5625.png"),
-        ("disparities/pfm", "vase.pfm"),
-    ):
-        page.locator("#format").select_option(format_)
-        with page.expect_download() as download:
-            page.get_by_role("button", name="Download").click()
-        assert download.value.suggested_filename == name
-        data = download.value.path().read_bytes()
-        if name.endswith(".npz"):
-            with np.load(io.BytesIO(data)) as arrays:
-                assert arrays["views"].shape == (25, 40, 60, 3)
-                assert json.loads(str(arrays["report"]))["plan"]["scale"] == 2
-        elif name.endswith(".png"):
-            assert decode(data, name=name).ndim == 3
-        else:
-            assert data.startswith(b"Pf")
+def tab_to(page, target):
+    """Presses Tab until `target` has the focus."""
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if target.evaluate("each => each === document.activeElement"):
+            return
+    pytest.fail(f"Tab does not reach {target}")
 
 
 def test_everything_works_by_keyboard(page):
-    order = []
-    for _ in range(4):
-        page.keyboard.press("Tab")
-        order.append(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
-    assert order == ["files", "folder", "Vase", "Globe"]
-    page.keyboard.press("Enter")
-    expect(page.get_by_role("heading", name="Globe")).to_be_visible()
+    page.on("filechooser", lambda _: None)  # from here on Chromium hands choosers over: the next line alone is too late
+    tab_to(page, page.locator("#files"))
+    with page.expect_file_chooser() as chooser:
+        page.keyboard.press("Enter")
+    chooser.value.set_files({"name": "cube.off", "mimeType": "", "buffer": CUBE})
+    expect(page.locator("#kind")).to_have_text("A mesh")
     wait_for_picture(page, 200, 200)
-    page.locator("[name=show]:checked").focus()
-    page.keyboard.press("ArrowLeft")
-    wait_for_picture(page, 100, 100)
-
-
-def test_one_looks_around_in_a_light_field(page):
-    open_scene(page)
-    page.get_by_role("radio", name="Look around").check()
-    canvas = page.locator("#frame canvas")
-    expect(canvas).to_be_visible()
-    expect(page.locator("#status")).to_contain_text("Done in")
-    before = canvas.screenshot()
-    canvas.focus()
-    for _ in range(4):
-        page.keyboard.press("ArrowRight")
-    page.wait_for_url("**&u=0**")
-    assert canvas.screenshot() != before
-    page.get_by_role("radio", name="As mapped").check()
-    wait_for_picture(page, 20, 30)
-
-
-def test_ways_to_upscale_are_compared(page):
-    open_scene(page)
-    page.get_by_role("radio", name="Compare").check()
-    expect(page.locator("#frame [role=status]")).to_contain_text("dB")
-    names = page.locator("#frame [name=right] option").all_text_contents()
-    assert names == ["As mapped", "Bicubic", "Upscaled"]
+    for name, value in (("lenses", "20x30"), ("pixels", "5x5")):
+        tab_to(page, page.locator(f"[name={name}]"))
+        page.keyboard.type(value)
+    page.keyboard.press("Tab")
+    wait_for_picture(page, 40, 60)
+    tab_to(page, page.locator("[name=yaw]"))
+    page.keyboard.press("PageUp")
+    page.wait_for_url("**rotate=**")
+    tab_to(page, page.locator("[name=show]:checked"))
+    page.keyboard.press("ArrowRight")
+    for name in ("Disparity", "EPI"):
+        page.get_by_role("checkbox", name=name).wait_for()
+        tab_to(page, page.get_by_role("checkbox", name=name))
+        page.keyboard.press("Space")
+    page.get_by_alt_text("The disparity of the centre view").wait_for()
+    tab_to(page, page.get_by_label("Row of the EPI"))
+    tab_to(page, page.locator("summary"))
+    page.keyboard.press("Enter")
+    expect(page.locator("#times")).to_be_visible()
+    tab_to(page, page.get_by_role("button", name="Download"))
+    with page.expect_download() as download:
+        page.keyboard.press("Enter")
+    assert download.value.suggested_filename == "cube.png"
+    tab_to(page, page.get_by_role("button", name="Another file"))
+    page.keyboard.press("Enter")
+    tab_to(page, page.get_by_role("button", name="Vase", exact=True))
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="Vase")).to_be_visible()

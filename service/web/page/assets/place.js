@@ -1,0 +1,153 @@
+// @ts-check
+/** Turning a mesh by hand: it follows at once where three.js reads it, else as the server renders it. */
+import { find, make } from "./dom.js";
+import { stop } from "./job.js";
+
+/** @import { Input } from "./inputs.js" */
+/** @import { Preview } from "./preview.js" */
+
+const KEYS = /** @type {Record<string, [string, number]>} */ ({
+  ArrowLeft: ["yaw", -5], ArrowRight: ["yaw", 5], ArrowUp: ["tilt", -5], ArrowDown: ["tilt", 5],
+  "+": ["zoom", 0.1], "=": ["zoom", 0.1], "-": ["zoom", -0.1],
+});
+const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "up"];
+/** Options with which a mesh is placed otherwise than the preview does. */
+const OTHERS = ["fit", "camera", "time", "animation", "delta", "parallax", "pitch"];
+const MOST_BYTES = 64e6; // of a file that the browser reads
+
+const panel = find("turn", HTMLElement);
+const form = find("settings", HTMLFormElement);
+/** The settings of the page. @type {() => Record<string, string>} */
+let read = () => ({});
+/** @type {Preview | undefined} */
+let preview;
+let canvas = make("canvas");
+let opened = 0, isHeld = false, isDue = false;
+
+/**
+ * Shows a mesh as soon as the browser has read it, until the server has rendered it.
+ * @param {Input} input
+ */
+export async function openMesh(input) {
+  closeMesh();
+  const number = opened;
+  const files = input.parts ?? (input.file ? [{ name: input.name, file: input.file }] : []);
+  if (files.length === 0 || files.some(({ file }) => file.size > MOST_BYTES)) return;
+  /** @type {Preview | undefined} */
+  let made;
+  try {
+    const { Preview } = await import("./preview.js");
+    canvas = make("canvas", "", { hidden: "" });
+    made = new Preview(canvas);
+    await made.open(files);
+  } catch {
+    made?.close();
+    return; // the server renders what three.js doesn't read
+  }
+  if (number !== opened) return made.close();
+  preview = made;
+  panel.replaceChildren(canvas);
+  if (document.querySelector("#frame img") === null) draw();
+}
+
+/** Forgets the mesh. */
+export function closeMesh() {
+  opened += 1;
+  preview?.close();
+  preview = undefined;
+  panel.replaceChildren();
+  panel.hidden = true;
+}
+
+/** @param {boolean} isPossible Whether the picture is one of a mesh. */
+export function allowTurning(isPossible) {
+  panel.hidden = !isPossible;
+}
+
+/** Shows the server's picture in place of the preview, unless the mesh is being turned. */
+export function hidePreview() {
+  canvas.hidden = !isHeld;
+}
+
+/** Draws the mesh as the settings place it, before the next frame. */
+function draw() {
+  const settings = read();
+  if (!preview || isDue || OTHERS.some((name) => name in settings)) return;
+  isDue = true;
+  requestAnimationFrame(() => {
+    isDue = false;
+    const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1" } = read();
+    const [rows, cols] = readPair(lenses, 100), [v, u] = readPair(pixels, 15);
+    preview?.draw({ rows, cols, v, u, up, rotate: rotate.split(",").map(Number), zoom: Number(zoom), place: Number(place) });
+    canvas.hidden = false;
+  });
+}
+
+/**
+ * @param {string} text Such as `50x60`.
+ * @param {number} usual For what is no such text.
+ */
+function readPair(text, usual) {
+  const [, first = usual, second = usual] = /^([1-9]\d{0,5})\s*x\s*([1-9]\d{0,5})$/.exec(text) ?? [];
+  return [Number(first), Number(second)];
+}
+
+/**
+ * Changes a setting; the slider keeps it in range.
+ * @param {string} name
+ * @param {number} change
+ */
+function change(name, change) {
+  const field = /** @type {HTMLInputElement} */ (form.elements.namedItem(name));
+  const value = Number(field.value) + change;
+  field.value = String(name === "yaw" ? ((value + 540) % 360) - 180 : value);
+  field.dispatchEvent(new Event("input", { bubbles: true }));
+}
+
+/** Has the server render what the settings say. */
+function settle() {
+  form.dispatchEvent(new Event("change", { bubbles: true }));
+}
+
+/**
+ * Begins to listen.
+ * @param {() => Record<string, string>} readSettings
+ */
+export function watchPlace(readSettings) {
+  read = readSettings;
+  form.addEventListener("input", (event) => {
+    if (!panel.hidden && event.target instanceof Element && FIELDS.includes(event.target.getAttribute("name") ?? "")) draw();
+  });
+  panel.addEventListener("keydown", (event) => {
+    if (!(event.key in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    stop();
+    change(...KEYS[event.key]);
+    settle();
+  });
+  panel.addEventListener("pointerdown", (event) => {
+    isHeld = event.isPrimary && event.button === 0;
+    if (!isHeld) return;
+    panel.setPointerCapture(event.pointerId);
+    let { clientX: x, clientY: y } = event;
+    const end = new AbortController();
+    const move = (/** @type {PointerEvent} */ { clientX, clientY }) => {
+      const degrees = 180 / panel.clientWidth; // from side to side is half a turn
+      const yaw = Math.trunc((clientX - x) * degrees), tilt = Math.trunc((clientY - y) * degrees);
+      if (!yaw && !tilt) return;
+      stop();
+      change("yaw", yaw);
+      change("tilt", tilt);
+      x += yaw / degrees;
+      y += tilt / degrees;
+      settle();
+    };
+    const release = () => {
+      end.abort();
+      isHeld = false;
+      settle();
+    };
+    panel.addEventListener("pointermove", move, { signal: end.signal });
+    for (const name of ["pointerup", "pointercancel"]) panel.addEventListener(name, release, { signal: end.signal });
+  });
+}

@@ -1,0 +1,3 @@
+/** three.js brings no types. */
+declare module "three";
+declare module "three/addons/*";

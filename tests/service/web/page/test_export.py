@@ -1,0 +1,107 @@
+"""What the page downloads, opened by the library that reads it."""
+
+import io
+import json
+import re
+import zipfile
+
+import av
+import h5py
+import numpy as np
+import scipy.io
+import tifffile
+import trimesh
+from PIL import Image
+from playwright.sync_api import expect
+
+from ciir.service.pipeline.options import KINDS
+from tests.support.browser import needs_browser
+from tests.support.browser.page import go_to, wait_for_picture
+from tests.support.displays import CALIBRATION
+
+pytestmark = needs_browser
+OTHERS = ("inspection", "upscale")  # kinds of jobs whose results are nothing of a light field to keep
+SIZE = 24, 36, 3
+
+
+def open_picture(data):
+    """`(H, W, C)` of a picture, of all its frames."""
+    with Image.open(io.BytesIO(data)) as picture:
+        frames = getattr(picture, "n_frames", 1)
+        shape = np.asarray(picture.convert("RGB")).shape
+    return shape if frames == 1 else (frames, *shape)
+
+
+def open_video(data):
+    with av.open(io.BytesIO(data)) as video:
+        return np.stack([frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]).shape[1:]
+
+
+def open_npz(data):
+    with np.load(io.BytesIO(data)) as arrays:
+        assert json.loads(str(arrays["report"]))["plan"]["scale"] == 2
+        return arrays["views"].shape
+
+
+def open_hdf5(data):
+    with h5py.File(io.BytesIO(data)) as file:
+        return file["LF"].shape
+
+
+def open_mesh(data):
+    return len(trimesh.load(io.BytesIO(data), file_type="glb", force="mesh").faces) > 100
+
+
+# Of views of 24x36 pixels, 3x3: the end of the name, what opens the file, and what it then has.
+FILES = {
+    "view/tiff": (".tif", lambda data: tifffile.imread(io.BytesIO(data)).shape, SIZE),
+    "all/zip": (".zip", lambda data: len(zipfile.ZipFile(io.BytesIO(data)).namelist()), 10),
+    "all/npz": (".npz", open_npz, (9, *SIZE)),
+    "all/eia": (".png", open_picture, (72, 108, 3)),
+    "all/mat": (".mat", lambda data: scipy.io.loadmat(io.BytesIO(data))["LF"].shape, (3, 3, *SIZE)),
+    "all/hci": (".h5", open_hdf5, (3, 3, *SIZE)),
+    "all/mp4": (".mp4", open_video, SIZE),
+    "all/gif": (".gif", lambda data: open_picture(data)[1:], SIZE),
+    "all epi/epi": (".png", open_picture, (3, 36, 3)),
+    "displays lenticular/lenticular": (".png", open_picture, (80, 120, 3)),
+    "elementals/jpeg": (".jpg", open_picture, (36, 54, 3)),
+    "plane/png": (".png", open_picture, SIZE),
+    "stack/npy": (".npy", lambda data: len(np.load(io.BytesIO(data))), 16),
+    "disparities/glb": (".glb", open_mesh, True),
+}
+
+
+def test_a_download_is_what_its_name_says(page):
+    go_to(page, "#scene=vase&lenses=12x18&pixels=3x3&model=bicubic&scale=2")
+    wait_for_picture(page, *SIZE[:2])
+    for format_, (suffix, read, expected) in FILES.items():
+        page.locator("#format").select_option(format_)
+        if "lenticular" in format_:
+            calibration = {"name": "c.json", "mimeType": "", "buffer": json.dumps(CALIBRATION).encode()}
+            page.get_by_label("Calibration").set_input_files(calibration)
+        if "epi" in format_:
+            page.get_by_label("Row y=120").fill("y=20")
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download").click()
+        assert download.value.suggested_filename == f"vase{suffix}"
+        assert (format_, read(download.value.path().read_bytes())) == (format_, expected)
+    expect(page.get_by_role("alert")).to_be_hidden()
+
+
+def test_every_format_of_the_server_is_offered(page):
+    script = "import('/assets/export.js').then(({ EXPORTS }) => Object.values(EXPORTS).map((g) => [g.kind, g.formats]))"
+    offered = {(kind, format_) for kind, formats in page.evaluate(script) for format_ in formats}
+    written = {(kind.plural, format_) for kind in KINDS.values() if kind.name not in OTHERS for format_ in kind.formats}
+    assert offered == written
+
+
+def test_a_name_keeps_the_layout_of_a_quilt_and_nothing_of_a_path(page):
+    save = """([name, sent]) => import("/assets/export.js").then(({ saveResponse }) => saveResponse(
+        new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), name))"""
+    for name, sent, saved in (
+        ("vase", "_qs11x6a0.5625.png", "vase_qs11x6a0.5625.png"),
+        ("../../<b>.obj", ".png", re.compile(r"[^/\\<>]*\.png")),
+    ):
+        with page.expect_download() as download:
+            page.evaluate(save, [name, sent])
+        assert re.fullmatch(saved, download.value.suggested_filename)

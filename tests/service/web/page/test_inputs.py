@@ -1,0 +1,118 @@
+"""Ways to give the page a file, and hostile names in all that it shows of one."""
+
+import pytest
+from playwright.sync_api import expect
+
+from ciir.renderer.writers.pictures import encode_png
+from tests.support.browser import needs_browser
+from tests.support.browser.page import choose, drop, go_to, wait_for_picture
+from tests.support.inputs import CUBE, make_picture
+
+pytestmark = needs_browser
+MARKUP = "<img src=x onerror=alert(1)>"
+CUBE_OBJ = f"""mtllib {MARKUP}.mtl
+o {MARKUP}
+v -1 -1 0\nv 1 -1 0\nv 0 1 0
+usemtl {MARKUP}
+f 1 2 3
+"""
+
+
+def make_views(folder):
+    """Writes 3x3 views of 8x10 pixels, out of their order."""
+    folder.mkdir()
+    for number in reversed(range(9)):
+        picture = encode_png(make_picture(8, 10, seed=number))
+        (folder / f"view_{number // 3:02d}_{number % 3:02d}.png").write_bytes(picture)
+    return folder
+
+
+@pytest.fixture
+def no_markup(page):
+    """Fails where a dialog opens, or an element of `MARKUP` comes up."""
+    page.add_init_script("""window.markup = 0; new MutationObserver(() => {
+        window.markup += document.querySelectorAll("[onerror], [src=x]").length;
+    }).observe(document, { subtree: true, childList: true });""")
+    dialogs = []
+    page.on("dialog", lambda dialog: (dialogs.append(dialog.message), dialog.dismiss()))
+    page.reload()
+    yield page
+    assert page.evaluate("markup") == 0
+    assert dialogs == []
+
+
+@pytest.mark.parametrize("way", ["choose", "drop"])
+def test_a_folder_is_one_set_of_views(page, tmp_path, way):
+    folder = make_views(tmp_path / "views")
+    page.locator("#folder").set_input_files(folder) if way == "choose" else drop(page, folder)
+    wait_for_picture(page, 16, 20)
+    expect(page.locator("#name")).to_have_text("views")
+    expect(page.locator("#kind")).to_have_text("A set of views")
+
+
+def test_several_files_are_one_set_of_views(page, tmp_path):
+    files = list(make_views(tmp_path / "views").iterdir())
+    drop(page, *files)
+    wait_for_picture(page, 16, 20)
+    dropped = page.locator("#frame img").screenshot()
+    page.get_by_role("button", name="Another file").click()
+    choose(page, *((path.name, path.read_bytes()) for path in files))
+    wait_for_picture(page, 16, 20)
+    assert page.locator("#frame img").screenshot() == dropped
+
+
+def test_a_file_is_dropped(page, tmp_path):
+    (tmp_path / "cube.off").write_bytes(CUBE)
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")
+    drop(page, tmp_path / "cube.off")
+    expect(page.locator("#kind")).to_have_text("A mesh")
+    wait_for_picture(page, 40, 40)
+
+
+def test_names_of_views_never_become_markup(no_markup, tmp_path):
+    page = no_markup
+    drop(page, make_views(tmp_path / MARKUP))
+    wait_for_picture(page, 16, 20)
+    expect(page.locator("#name")).to_have_text(MARKUP)
+    assert page.title() == MARKUP
+    expect(page.get_by_role("button", name=f"{MARKUP}: upscaled")).to_be_visible()
+    page.reload()
+    expect(page.locator("#again")).to_contain_text(MARKUP)
+
+
+def test_names_in_a_mesh_never_become_markup(no_markup):
+    page = no_markup
+    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    choose(page, (f"{MARKUP}.obj", CUBE_OBJ.encode()))
+    wait_for_picture(page, 40, 40)
+    page.get_by_text("Where the time went").click()
+    expect(page.locator("#remarks")).to_contain_text(f"{MARKUP}.mtl")
+
+
+def test_names_in_the_address_never_become_markup(no_markup):
+    page = no_markup
+    page.expected = ["422"]
+    go_to(page, f"#scene={MARKUP}&model={MARKUP}&lenses={MARKUP}")
+    expect(page.get_by_role("alert")).to_contain_text(MARKUP)
+    expect(page.locator("#name")).to_have_text(MARKUP)
+
+
+def test_a_report_never_becomes_markup(no_markup):
+    page = no_markup
+    report = {
+        "timings_ms": {MARKUP: 1, "total": MARKUP, "decode": MARKUP},
+        "plan": {"predicted_ms": MARKUP, "reasons": [MARKUP]},
+        "notes": [MARKUP, {"a": MARKUP}],
+    }
+    page.route("**/v1/models", lambda route: route.fulfill(json=[{"name": MARKUP, "scales": [2, MARKUP]}]))
+    page.route(
+        "**/v1/reconstructions", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": report})
+    )
+    picture = encode_png(make_picture(8, 10))
+    page.route("**/v1/reconstructions/a/result", lambda route: route.fulfill(body=picture))
+    go_to(page, "#scene=vase")
+    page.reload()
+    wait_for_picture(page, 8, 10)
+    page.get_by_text("Where the time went").click()
+    expect(page.locator("#remarks li").nth(1)).to_have_text(MARKUP)
+    expect(page.locator("[name=model] option").last).to_have_text(MARKUP)

@@ -1,0 +1,130 @@
+"""Meshes that turn under the mouse, with a real server: what three.js draws is what the server renders."""
+
+from base64 import b64decode
+
+import numpy as np
+import pytest
+import trimesh
+from playwright.sync_api import Error, expect
+
+from ciir.renderer.readers.pictures import decode
+from tests.support.browser import needs_browser
+from tests.support.browser.page import choose, open_scene, wait_for_picture
+from tests.support.inputs import CUBE
+
+pytestmark = needs_browser
+SIZE = 200  # lenses along a side
+SERVER = """() => {
+    const image = document.querySelector('#frame img'), canvas = document.createElement('canvas');
+    [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+    canvas.getContext('2d').drawImage(image, 0, 0);
+    return canvas.toDataURL();
+}"""
+PREVIEW = """() => new Promise((resolve) => {
+    document.querySelector('[name=yaw]').dispatchEvent(new Event('input', { bubbles: true }));
+    requestAnimationFrame(() => resolve(document.querySelector('#turn canvas').toDataURL()));
+})"""
+
+
+def make_mesh(suffix):
+    """A mesh without symmetry, as a file."""
+    shapes = [trimesh.creation.box((1, 3, 1)), trimesh.creation.box((0.8, 1, 2)), trimesh.creation.box((2, 0.4, 0.7))]
+    for shape, shift in zip(shapes, ((0, 0, 0), (1.2, 0.5, 0.8), (-1, -1.3, 0.4)), strict=True):
+        shape.apply_translation(shift)
+    data = trimesh.util.concatenate(shapes).export(file_type=suffix)
+    return data.encode() if isinstance(data, str) else data
+
+
+def open_mesh(page, suffix, settings):
+    """Opens the mesh with the settings of an address, and waits for the server's picture."""
+    page.goto(f"{page.url.partition('#')[0]}#file=a&lenses={SIZE}x{SIZE}&show=mapped&{settings}")
+    page.reload()
+    choose(page, (f"a.{suffix}", make_mesh(suffix)))
+    wait_for_picture(page, SIZE, SIZE)
+    page.locator("#turn canvas").wait_for(state="attached")
+
+
+def read_silhouette(page, script):
+    """Where the picture that a script gives shows the mesh, `(SIZE, SIZE)`."""
+    picture = decode(b64decode(page.evaluate(script).split(",")[1]), name="picture")[..., :3].max(-1) > 40
+    rows, cols = ((np.arange(SIZE) + 0.5) * side // SIZE for side in picture.shape)
+    return picture[rows.astype(int)[:, None], cols.astype(int)]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "settings"),
+    [
+        ("glb", "rotate=40,25,-15"),
+        ("obj", "rotate=-120,-60,100&zoom=0.7"),
+        ("stl", "rotate=25,10,0&up=z&pixels=4x6"),
+        ("ply", "rotate=30,0,20&place=0.5&zoom=1.5"),
+    ],
+)
+def test_the_preview_shows_what_the_server_renders(page, suffix, settings):
+    open_mesh(page, suffix, settings)
+    server, preview = read_silhouette(page, SERVER), read_silhouette(page, PREVIEW)
+    assert 0.05 < server.mean() < 0.9
+    # Of 200 pixels along a side, outlines differ by half of one: nothing but the samples' places.
+    assert (server & preview).sum() / (server | preview).sum() > 0.97
+
+
+def test_a_mesh_turns_under_the_mouse_before_it_is_rendered(page):
+    open_mesh(page, "glb", "rotate=10,0,0")
+    canvas, before = page.locator("#turn canvas"), read_silhouette(page, SERVER)
+    expect(canvas).to_be_hidden()
+    box = page.locator("#turn").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + box["width"] / 6, y + box["width"] / 9)
+    expect(canvas).to_be_visible()
+    expect(page.locator("[name=yaw]")).to_have_value("40")
+    expect(page.locator("[name=tilt]")).to_have_value("20")
+    page.mouse.up()
+    expect(canvas).to_be_hidden()
+    assert "rotate=40%2C20%2C0" in page.url
+    assert (read_silhouette(page, SERVER) != before).any()
+
+
+def test_a_mesh_turns_by_keys(page):
+    open_mesh(page, "stl", "rotate=175,0,0")
+    turn = page.get_by_role("application", name="Object")
+    for key in ("ArrowRight", "ArrowRight", "ArrowDown", "+"):
+        turn.press(key)
+    expect(page.locator("#turn canvas")).to_be_visible()
+    page.wait_for_url("**rotate=-175%2C5%2C0**")
+    assert "zoom=1.1" in page.url
+    expect(page.locator("#turn canvas")).to_be_hidden()
+
+
+@pytest.mark.parametrize("what", ["scene", "file"])
+def test_the_server_shows_what_the_browser_cannot_read(page, what):
+    if what == "scene":
+        open_scene(page, "20x20")
+    else:
+        page.goto(f"{page.url}#file=cube.off&lenses=20x20")
+        page.reload()
+        choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("#status")).to_contain_text("Done in")
+    page.locator("#frame img").evaluate("each => each.classList.add('before')")
+    page.locator("#turn").press("ArrowRight")
+    page.wait_for_url("**rotate=5%2C0%2C0**")
+    page.locator("#frame img:not(.before)").wait_for()
+    wait_for_picture(page, 40, 40)
+    assert page.locator("#turn canvas").count() == 0
+
+
+def test_a_mesh_asks_no_other_host(page):
+    page.expected = ["data:,"]
+    mesh = """{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "buffers": [{"uri": "https://evil.example/a.bin", "byteLength": 36}]}"""
+    script = """async (mesh) => {
+        const { Preview } = await import("/assets/preview.js");
+        const file = new File([mesh], "a.gltf");
+        await new Preview(document.createElement("canvas")).open([{ name: "a.gltf", file }]);
+    }"""
+    with pytest.raises(Error):
+        page.evaluate(script, mesh)

@@ -1,0 +1,113 @@
+"""What lies between the page and its server: weight, breaks, other tabs, keys."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.browser import needs_browser
+from tests.support.browser.page import SMALL, choose, go_to, open_scene, wait_for_picture, wait_for_rest
+from tests.support.inputs import EIA_PNG
+from tests.support.servers import Line
+from tests.support.web import serve_app
+
+pytestmark = needs_browser
+LONG = "#scene=vase&lenses=500x500&pixels=15x15&show=around"
+"""The address of a job that takes many seconds."""
+KEY = "a-secret-key"
+
+
+@pytest.fixture
+def line(server):
+    """Leads to the server, until it is cut."""
+    line = Line(int(server.rpartition(":")[2]))
+    yield line
+    line.cut()
+
+
+def wait_for_progress(page):
+    expect(page.locator("#progress-text")).to_contain_text(re.compile(r"\d+ of 225 views"))
+
+
+def test_the_page_weighs_little_until_a_mesh_is_opened(page):
+    sizes, names = {}, {}
+    devtools = page.context.new_cdp_session(page)
+    devtools.on("Network.responseReceived", lambda event: names.update({event["requestId"]: event["response"]["url"]}))
+    devtools.on("Network.loadingFinished", lambda event: sizes.update({event["requestId"]: event["encodedDataLength"]}))
+    devtools.send("Network.enable")
+    devtools.send("Network.setCacheDisabled", {"cacheDisabled": True})
+    page.reload()
+    for mode in ("around", "compare"):
+        go_to(page, f"{SMALL}&show={mode}")
+        expect(page.locator("#status")).to_contain_text("Done in")
+    own = {name: sizes.get(number, 0) for number, name in names.items() if not re.search("/v1/|^blob:", name)}
+    assert any(name.endswith("compare.js") for name in own)
+    assert not any("three" in name for name in own)
+    assert sum(own.values()) < 300_000, own
+
+
+def test_a_job_is_followed_over_a_break_of_the_server_and_cancelled(browser, server, line):
+    page = browser.new_page()
+    page.goto(f"http://127.0.0.1:{line.port}/{LONG}")
+    wait_for_progress(page)
+    line.cut()
+    problem = page.get_by_role("alert")
+    expect(problem).to_contain_text("The server does not answer. Check that it runs, then try again.")
+    expect(page.locator("#job")).to_be_hidden()
+    page.get_by_role("button", name="Try again").click()
+    expect(problem).to_contain_text("does not answer")
+    line.mend()
+    page.get_by_role("button", name="Try again").click()
+    wait_for_progress(page)
+    expect(problem).to_be_hidden()
+    with page.expect_response(lambda response: response.request.method == "DELETE") as deleted:
+        page.get_by_role("button", name="Cancel").press("Enter")
+    assert page.request.get(deleted.value.url).json()["state"] == "cancelled"
+    expect(page.locator("#job")).to_be_hidden()
+    expect(page.get_by_role("status")).to_have_text("Cancelled.")
+    page.context.close()
+
+
+def test_two_tabs_share_nothing_but_the_server(page):
+    page.expected = ["409"]
+    open_scene(page)
+    other = page.context.new_page()
+    other.goto(page.url.replace("vase", "globe"))
+    wait_for_picture(other, 40, 60)
+    assert "globe" in other.url
+    assert "vase" in page.url
+    expect(other.locator("#recent-list")).not_to_contain_text("Vase")
+    for tab in (page, other):
+        go_to(tab, f"{LONG}&rotate=9,0,0")
+        wait_for_progress(tab)
+    other.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("alert")).to_contain_text("Another window or program cancelled it.")
+    expect(other.get_by_role("status")).to_have_text("Cancelled.")
+    go_to(page, SMALL)
+    wait_for_picture(page, 40, 60)
+
+
+def test_a_key_is_kept_as_long_as_the_tab_alone(browser, tmp_path):
+    with serve_app(tmp_path, api_keys=KEY) as server:
+        context = browser.new_context()
+        asked = []
+        context.on("request", lambda request: asked.append(request.url))
+        page = context.new_page()
+        page.goto(f"{server.url}#file=eia.png&lenses=6x9&show=mapped")
+        choose(page, ("eia.png", EIA_PNG))
+        for key in ("wrong", KEY):
+            page.get_by_label("Key of this server").fill(key)
+            page.get_by_role("button", name="Use key").click()
+        wait_for_picture(page, 6, 9)
+        expect(page.locator("[name=model] option").nth(1)).to_be_attached()
+        page.get_by_role("radio", name="Look around").check()
+        wait_for_rest(page)
+        kept = "async () => JSON.stringify([{ ...localStorage }, await indexedDB.databases(), await caches.keys()])"
+        assert page.evaluate(kept) == "[{},[],[]]"
+        assert context.cookies() == []
+        assert not any(KEY in url for url in [page.url, *asked])
+        other = context.new_page()
+        other.goto(page.url)
+        choose(other, ("eia.png", EIA_PNG))
+        expect(other.get_by_label("Key of this server")).to_be_visible()
+        context.close()

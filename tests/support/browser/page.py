@@ -1,0 +1,61 @@
+"""What one does on the web page: choosing and dropping files, settings, and waiting for a picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from playwright.sync_api import Page
+
+SMALL = "#scene=vase&lenses=20x30&pixels=5x5"
+"""The address of a scene that takes a tenth of a second."""
+
+
+def choose(page: Page, *files: tuple[str, bytes]) -> None:
+    """Chooses files, `(name, bytes)`."""
+    listed = [{"name": name, "mimeType": "", "buffer": data} for name, data in files]
+    page.locator("#files").set_input_files(listed)
+
+
+def drop(page: Page, *paths: Path) -> None:
+    """Drags files and folders of this machine over the window and drops them, as a file manager does."""
+    devtools = page.context.new_cdp_session(page)
+    data = {"items": [], "files": [str(path) for path in paths], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        devtools.send("Input.dispatchDragEvent", {"type": kind, "x": 200, "y": 200, "data": data})
+        if kind == "dragOver":
+            page.locator("body.dragging").wait_for()
+
+
+def wait_for_picture(page: Page, height: int, width: int) -> None:
+    """Waits until the page shows a picture of that size."""
+    page.wait_for_function(
+        "([h, w]) => { const found = document.querySelector('#frame img');"
+        " return found && found.naturalHeight === h && found.naturalWidth === w; }",
+        arg=[height, width],
+    )
+
+
+def wait_for_rest(page: Page) -> None:
+    """Waits until a light field is drawn with all views."""
+    page.locator("canvas[aria-busy=false]").wait_for()
+
+
+def set_field(page: Page, name: str, value: str) -> None:
+    """Fills a setting in, and leaves it."""
+    page.locator(f"#settings [name={name}]").fill(value)
+    page.locator(f"#settings [name={name}]").press("Tab")
+
+
+def go_to(page: Page, address: str) -> None:
+    """Opens the page at what follows its path, such as `SMALL`."""
+    page.goto(page.url.partition("#")[0] + address)
+
+
+def open_scene(page: Page, lenses: str = "20x30") -> None:
+    """Opens the vase with fewer lenses than usual."""
+    go_to(page, f"#scene=vase&lenses={lenses}&pixels=5x5")
+    height, width = map(int, lenses.split("x"))
+    wait_for_picture(page, 2 * height, 2 * width)
