@@ -74,9 +74,9 @@ COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate -
 	--no-emit-trusted-host --unsafe-package pyglet
 WINDOW := --unsafe-package imageio
 lock: $(VENV)/.dev
-	@$(COMPILE) --extra basisu,bench,dev,redis,s3,service,telemetry -o requirements/dev.txt pyproject.toml
+	@$(COMPILE) --extra basisu,batch,bench,dev,redis,s3,service,telemetry -o requirements/dev.txt pyproject.toml
 	@$(COMPILE) $(WINDOW) -c requirements/dev.txt -o requirements/core.txt pyproject.toml
-	@$(COMPILE) $(WINDOW) --extra redis,s3,service -c requirements/dev.txt -o requirements/service.txt pyproject.toml
+	@$(COMPILE) $(WINDOW) --extra batch,redis,s3,service -c requirements/dev.txt -o requirements/service.txt pyproject.toml
 	@$(COMPILE) --extra training -c requirements/dev.txt -o requirements/training.txt pyproject.toml
 	@grep '^spandrel==' requirements/training.txt > requirements/spandrel.txt
 	@sed -i 's/^\(torch==[0-9.]*\)+.*/\1/; /^pyrender==/d; /^pyopengl==/d; /^spandrel==/d; /^torchvision==/d' \

@@ -6,8 +6,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from ciir.cores import count_available_cores
 from ciir.models import processor
-from ciir.models.sessions import count_available_cores
 
 PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch")
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from ciir.benchmarks.bench.tables import format_table
 from ciir.benchmarks.bench.timing import time_call
+from ciir.cores import count_available_cores
 from ciir.models import catalogue
-from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.sessions import open_session
 from ciir.models.upscaler import clip_output
 from ciir.training.evaluation.pictures import load_model, score
 

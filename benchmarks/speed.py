@@ -1,20 +1,10 @@
-"""Measures how fast the default path is, against the paper's network and the usual way to a whole array.
+"""Measures how fast the default is, beside its targets, and prints one table.
 
-    python -m ciir.benchmarks.speed [--rounds 5] [--mesh FILE] [--only view|array|jobs|int8 ...]
+    python -m ciir.benchmarks.speed [--rounds 5] [--mesh FILE] [--peers NETWORK.onnx ...] [--only ROW ...]
 
-`view`: a view of 512x512 pixels to 1024x1024 by the default network for single pictures and by the paper's generator,
-both in onnxruntime. The view is noise, so that nothing can be skipped.
-
-`array`: a mesh to a whole upscaled elemental image array, 50x50 lenses of 15x15 pixels to 100x100 of 15x15: all 225
-views, each doubled, interleaved again. Against the field's usual way: a perspective render for each lens, its pixels
-mapped into views, the paper's generator on each. From bytes in memory to the array in memory.
-
-`jobs`: whole jobs of 50x50 lenses from a mesh's bytes to encoded PNG, with sessions and the rendering context open, and
-`ciir models` as a process from its start.
-
-`int8`: each int8 network of single pictures against its float twin.
-
-Every job runs once a round in one process; ratios are medians over rounds. Exit status 1 where a bound does not hold.
+Each job of a row runs once a round in one process. Times are medians over rounds, ratios medians within rounds. On a
+machine that does other work too, processor time says more than wall-clock time. `int8` is no row of the table: it
+compares each int8 network of single pictures with its float twin. Exit status 1 where something wanted isn't reached.
 """
 
 from __future__ import annotations
@@ -23,16 +13,23 @@ import argparse
 import io
 import subprocess
 import sys
+import tempfile
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import ciir
+from ciir.benchmarks.bench.tables import format_table
 from ciir.benchmarks.bench.timing import time_call, time_in_rounds
 from ciir.benchmarks.bench.work import reconstruct_views
+from ciir.benchmarks.machine import describe
+from ciir.cores import count_available_cores
 from ciir.models import catalogue
-from ciir.models.sessions import count_available_cores
+from ciir.models.light_field.views import list_required_views, upscale_views
+from ciir.models.sessions import open_session
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
@@ -46,41 +43,153 @@ from ciir.service.pipeline.run import reconstruct, render_eia
 from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
-    from ciir.service.pipeline.report import Report
-
-    Line = tuple[str, bool | None]
-    """A line of output, and whether the bound that it states holds; None where it states none."""
+    Work = Callable[[], object]
 
 PAPER = "paper"
-SIDE = 512
 LENSES, PIXELS = (50, 50), (15, 15)
-MOST_SECONDS, VIEW_RATIO, ARRAY_RATIO = 3.0, 10.0, 6.0
-"""The bounds: on the whole array, and on a view and the array against the usual way."""
 SIZES = ((200, 200), (360, 640))
 """Of the views that int8 networks are timed on, (rows, columns)."""
-MESH = Path("../shared/data/meshes/duck.glb")
+SHARED = Path("../shared/data")
 
 
-def measure_view(mesh: Path, rounds: int) -> Iterator[Line]:  # noqa: ARG001 - all parts have one signature
-    """One view by the default network and by the paper's."""
-    pixels = np.random.default_rng(0).integers(0, 256, (1, SIDE, SIDE, 3), np.uint8)
-    names = (PAPER, catalogue.default_name())
-    jobs = {name: partial(time_call, partial(upscale_pixels, catalogue.load_upscaler(name), pixels)) for name in names}
-    times = time_in_rounds(jobs, rounds, reference=PAPER)
-    for name in names:
-        yield f"view {SIDE}x{SIDE} -> {2 * SIDE}x{2 * SIDE}, {name}: {times[name].median:.0f} ms", None
-    ratio = times[names[1]].ratio or 0.0
-    yield f"  {names[1]}: {ratio:.1f} times faster than {PAPER}, at least {VIEW_RATIO:.0f}", ratio >= VIEW_RATIO
+@dataclass(frozen=True)
+class Given:
+    """What the rows are measured on."""
+
+    mesh: Bundle
+    fine_mesh: Path
+    light_field: Path
+    peers: tuple[Path, ...]
 
 
-def upscale_array(source: Bundle, options: Options) -> tuple[NDArray[np.uint8], Report]:
-    """The elemental image array of all views of a mesh by the pipeline, and its report."""
-    views, report = reconstruct_views(source, options)
-    return LightField(views.reshape(*PIXELS, *views.shape[1:])).eia().astype(np.uint8), report
+@dataclass(frozen=True)
+class Row:
+    """A row of the table."""
+
+    what: str
+    work: Work
+    wanted: float | None = None
+    """Milliseconds."""
+    others: Mapping[str, tuple[Work, float | None]] = field(default_factory=dict)
+    """Other ways to the same, and how many times faster ours is wanted to be."""
+    factor: int = 1
+    """How many times the work the row stands for."""
+
+
+def measure_view(given: Given) -> Row:
+    """A view of noise, so that nothing is skipped, by the default network of single pictures."""
+    pixels = np.random.default_rng(0).integers(0, 256, (1, 512, 512, 3), np.uint8)
+    planes = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2), np.float32) / np.float32(255)
+    default = catalogue.default_name()
+    ours, paper = (partial(upscale_pixels, catalogue.load_upscaler(name), pixels) for name in (default, PAPER))
+    others: dict[str, tuple[Work, float | None]] = {PAPER: (paper, 22.0)}
+    for path in given.peers:
+        session = open_session(path.read_bytes(), count_available_cores())
+        others[path.stem] = partial(session.run, None, {session.get_inputs()[0].name: planes}), None
+    return Row(f"one view of 512x512 by `{default}`", ours, others=others)
+
+
+def measure_cold(given: Given) -> Row:  # noqa: ARG001 - all rows have one signature
+    """A command for one view of a small scene, from the start of its process."""
+    return Row("`ciir reconstruct scene:vase`", partial(run_command, "scene:vase"), 400)
+
+
+def measure_fine(given: Given) -> Row:
+    """A command for one view of a fine mesh."""
+    run = partial(run_command, given.fine_mesh, "--lenses", "200x200", "--sampling", "lenslet", "--neighbour-time", "0")
+    others = {f"`--backend {name}`": (partial(run, "--backend", name), 1.0) for name in ("raster", "raytrace")}
+    return Row(f"`ciir reconstruct {given.fine_mesh.name}`, 200x200 lenslets, `--neighbour-time 0`", run, others=others)
+
+
+def measure_eia(given: Given) -> Row:
+    """An elemental image array by rays, whole job from bytes to PNG."""
+    options = Options(lenses=LENSES, pixels=PIXELS, backend="raytrace")
+    return Row("EIA 50x50 of 15x15 by rays", partial(render_eia, given.mesh, options, encode_png), 90)
+
+
+def measure_rays(given: Given) -> Row:
+    """One view by 16 rays for each pixel, from a scene that was read."""
+    scene = Input(given.mesh).read_mesh(Options())
+    array = resolve_array(Options(lenses=(100, 100), pixels=PIXELS))
+    placed, rays = scene.transform(frame_scene(scene, array)), open_backend("raytrace")[0]
+    return Row(
+        "one view 100x100, 16 samples, by rays", lambda: list(rays.render_views(placed, array, [(7, 7)], samples=4)), 20
+    )
+
+
+def measure_array(given: Given) -> Row:
+    """A mesh to a whole upscaled elemental image array, from bytes in memory to the array in memory."""
+    options = Options(lenses=LENSES, pixels=PIXELS, views="all")
+    single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default_name())
+    others: dict[str, tuple[Work, float | None]] = {
+        f"a render for each lens, then {PAPER}": (partial(upscale_array_usually, given.mesh, options), 6.0),
+        single.model: (partial(upscale_array, given.mesh, single), None),
+    }
+    return Row(
+        "mesh to an array of 100x100 of 15x15, default", partial(upscale_array, given.mesh, options), 450, others
+    )
+
+
+def measure_small_views(given: Given) -> Row:
+    """3 views of an elemental image array, the batch of the pipeline, which stand for all 225."""
+    views = ciir.open(given.light_field, lenses=(200, 200)).views
+    return Row("225 views of 200x200 of an EIA, default (3 views, times 75)", make_work(views, 3), 8000, factor=75)
+
+
+def measure_large_views(given: Given) -> Row:
+    """A view of 512x512 with its window, which stands for 81 of them: those of 200x200, mirrored."""
+    views = ciir.open(given.light_field, lenses=(200, 200)).views[5:10, 5:10]
+    margin = (0, 0), (0, 0), (0, 312), (0, 312), (0, 0)
+    work = make_work(np.concatenate([np.pad(part, margin[1:], mode="symmetric")[None] for part in views]), 1)
+    return Row("81 views of 512x512, default (1 view, times 81)", work, 22000, factor=81)
+
+
+def measure_job(given: Given) -> Row:
+    """A whole job from bytes to PNG, with sessions and the rendering context open."""
+    options = Options(lenses=LENSES, pixels=PIXELS, neighbour_time=0.0)
+    run = partial(reconstruct, given.mesh, options)
+    return Row("one view 50x50, warm, whole job", lambda: run(FileWriter(io.BytesIO(), None)), 6)
+
+
+ROWS = {
+    "view": measure_view,
+    "fine": measure_fine,
+    "eia": measure_eia,
+    "rays": measure_rays,
+    "array": measure_array,
+    "views-200": measure_small_views,
+    "views-512": measure_large_views,
+    "job": measure_job,
+    "cold": measure_cold,
+}
+"""In the order of the table."""
+
+
+def run_command(*arguments: object) -> None:
+    """Runs `ciir reconstruct`."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "ciir", "reconstruct", *map(str, arguments), "-o", f"{folder}/view.png"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def make_work(views: NDArray[Any], count: int) -> Work:
+    """Upscales the middle view, or `count` views from it on, by the default of light fields."""
+    grid = views.shape[0], views.shape[1]
+    network = catalogue.load_light_field_network(catalogue.light_field_default_name())
+    fallback = catalogue.load_upscaler(catalogue.default_name())
+    wanted = [(grid[0] // 2, grid[1] // 2 + number) for number in range(count)]
+    pictures = {view: np.ascontiguousarray(views[view]) for view in list_required_views(wanted, grid)}
+    return partial(upscale_views, network, fallback, pictures, wanted, grid)
+
+
+def upscale_array(source: Bundle, options: Options) -> NDArray[np.uint8]:
+    """The elemental image array of all views of a mesh by the pipeline."""
+    views, _ = reconstruct_views(source, options)
+    return LightField(views.reshape(*PIXELS, *views.shape[1:])).eia().astype(np.uint8)
 
 
 def upscale_array_usually(source: Bundle, options: Options) -> NDArray[np.uint8]:
@@ -97,56 +206,25 @@ def upscale_array_usually(source: Bundle, options: Options) -> NDArray[np.uint8]
     return LightField(large.reshape(v, u, *large.shape[1:])).eia().astype(np.uint8)
 
 
-def measure_array(mesh: Path, rounds: int) -> Iterator[Line]:
-    """The upscaled elemental image array by each way."""
-    source = Bundle.from_path(mesh)
-    options = Options(lenses=LENSES, pixels=PIXELS, views="all")
-    single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default_name())
-    auto = f"auto ({upscale_array(source, options)[1]['plan']['model']})"
-    jobs = {
-        "usual": partial(time_call, lambda: upscale_array_usually(source, options)),
-        auto: partial(time_call, lambda: upscale_array(source, options)),
-        catalogue.default_name(): partial(time_call, lambda: upscale_array(source, single)),
-    }
-    times = time_in_rounds(jobs, rounds, reference="usual")
-    yield "mesh to an upscaled elemental image array, 50x50 -> 100x100 lenses of 15x15 pixels, seconds", None
-    yield f"  a render for each lens, then {PAPER}: {times['usual'].median / 1e3:.2f}", None
-    for name in (auto, catalogue.default_name()):
-        yield f"  {name}: {times[name].median / 1e3:.2f}, {times[name].ratio:.1f} times faster", None
-    seconds, ratio = times[auto].median / 1e3, times[auto].ratio or 0.0
-    yield f"  {auto}: {seconds:.2f} s, at most {MOST_SECONDS:.0f}", seconds <= MOST_SECONDS
-    yield f"  {auto}: {ratio:.1f} times faster, at least {ARRAY_RATIO:.0f}", ratio >= ARRAY_RATIO
+def measure_row(row: Row, rounds: int) -> tuple[list[list[str]], bool]:
+    """The lines of the table for a row, and whether all that is wanted is reached."""
+    works = {row.what: row.work} | {name: work for name, (work, _) in row.others.items()}
+    times = time_in_rounds({name: partial(time_call, work) for name, work in works.items()}, rounds, reference=row.what)
+    ours = times[row.what]
+    now = row.factor * ours.median
+    holds = row.wanted is None or now <= row.wanted
+    lines = [[row.what, f"{now:.0f}", f"{row.factor * ours.stages['cpu']:.0f}", f"{row.wanted or '-'}", "-", "-"]]
+    for name, (_, least) in row.others.items():
+        ratio = 1 / (times[name].ratio or 1.0)
+        holds = holds and (least is None or ratio >= least)
+        cpu = times[name].stages["cpu"]
+        lines.append([f"- {name}", f"{times[name].median:.0f}", f"{cpu:.0f}", "-", f"{ratio:.2f}", f"{least or '-'}"])
+    return lines, holds
 
 
-def measure_jobs(mesh: Path, rounds: int) -> Iterator[Line]:
-    """Whole jobs, warm, with their stages, and the start of a process."""
-    source, default = Bundle.from_path(mesh), catalogue.default_name()
-
-    def reconstruct_view(**options: Any) -> dict[str, float]:
-        job = Options(lenses=LENSES, pixels=PIXELS, **options)
-        return dict(reconstruct(source, job, FileWriter(io.BytesIO(), None))["timings_ms"])
-
-    def render_array(backend: Any) -> dict[str, float]:
-        job = Options(lenses=LENSES, pixels=PIXELS, backend=backend)
-        return dict(render_eia(source, job, encode_png)["timings_ms"])
-
-    rows: dict[str, Callable[[], dict[str, float]]] = {}
-    for backend in ("raster", "raytrace"):
-        for model in (default, "bicubic"):
-            rows[f"{backend}: view 50x50 -> 100x100, {model}"] = partial(reconstruct_view, backend=backend, model=model)
-        rows[f"{backend}: view 100x100 directly"] = partial(reconstruct_view, backend=backend, strategy="direct")
-        rows[f"{backend}: EIA 50x50 lenses of 15x15"] = partial(render_array, backend)
-    command = partial(subprocess.run, [sys.executable, "-m", "ciir", "models"], check=True, stdout=subprocess.DEVNULL)
-    rows["ciir models, cold start"] = partial(time_call, command)
-    yield f"{source.name}, whole jobs from bytes to encoded PNG, milliseconds", None
-    for name, times in time_in_rounds(rows, rounds).items():
-        stages = "  ".join(f"{stage} {value:.1f}" for stage, value in times.stages.items())
-        yield f"  {name:42s} {times.median:8.1f}  (quartiles {times.low:.1f}, {times.high:.1f})  {stages}", None
-
-
-def measure_int8(mesh: Path, rounds: int) -> Iterator[Line]:  # noqa: ARG001 - all parts have one signature
+def compare_int8(rounds: int) -> Iterator[str]:
     """Each int8 network of single pictures against its float twin, on one core and on all."""
-    yield "float networks against their int8 twins, milliseconds", None
+    yield "float networks against their int8 twins, milliseconds"
     cards = [entry.card for entry in catalogue.list_entries() if entry.card and not entry.is_light_field]
     for card in (card for card in cards if card.float_twin):
         for threads in sorted({1, count_available_cores()}):
@@ -157,26 +235,34 @@ def measure_int8(mesh: Path, rounds: int) -> Iterator[Line]:  # noqa: ARG001 - a
                 times = time_in_rounds(jobs, rounds, reference=card.float_twin)
                 plain, quick = (times[network.name] for network in pair)
                 text = f"float {plain.median:.1f}, int8 {quick.median:.1f}, {quick.ratio:.2f} times faster"
-                yield f"  {card.name:14s} {width}x{height}, {threads} core(s): {text}", None
-
-
-PARTS = {"view": measure_view, "array": measure_array, "jobs": measure_jobs, "int8": measure_int8}
+                yield f"  {card.name:14s} {width}x{height}, {threads} core(s): {text}"
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Prints the selected parts, all of them by default."""
-    parser = argparse.ArgumentParser(prog="benchmarks.speed", description=main.__doc__)
+    """Prints the table."""
+    parser = argparse.ArgumentParser(prog="benchmarks.speed", description=str(__doc__).splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5, help="times that each job runs (default 5)")
-    parser.add_argument("--mesh", type=Path, default=MESH, help=f"mesh of the array and the jobs (default {MESH})")
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), help="parts to run (default: all)")
+    parser.add_argument("--mesh", type=Path, default=SHARED / "meshes/duck.glb")
+    parser.add_argument("--fine-mesh", type=Path, default=SHARED / "meshes/boot.obj")
+    parser.add_argument("--light-field", type=Path, default=SHARED / "lightfields/eia-200x200x15.jpg")
+    parser.add_argument("--peers", type=Path, nargs="*", default=[], help="networks of others, ONNX, for `view`")
+    parser.add_argument("--only", nargs="+", choices=[*ROWS, "int8"], default=list(ROWS), help="rows (default: all)")
     args = parser.parse_args(argv)
-    all_hold = True
-    for part in args.only:
-        for line, holds in PARTS[part](args.mesh, args.rounds):
-            verdict = {None: "", True: ": holds", False: ": DOES NOT HOLD"}[holds]
-            print(f"{line}{verdict}", flush=True)
-            all_hold = all_hold and holds is not False
-    return 0 if all_hold else 1
+    machine: dict[str, Any] = describe()
+    print(f"{machine['processor']}, {machine['cores']} cores, {'int8' if machine['int8'] else 'float'} networks")
+    given = Given(Bundle.from_path(args.mesh), args.fine_mesh, args.light_field, tuple(args.peers))
+    rows, reached = [], True
+    for name in args.only:
+        if name == "int8":
+            print("\n".join(compare_int8(args.rounds)))
+            continue
+        lines, holds = measure_row(ROWS[name](given), args.rounds)
+        rows += lines
+        reached = reached and holds
+    if rows:
+        head = ["what", "ms", "processor ms", "wanted ms", "times faster", "wanted"]
+        print("\n".join(format_table(head, rows)))
+    return 0 if reached else 1
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.cores import count_available_cores
 from ciir.errors import BadCard, UnsuitedProcessor
 from ciir.models import cards, processor
 
@@ -50,23 +51,21 @@ class OnnxNetwork:
     def run(self, inputs: Mapping[str, NDArray[np.float32]], cores: int | None = None) -> list[NDArray[np.float32]]:
         """Runs the network on inputs by name; returns its outputs in the card's order, not clipped.
 
-        `cores`: for this call; None: `threads`. The first call with each number opens a session, which takes 5 to
-        200 ms. The outputs don't depend on it.
+        `cores`: for this call; None: `threads`; 0: those of any session that is open, for inputs so small that it
+        doesn't matter. The first call with each number opens a session, which takes 5 to 200 ms. The outputs don't
+        depend on it.
         """
         kept = {name: np.where(np.abs(part) < SMALLEST, np.float32(0), part) for name, part in inputs.items()}
         names = [self.card.output.name, *(tensor.name for tensor in self.card.extra_outputs)]
-        return [np.asarray(output) for output in self._get_session(cores or self.threads).run(names, kept)]
+        session = self._get_session(self.threads if cores is None else cores)
+        return [np.asarray(output) for output in session.run(names, kept)]
 
     def _get_session(self, cores: int) -> Any:
         with self._opening:
+            cores = cores or next(iter(self._sessions), self.threads)
             if cores not in self._sessions:
                 self._sessions[cores] = open_session(self._network, cores)
             return self._sessions[cores]
-
-
-def count_available_cores() -> int:
-    """The number of cores that this process may use, at least 1."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _check_processor(card: cards.Card) -> None:

@@ -47,10 +47,13 @@ class Result:
     """The file's, such as `png` or `zip`; docs/formats.md has them all."""
     timings_ms: dict[str, float]
     """Milliseconds of each stage; `stored` if the server had kept the result."""
+    name: str
+    """Of the file, as the server gave it; a quilt's holds its layout."""
 
     def save(self, path: str | Path) -> None:
-        """Writes `content` to a file."""
-        Path(path).write_bytes(self.content)
+        """Writes `content` to a file, or as `name` into a folder."""
+        path = Path(path)
+        (path / self.name if path.is_dir() else path).write_bytes(self.content)
 
 
 @dataclass(frozen=True)
@@ -195,7 +198,8 @@ def read_path(response: httpx2.Response) -> str:
 def read_result(response: httpx2.Response) -> Result:
     """The result that a response holds."""
     parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
-    suffix = "." + response.headers["content-disposition"].rstrip('"').rpartition(".")[2]
+    file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
     timings = {stage: float(ms) for stage, ms in parts}
-    name = next(name for name, file_type in FILE_TYPES.items() if file_type.suffix == suffix)
-    return Result(response.headers["etag"].removeprefix("W/").strip('"'), response.content, name, timings)
+    format_ = next(name for name, file_type in FILE_TYPES.items() if file_type.suffix == file.suffix)
+    id_ = response.headers["etag"].removeprefix("W/").strip('"')
+    return Result(id_, response.content, format_, timings, file.name)

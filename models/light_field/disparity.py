@@ -132,7 +132,7 @@ def _blur_tiles(cost: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _vote(shifts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Each tile's shift `(R, C)` replaced by the most frequent of it and the tiles around it."""
-    present = np.unique(shifts)
+    present = np.array(sorted(set(shifts.ravel().tolist())))  # not by np.unique, which imports np.ma
     if len(present) == 1:
         return shifts
     is_own = (shifts == present[:, None, None]).astype(np.int64)

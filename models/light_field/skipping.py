@@ -140,5 +140,5 @@ def _make_pattern(
     around = np.broadcast_to(crop_luma(uniform), (WINDOW_SIDE * WINDOW_SIDE, side, side))
     present = (np.frombuffer(part, np.float32) for part in (rows, cols))
     inputs = (np.ascontiguousarray(part)[np.newaxis] for part in (image, around))
-    large, uncertainty = network(*inputs, *present, cores=1)  # too small for more cores to help
+    large, uncertainty = network(*inputs, *present, cores=0)
     return large[0].transpose(1, 2, 0), uncertainty[0].transpose(1, 2, 0)

@@ -138,7 +138,7 @@ def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> 
     )
     by_shift: dict[int, dict[int, View]] = {}
     for number, view in enumerate(wanted):
-        for shift in np.unique(output.shifts[number]).tolist():
+        for shift in set(output.shifts[number].ravel().tolist()):
             by_shift.setdefault(shift, {})[number] = view
     backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
     for shift, group in by_shift.items():

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
-RAYS_PER_BATCH = 1 << 16
+RAYS_PER_BATCH = 1 << 14
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
@@ -68,6 +68,7 @@ class PreparedScene:
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
         self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
         self.is_see_through = np.array([part.is_see_through for part in parts])  # (parts,)
+        self._lets_through = bool(self.is_see_through.any() or self.cutoff.any())
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
@@ -93,10 +94,13 @@ class PreparedScene:
 
         They enter the sphere around the scene there: from farther away float32 aims less exactly.
         """
-        squared = np.einsum("...i,...i->...", direction, direction)
-        entry = np.einsum("...i,...i->...", self._middle - origins, direction) / squared
+        axes = list(zip(origins.T, direction.T, self._middle, strict=True))  # by axis: rows of 3 are slow in NumPy
+        squared = sum(along**2 for _, along, _ in axes)
+        entry = sum((middle - start) * along for start, along, middle in axes) / squared
         entry = np.maximum(entry - self._radius / np.sqrt(squared), self._first)
-        entries = self._to_embree(origins + entry[:, None] * direction)
+        entries = np.empty(origins.shape, np.float32)
+        for axis, (start, along, middle) in enumerate(axes):
+            entries[:, axis] = (start + entry * along - middle) * self._scale
         return entry, entries, np.broadcast_to(direction.astype(np.float32), entries.shape)
 
     def meet(
@@ -123,10 +127,16 @@ class PreparedScene:
         of the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf where there is none.
         """
         entry, entries, along = self._enter(origins, direction)
-        starts, passed = entries, np.zeros(len(origins), np.float32)
         rgba = np.zeros((len(origins), 4), np.float32)
-        through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
         reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
+        if not self._lets_through:  # the usual case, in one pass
+            triangle, weights, distance = self._find_hits(entries, along)
+            hit = np.flatnonzero(triangle >= 0)
+            rgba[hit], _ = self._shade(triangle[hit], weights[hit], along[hit])
+            reached[hit] = distance[hit]
+            return rgba, entry + reached / self._scale
+        starts, passed = entries, np.zeros(len(origins), np.float32)
+        through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
         active, last = np.arange(len(origins)), np.full(len(origins), -1)
         for _ in range(MAX_LAYERS):
             triangle, weights, distance = self._find_hits(starts, along)
@@ -156,18 +166,18 @@ class PreparedScene:
 
         `along`: the rays' directions `(n, 3)`, which show the front or the back of a triangle.
         """
-        corners = self.faces[triangle]  # (n, 3)
-        product = np.einsum("nk,nkc->nc", weights, self.colors[corners])  # (n, 4)
+        corners = self.faces.take(triangle, axis=0)  # (n, 3)
+        product = np.einsum("nk,nkc->nc", weights, self.colors.take(corners, axis=0))  # (n, 4)
         if self._back is not None:
             is_back = np.einsum("nk,nk->n", self._normals[triangle], along) > 0
             product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
-        part = self.part[triangle]
+        part = self.part.take(triangle)
         for index in np.flatnonzero(np.bincount(part)):
             texture = self.textures[index]
             if texture is None:
                 continue
-            of_part = part == index
-            uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv[corners[of_part]])
+            of_part = np.flatnonzero(part == index)
+            uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv.take(corners[of_part], axis=0))
             product[of_part] *= sample_texture(texture, uv)
         np.clip(product, 0.0, 1.0, out=product)
         alpha = np.where(self.is_see_through[part], product[:, 3], product[:, 3] >= self.cutoff[part])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import sys
 import types
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,17 +21,35 @@ from ciir.errors import BackendUnavailable
 from ciir.renderer.scene import SOLID
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
-# pyrender imports its window, and with it X libraries that a server doesn't have; nothing here opens a window.
-if "pyrender.viewer" not in sys.modules:
-    sys.modules["pyrender.viewer"] = types.ModuleType("pyrender.viewer")
-    sys.modules["pyrender.viewer"].Viewer = None  # type: ignore[attr-defined]
+UNUSED = {"viewer": "Viewer", "font": "FontCache", "scene": "Scene", "node": "Node", "mesh": "Mesh"}
+"""pyrender's modules, and their classes, that nothing here uses. They import X libraries, which a server doesn't have,
+fonts, trimesh and networkx: three quarters of OpenGL's start."""
+
+
+@contextmanager
+def leave_out_unused() -> Iterator[None]:
+    """Imports pyrender without `UNUSED` inside the block; a later import elsewhere gets all of it."""
+    if "pyrender" in sys.modules:
+        yield
+        return
+    for module, name in UNUSED.items():
+        sys.modules[f"pyrender.{module}"] = types.ModuleType(f"pyrender.{module}")
+        setattr(sys.modules[f"pyrender.{module}"], name, object)
+    try:
+        yield
+    finally:
+        for found in [found for found in sys.modules if found.partition(".")[0] == "pyrender"]:
+            del sys.modules[found]
+
 
 try:
     import OpenGL
-    import pyrender
     from OpenGL import GL
-    from pyrender.platforms.egl import EGLPlatform, get_device_by_index
-    from pyrender.shader_program import ShaderProgramCache
+
+    with leave_out_unused():
+        import pyrender
+        from pyrender.platforms.egl import EGLPlatform, get_device_by_index
+        from pyrender.shader_program import ShaderProgramCache
 except (ImportError, AttributeError) as error:  # PyOpenGL raises AttributeError without libEGL
     raise BackendUnavailable(
         f"raster: OpenGL can't be loaded ({error}); install libegl1 and libgl1-mesa-dri, or take backend raytrace"
@@ -43,7 +62,7 @@ if sys.version_info >= (3, 12) and OpenGL.__version__ == "3.1.0":
     )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -102,9 +121,9 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         pixels = GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE)
         return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1]
 
-    def _sorted_mesh_nodes(self, scene: pyrender.Scene) -> list[pyrender.Node]:
+    def _sorted_mesh_nodes(self, scene: GlScene) -> list[GlScene]:
         """Nodes in any order: nothing is blended, so the depth test alone decides."""
-        return list(scene.mesh_nodes)
+        return scene.mesh_nodes
 
 
 class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
@@ -117,6 +136,36 @@ class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
     def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:  # noqa: ARG002
         """The 4x4 matrix from camera to clip coordinates."""
         return self.matrix
+
+
+class GlScene:
+    """What pyrender's renderer uses of its `Scene`: one mesh without lights, and one camera, where they are."""
+
+    bg_color, lights, light_nodes, is_visible = (0.0, 0.0, 0.0, 0.0), (), (), True
+
+    def __init__(self, primitives: list[pyrender.Primitive]) -> None:
+        self.primitives, self.camera = primitives, MatrixCamera(np.eye(4))
+
+    @property
+    def mesh(self) -> GlScene:
+        """The mesh, which has the primitives."""
+        return self
+
+    main_camera_node = mesh
+
+    @property
+    def mesh_nodes(self) -> list[GlScene]:
+        """The nodes that have a mesh."""
+        return [self]
+
+    @property
+    def meshes(self) -> set[GlScene]:
+        """The meshes."""
+        return {self}
+
+    def get_pose(self, node: GlScene) -> NDArray[np.float64]:  # noqa: ARG002 - pyrender's signature
+        """The matrix from a node's coordinates to the scene's, `(4, 4)`."""
+        return np.eye(4)
 
 
 def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
@@ -135,7 +184,8 @@ def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
     if part.texture is not None and part.uv is not None:
         pixels = part.texture.pixels
         if not cutoff:
-            pixels = np.concatenate([pixels[..., :3], np.full_like(pixels[..., 3:], 255)], axis=-1)
+            pixels = pixels.copy()
+            pixels[..., 3] = 255
         texture = pyrender.Texture(
             source=pixels,
             source_channels="RGBA",
@@ -189,17 +239,14 @@ class Context:
         """Makes `scene` the one that is drawn. Where that fails the previous scene stays loaded."""
         if scene is self._scene:
             return
-        gl_scene = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
         bounds = scene.bounds()
         middle = bounds.mean(axis=0)
-        gl_scene.add(pyrender.Mesh([to_primitive(part, middle) for part in scene.parts]))
-        camera = MatrixCamera(np.eye(4))
-        gl_scene.add(camera)
+        gl_scene = GlScene([to_primitive(part, middle) for part in scene.parts])
         distance = -bounds[:, 2]
         far, near = (float(side) for side in distance)
         # The two planes differ, also for a flat sheet in the array's plane.
         margin = max(0.01 * (far - near) + 1e-6 * abs(far), 1e-6 * float((bounds[1] - bounds[0]).max()))
-        self._gl_scene, self._camera, self._middle, self._scene = gl_scene, camera, middle, scene
+        self._gl_scene, self._middle, self._scene = gl_scene, middle, scene
         # The near plane of a perspective camera must lie in front of the camera.
         self.near = max(near - margin, near * 0.5) if near > 0 else near - margin
         self.far = far + margin
@@ -221,7 +268,9 @@ class Context:
     def _draw(self, drawing: Drawing, channel: Literal["color", "depth"]) -> NDArray[Any]:
         from_camera = np.eye(4)
         from_camera[:3, 3] = self._middle - (*drawing.place, 0.0)
-        self._camera.matrix = drawing.projection(self.near, self.far) @ from_camera  # in float64; OpenGL's is float32
+        self._gl_scene.camera.matrix = (
+            drawing.projection(self.near, self.far) @ from_camera
+        )  # in float64; OpenGL's is float32
         self._sampler.viewport_width, self._sampler.viewport_height = drawing.width, drawing.height
         self._sampler.channel = channel
         flags = pyrender.RenderFlags.OFFSCREEN | pyrender.RenderFlags.FLAT | pyrender.RenderFlags.RGBA

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ciir.renderer.backends.interface import Backend
 
 FEW_RAYS = 1 << 14
-"""Rays of a view that are cast whatever the scene: they take about 4 ms, and OpenGL takes most of a second to start."""
+"""Rays of a view that are cast whatever the scene: they take about 4 ms, and OpenGL 200 ms to start."""
 
 _lock = threading.Lock()
 _open: dict[str, Backend] = {}

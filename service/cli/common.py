@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
@@ -65,9 +66,12 @@ def progress_bar(unit: str) -> Iterator[Progress]:
 
     It appears after half a second: short work shows nothing.
     """
+    if not sys.stderr.isatty():
+        yield ignore_progress
+        return
     from tqdm import tqdm
 
-    with tqdm(unit=unit, disable=None, delay=0.5, leave=False, file=sys.stderr) as bar:
+    with tqdm(unit=unit, delay=0.5, leave=False, file=sys.stderr) as bar:
 
         def progress(done: int, total: int) -> None:
             bar.total = total

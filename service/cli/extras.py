@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 EXTRAS = {
+    "batch": "batch",
     "serve": "service",
     "worker": "service",
     "bench": "bench",

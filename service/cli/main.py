@@ -1,7 +1,7 @@
 """Parses the command line, runs the command, and reports errors in one line.
 
-Exit status: 0 done; 2 the input or an option is wrong; 1 anything else; 130 after Ctrl-C, 143 after SIGTERM; 141 where
-the program that reads the output has ended.
+Exit status: 0 done; 2 the input or an option is wrong; 3 some inputs of a batch failed; 1 anything else; 130 after
+Ctrl-C, 143 after SIGTERM; 141 where the program that reads the output has ended.
 """
 
 from __future__ import annotations

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _FILES = re.compile(
-    r"\.(7z|avif|bmp|bz2|exr|gif|glb|gltf|gz|heic|heif|ico|jp2|jpe|jpeg|jpg|json|jxl|mat|npy|npz|obj|off|pdf|pgm|ply|"
-    r"png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|txt|webp|xz|zip)"
+    r"\.(7z|avi|avif|bmp|bz2|csv|exr|gif|glb|gltf|gz|h5|hdf|hdf5|heic|heif|htm|html|ico|jp2|jpe|jpeg|jpg|json|jxl|m4v|"
+    r"mat|mkv|mov|mp4|npy|npz|obj|off|pdf|pgm|ply|png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|toml|txt|webm|webp|"
+    r"xz|zip)"
 )
 """Suffixes that are not taken for a folder's."""
 

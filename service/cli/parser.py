@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
-from ciir.service.cli.picture_arguments import add_options, add_pictures
+from ciir.service.cli.picture_arguments import add_batch, add_options, add_pictures
 from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def make_parser() -> argparse.ArgumentParser:
         return added
 
     add_pictures(add_command)
+    add_batch(add_command)
     _add_models(add_command)
     _add_service(add_command)
     _add_measurements(add_command)

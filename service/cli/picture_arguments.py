@@ -62,14 +62,49 @@ def add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: Kin
         )
 
 
-def _add_raw_files(parser: argparse.ArgumentParser) -> None:
+def _add_raw_files(parser: argparse.ArgumentParser, names: Sequence[str] = ("white", "dark", "show-grid")) -> None:
     """Adds the files that go with a raw lenslet picture."""
-    for name, text in (
-        ("white", "a picture of a white surface, to find the lens grid in and to even out lenses' brightness"),
-        ("dark", "a picture without light, to subtract"),
-        ("show-grid", "write the lens grid, drawn over the picture, to this PNG"),
-    ):
-        parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {text}")
+    texts = {
+        "white": "a picture of a white surface, to find the lens grid in and to even out lenses' brightness",
+        "dark": "a picture without light, to subtract",
+        "show-grid": "write the lens grid, drawn over the picture, to this PNG",
+    }
+    for name in names:
+        parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {texts[name]}")
+
+
+def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Adds `batch`; `add_command` as in `service.cli.parser`."""
+    command = add_command(
+        "batch",
+        "reconstruct many inputs, on all cores of this machine or on a cluster",
+        more="Inputs whose outputs are there, made of the same content with the same options, are not done again. Exit "
+        "status 3: some failed; summary.json and summary.csv say which, and why.",
+    )
+    command.add_argument(
+        "inputs",
+        metavar="INPUT",
+        nargs="+",
+        help="files, globs, folders, scene:NAME, URLs such as s3://BUCKET/FOLDER; with --lenses videos of EIAs",
+    )
+    command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the outputs, or a URL of one")
+    command.add_argument(
+        "--name",
+        default="{path}",
+        metavar="PATTERN",
+        help="name of each output, with {path}, {name}, {stem} or {number} of its input in it: a folder, or as the "
+        "suffix asks for, such as '{path}.png' (default {path}; of a video a video)",
+    )
+    command.add_argument(
+        "--sets", action="store_true", help="a folder is one input: a set of views, or a mesh and its textures"
+    )
+    command.add_argument("--workers", metavar="N", help="worker processes of one thread (default: one for each core)")
+    command.add_argument(
+        "--worker-memory", metavar="SIZE", help="memory of a worker process, such as 2GiB (default: an equal share)"
+    )
+    command.add_argument("--cluster", metavar="ADDRESS", help="use the workers of this Dask scheduler, tcp://HOST:PORT")
+    add_options(command, KINDS["reconstruction"].options)
+    _add_raw_files(command, names=("white", "dark"))
 
 
 def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ciir.cores import count_available_cores
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import upscale_views
-from ciir.models.sessions import count_available_cores
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer import backends
 from ciir.renderer.backends import culling
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 700.0, 60.0
+JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 200.0, 60.0
 """Of any job; of the first view by OpenGL and of the first network in a process: typical, not measured."""
 PLACE_MS, LOOK_MS, HIT = 1e-4, 3.3e-5, 1.25
 """Culling: for each triangle, and for each triangle in each view; how many triangles it leaves for each ray."""

@@ -16,7 +16,7 @@ from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, Pict
 from ciir.renderer.writers.depth import encode_disparity
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
-from ciir.renderer.writers.stacks import PLANE, STACK
+from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
 from ciir.service.pipeline.options import MODELS
@@ -129,6 +129,7 @@ def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Rep
     if name not in writers:
         what = "one plane" if is_one else "a stack of planes"
         raise InvalidOption(f"format: {name} can't hold {what}; give {', '.join(writers)}")
+    check_rate(options.fps, name)
     report = refocus(
         source,
         options,

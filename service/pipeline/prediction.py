@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.models import catalogue
 from ciir.models.light_field.views import list_required_views
 from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.service.pipeline import cost
+from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.stages.schedule import batch_size
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.cost import Costs
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
+    from ciir.service.pipeline.plan import Plan
 
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide, and this machine is measured."""
@@ -31,9 +34,25 @@ def predict_times(job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int]
     """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
     costs, wanted = cost.costs(), len(job.wanted)
     return {
-        "upscale": _predict_upscaling(job, mesh, model, rays["upscale"], costs),
-        "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)]),
+        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs),
+        "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)], job.scale),
     }
+
+
+def predict_plan(job: Job, plan: Plan) -> float:
+    """Milliseconds from the opened input to encoded views. Nothing is measured for it: typical costs stand for what is
+    not known of this machine.
+    """
+    costs, wanted, pixels = cost.costs(measure=False), len(job.wanted), job.array.rows * job.array.cols
+    stages: list[cost.Stage] = []
+    if job.mesh is not None:
+        side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
+        rendered = len(list_required_views(job.wanted, job.grid)) if plan.is_light_field else wanted
+        stages.append(_predict_rendering(job, job.mesh, pixels * side**2, rendered, costs))
+    if plan.model != NO_MODEL:
+        model = next(entry for entry in catalogue.list_entries() if entry.name == plan.model)
+        stages.append(_predict_upscaling(job, model, costs))
+    return _total(job, stages, plan.scale)
 
 
 def predict_extra(job: Job, mesh: Scene, light_field: Entry, single: Entry, *, bound: float) -> float:
@@ -45,24 +64,26 @@ def predict_extra(job: Job, mesh: Scene, light_field: Entry, single: Entry, *, b
     extra = 0.0
     for measure in (False, True):
         costs = cost.costs(measure=measure)
-        taken = (_predict_upscaling(job, mesh, model, rays, costs) for model in (light_field, single))
+        taken = (_predict_with_model(job, mesh, model, rays, costs) for model in (light_field, single))
         extra = next(taken) - next(taken)
         if not bound / UNSURE < extra < bound * UNSURE:
             break
     return max(0.0, extra)
 
 
-def _predict_upscaling(job: Job, mesh: Scene, model: Entry, rays: int, costs: Costs) -> float:
+def _predict_with_model(job: Job, mesh: Scene, model: Entry, rays: int, costs: Costs) -> float:
     """Milliseconds of the job where `model` upscales its views."""
-    pixels, wanted = job.array.rows * job.array.cols, len(job.wanted)
-    seen = (
-        round(pixels * _predict_share(mesh, job.array, job.placement, model.card))
-        if model.card and job.skip
-        else pixels
-    )
-    upscaling = costs.upscaling(model.name, job.scale, pixels=seen, views=wanted, batches=_count_batches(job))
-    rendered = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else wanted
-    return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling])
+    rendered = len(list_required_views(job.wanted, job.grid)) if model.is_light_field else len(job.wanted)
+    upscaling = _predict_upscaling(job, model, costs)
+    return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling], job.scale)
+
+
+def _predict_upscaling(job: Job, model: Entry, costs: Costs) -> cost.Stage:
+    pixels = job.array.rows * job.array.cols
+    if job.mesh is not None and model.card and job.skip:
+        pixels = round(pixels * _predict_share(job.mesh, job.array, job.placement, model.card))
+    batches = _count_batches(job, job.scale)
+    return costs.upscaling(model.name, job.scale, pixels=pixels, views=len(job.wanted), batches=batches)
 
 
 def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Costs) -> cost.Stage:
@@ -82,18 +103,14 @@ def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Cost
     )
 
 
-def _total(job: Job, stages: list[cost.Stage]) -> float:
+def _total(job: Job, stages: list[cost.Stage], scale: int) -> float:
     """Milliseconds of the job with such stages before its views are written."""
-    return cost.total(stages, len(job.wanted) * _count_written(job), _count_batches(job))
+    written = len(job.wanted) * job.array.rows * job.array.cols * scale**2
+    return cost.total(stages, written, _count_batches(job, scale))
 
 
-def _count_written(job: Job) -> int:
-    """Pixels of a view that is written."""
-    return job.array.rows * job.array.cols * job.scale**2
-
-
-def _count_batches(job: Job) -> int:
-    return math.ceil(len(job.wanted) / batch_size(_count_written(job)))
+def _count_batches(job: Job, scale: int) -> int:
+    return math.ceil(len(job.wanted) / batch_size(job.array.rows * job.array.cols * scale**2))
 
 
 def _predict_share(mesh: Scene, array: LensArray, placement: Placement, card: Card) -> float:

@@ -17,6 +17,7 @@ from ciir.service.pipeline.job import Job, resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.plan import Plan, make_plan
+from ciir.service.pipeline.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
 from ciir.service.pipeline.stages.prefetch import prefetch
@@ -139,6 +140,7 @@ def _reconstruct(
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         plan = plan or make_plan(job)
+        predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
         batches = _schedule(job, plan, views)
     statistics = SkipStatistics()
@@ -181,6 +183,7 @@ def _reconstruct(
             "scale": plan.scale,
             "reasons": [*plan.reasons, *described["reasons"], *skip_reasons(skipped)],
             "skipped": skipped,
+            "predicted_ms": round(predicted, 3),
         },
         "model": describe_model(plan.model, plan.scale) if upscale is not None else None,
         "options": options.as_dict(RECONSTRUCTION),

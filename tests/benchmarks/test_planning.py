@@ -26,7 +26,7 @@ def test_strategies_are_compared_within_rounds():
 def test_a_row_is_measured(monkeypatch, tmp_path):
     mesh = tmp_path / "a.off"
     mesh.write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n3 0 2 3\n3 1 2 3\n")
-    monkeypatch.setattr(cost, "costs", lambda: cost.Costs(None))
+    monkeypatch.setattr(cost, "costs", lambda *, measure=True: cost.Costs(None))
     monkeypatch.setattr(cost, "_factor", lambda backend: 1.0)
     monkeypatch.setattr(cost, "measure", lambda run: 1.0)
     options = {"lenses": (6, 6), "pixels": (3, 3), "model": "bicubic", "backend": "raytrace"}

@@ -1,14 +1,28 @@
+import pytest
+
 from ciir.benchmarks import speed
+from ciir.models import processor
 
 
+@pytest.fixture(autouse=True)
+def bytes_of_no_mesh(monkeypatch):
+    monkeypatch.setattr(speed.Bundle, "from_path", lambda path: None)
+
+
+@pytest.mark.skipif(processor.int8_unsupported_reason() != "", reason=processor.int8_unsupported_reason())
 def test_int8_networks_are_timed_against_their_twins(monkeypatch, capsys):
     monkeypatch.setattr(speed, "SIZES", ((8, 9),))
     assert speed.main(["--only", "int8", "--rounds", "1"]) == 0
     assert "fast-int8      9x8, 1 core(s): float" in capsys.readouterr().out
 
 
-def test_a_bound_that_does_not_hold_is_reported(monkeypatch, capsys):
-    lines = [("3 at most 2", False), ("1 at most 2", True), ("2 rounds", None)]
-    monkeypatch.setitem(speed.PARTS, "int8", lambda mesh, rounds: iter(lines))
-    assert speed.main(["--only", "int8"]) == 1
-    assert capsys.readouterr().out == "3 at most 2: DOES NOT HOLD\n1 at most 2: holds\n2 rounds\n"
+@pytest.mark.parametrize(
+    ("wanted", "ratio", "status"), [(None, None, 0), (1e6, 1e-6, 0), (0.0, None, 1), (None, 1e6, 1)]
+)
+def test_what_is_wanted_and_not_reached_is_an_error(wanted, ratio, status, monkeypatch, capsys):
+    row = speed.Row("work", lambda: sum(range(1000)), wanted, {"other": (lambda: sum(range(1000)), ratio)}, factor=1000)
+    monkeypatch.setitem(speed.ROWS, "view", lambda given: row)
+    assert speed.main(["--only", "view", "--rounds", "1"]) == status
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "| what | ms | processor ms | wanted ms | times faster | wanted |"
+    assert [line.split(" | ")[0] for line in lines[3:5]] == ["| work", "| - other"]

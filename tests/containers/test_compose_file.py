@@ -19,5 +19,14 @@ def test_every_service_is_limited(name):
     assert service["security_opt"] == ["no-new-privileges:true"]
 
 
+@pytest.mark.parametrize("name", ["scheduler", "batch-worker", "batch"])
+def test_the_cluster_has_the_settings_of_a_batch_on_one_machine(name):
+    pytest.importorskip("distributed")
+    from ciir.service.batch.engines import SETTINGS, name_variable
+
+    found = {key: value for key, value in SERVICES[name]["environment"].items() if key.startswith("DASK_")}
+    assert found == {name_variable(key): str(value) for key, value in SETTINGS.items()}
+
+
 def test_the_web_service_accepts_its_own_hosts_only():
     assert SERVICES["web"]["environment"]["CIIR_HOSTS"] == "${CIIR_HOSTS:-web}"

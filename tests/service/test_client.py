@@ -63,6 +63,8 @@ def test_a_result(client, eia_file, tmp_path):
     assert result.timings_ms["total"] > 0
     result.save(tmp_path / "view.png")
     assert (tmp_path / "view.png").read_bytes() == result.content
+    result.save(tmp_path)
+    assert (tmp_path / f"{result.id}.png").read_bytes() == result.content
 
 
 def test_a_job(client, eia_file):
@@ -116,6 +118,8 @@ def test_the_other_kinds(client, eia_file, cube_file, tmp_path):
     (tmp_path / "p.toml").write_text("panel = {pixels = [60, 40], pitch = 0.1}\nlenses = {pitch = 1, gap = 3}")
     panel = client.make_display_picture(cube_file, display=tmp_path / "p.toml", rotate=(30, 0, 0))
     assert (decode(panel.content, name="x").shape, panel.format) == ((40, 60, 3), "png")
+    quilt = client.make_display_picture(cube_file, quilt="3x2", aspect=0.75)
+    assert quilt.name == f"{quilt.id}_qs3x2a0.75.png"
     planes = client.refocus(eia_file, lenses=(6, 9), stack=(-1, 1, 3), format="npy")
     assert np.load(io.BytesIO(planes.content)).shape == (3, 6, 9, 3)
     disparity = client.disparity(eia_file, lenses=(6, 9), view=(0, 1))
@@ -197,7 +201,9 @@ def test_a_get_is_repeated_only_after_retry_after(monkeypatch):
 
 
 def test_the_content_of_a_result_is_not_printed():
-    assert repr(Result("a", b"bytes", "png", {})) == "Result(id='a', format='png', timings_ms={})"
+    assert (
+        repr(Result("a", b"bytes", "png", {}, "a.png")) == "Result(id='a', format='png', timings_ms={}, name='a.png')"
+    )
 
 
 def test_the_key_is_sent():

@@ -17,7 +17,8 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from ciir.models.sessions import count_available_cores, open_session
+from ciir.cores import count_available_cores
+from ciir.models.sessions import open_session
 from ciir.training.data.downscale import downscale_picture
 from ciir.training.data.pictures import find_pictures, read_rgb
 

@@ -15,10 +15,11 @@ import numpy as np
 import torch
 from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, RuntimeException
 
+from ciir.cores import count_available_cores
 from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.models.light_field.network import LightFieldNetwork
-from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.sessions import open_session
 from ciir.models.single.network import SingleImageNetwork
 from ciir.training.data.downscale import KINDS
 from ciir.training.evaluation import light_fields, pictures

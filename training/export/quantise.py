@@ -13,8 +13,9 @@ import numpy as np
 import onnx
 from tqdm import tqdm
 
+from ciir.cores import count_available_cores
 from ciir.models import processor
-from ciir.models.sessions import count_available_cores, open_session
+from ciir.models.sessions import open_session
 from ciir.training.evaluation.metrics import rgb_to_luma
 from ciir.training.export import qdq
 from ciir.training.export.qdq import Grid

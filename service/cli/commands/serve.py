@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:
 
     found = settings.read_settings()
     protect(KEPT_VARIABLES)
-    memory.limit_heaps(memory.SERVER_HEAPS)
+    memory.limit_heaps(memory.HEAPS)
     connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
     protect(KEPT_VARIABLES)
-    memory.limit_heaps(memory.SERVER_HEAPS)
+    memory.limit_heaps(memory.HEAPS)
     logs.configure(found.log_format)
     stop = threading.Event()
 

@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from ciir.cores import read_quota
 from ciir.service.jobs.workers.sandbox import restrictions
 from ciir.service.pipeline import cache_folder
 
@@ -55,6 +56,7 @@ def main(parent: int, limits: dict[str, Any]) -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     cache = cache_folder.folder()
     cache_folder.is_read_only = True
+    read_quota()  # the sandbox hides it
     readable = [] if cache is None else [str(cache / cache_folder.COSTS)]
     restrictions.enter(limits["memory"], limits["file"], parent, readable)
 

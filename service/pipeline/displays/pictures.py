@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
@@ -160,5 +160,9 @@ def _find_aspect(source: Source, light_field: LightField) -> float:
 
 def _describe(kind: Kind, target: Target) -> Report:
     """The report's `display`."""
-    numbers = {key: None if value == math.inf else value for key, value in asdict(target).items() if key != "notes"}
+    numbers: dict[str, Any] = {
+        key: None if value == math.inf else value for key, value in asdict(target).items() if key != "notes"
+    }
+    if kind == "quilt":
+        del numbers["layout"]["is_inverted"]  # none is that is written
     return {"kind": kind, **numbers}

@@ -45,7 +45,8 @@ def test_a_process_that_drew_ends_silently():
         "from ciir.renderer.backends import open_backend\nfrom ciir.renderer.framing import frame_scene\n"
         "from ciir.renderer.lens_array import LensArray\nfrom ciir.renderer.scenes import load_scene\n"
         "array, globe = LensArray(9, 9, 1, 1), load_scene('globe')\n"
-        "list(open_backend('raster')[0].render_views(globe.transform(frame_scene(globe, array)), array, [(0, 0)]))"
+        "list(open_backend('raster')[0].render_views(globe.transform(frame_scene(globe, array)), array, [(0, 0)]))\n"
+        "import sys; assert not {'scipy', 'trimesh', 'networkx', 'freetype'} & set(sys.modules)"  # half a second
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)  # noqa: S603
     assert (done.stdout, done.stderr) == ("", "")

@@ -18,7 +18,7 @@ from ciir.service.pipeline import cache_folder, cost, plan, prediction
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from tests.support.pipeline import make_mesh_job
+from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 INTERPOLATION = {"bicubic x2, interpolation; here": 0.5}
 
@@ -243,6 +243,15 @@ def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
     assert select() == ("direct", f"direct should take 6.4 ms here, upscale by {default} 11.0 ms")
     prices(pixel=1e-4)
     assert select() == ("upscale", f"upscale by {default} should take 2.0 ms here, direct 6.4 ms")
+
+
+def test_the_estimate_of_a_plan_is_what_strategies_are_compared_by(prices):
+    prices(pixel=1e-3)
+    jobs = [make_mesh_job(neighbour_time=0.0, strategy=strategy) for strategy in ("direct", "upscale")]
+    jobs += [make_mesh_job(model="none"), make_light_field_job(model="fast"), make_light_field_job(model="none")]
+    pixels = math.prod(jobs[-1].lenses) * len(jobs[-1].wanted)
+    expected = [6.4, 11.0, 1.0, 1e-3 * pixels, 0.0]  # of pictures nothing is rendered
+    assert [prediction.predict_plan(job, plan.make_plan(job)) for job in jobs] == pytest.approx(expected)
 
 
 def test_predictions_are_for_what_is_asked_for(prices):

@@ -44,7 +44,9 @@ def test_depth_and_channels_are_kept(suffix, channels, dtype):
 def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, channels, dtype):
     monkeypatch.setattr("ciir.service.pipeline.pictures.upscale_pictures", pytest.fail)
     data = encode(make_picture(5, 7, channels, dtype), ".png")
-    with pytest.raises(InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB, not.*\.png or \.tif"):
+    with pytest.raises(
+        InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB without transparency, not.*\.png or \.tif"
+    ):
         upscale_files({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, write_folder
+from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, check_rate, write_folder
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.focus.planes import count_planes, refocus
 
@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> None:
     common.check_report(args.report, path)
     options = common.parse_options(args, "plane")
     count = count_planes(options)
-    write = _find_writer(args.out, count)
+    write = _find_writer(args.out, count, options.fps)
     source = common.open_input(args, options)
     with common.progress_bar("picture") as progress:
         report = refocus(source, options, write, progress=progress)
@@ -39,14 +39,16 @@ def run(args: argparse.Namespace) -> None:
     common.print_line(f"{args.out}: {what}, of {size}")
 
 
-def _find_writer(out: str, count: int) -> Callable[[Stack], list[str]]:
-    """What writes `count` planes to `out`. Raises `InvalidOption`."""
+def _find_writer(out: str, count: int, fps: float | None) -> Callable[[Stack], list[str]]:
+    """What writes `count` planes to `out`. Raises `InvalidOption`, also for `fps` where that is no video."""
     writers, by_suffix = (PLANE, PLANE_BY_SUFFIX) if count == 1 else (STACK, STACK_BY_SUFFIX)
     what, suffix = "one plane" if count == 1 else "a stack of planes", Path(out).suffix.lower()
     if output_path.names_file(out, list(by_suffix), what=what):
+        check_rate(fps, by_suffix[suffix])
         return partial(_write_file, Path(out), writers[by_suffix[suffix]])
     if suffix in {**PLANE_BY_SUFFIX, **STACK_BY_SUFFIX} and not out.endswith("/"):
         raise InvalidOption(f"{out}: {what} can't be written as {suffix}; end the name with {', '.join(by_suffix)}")
+    check_rate(fps, None)
     return partial(write_folder, Path(out))
 
 

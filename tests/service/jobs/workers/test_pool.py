@@ -239,6 +239,6 @@ def test_the_system_clock_may_be_set(open_pool, make_task, monkeypatch):
 
 
 def test_the_parent_process_does_not_import_what_tasks_need():
-    heavy = {"onnxruntime", "embreex", "pyrender", "OpenGL", "PIL", "imagecodecs", "trimesh", "ciir.models.session"}
+    heavy = {"onnxruntime", "embreex", "OpenGL", "PIL", "imagecodecs", "trimesh", "ciir.models.session"}
     code = f"import sys, ciir.service.jobs.workers.pool; print(sorted({heavy} & set(sys.modules)))"
     assert run_python("-c", code, cwd=ROOT).stdout.strip() == "[]"

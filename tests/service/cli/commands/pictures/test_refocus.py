@@ -61,6 +61,7 @@ def test_a_stack_from_below_zero_in_any_format(given, tmp_path):
         (["-o", "a.exr", "--disparity", "0"], "a.exr: one plane can't be written as .exr"),
         (["-o", "in.npz", "--disparity", "0"], "the input is there"),
         (["-o", "a.gif", "--stack", "0:1:3", "--fps", "60"], "fps: 60 is over the 50"),
+        (["-o", "a.png", "--disparity", "0", "--fps", "9"], "fps: format png has no use for it; leave it out"),
         (["-o", "a.png", "--depth", "5"], "depth: nothing relates depth to disparity in in.npz"),
         (["-o", "a.png", "--disparity", "0", "--views", "all"], "unrecognized arguments: --views all"),
     ],

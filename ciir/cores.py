@@ -1,0 +1,48 @@
+"""Processor cores that this process may use: those that it may run on, within its container's quota."""
+
+from __future__ import annotations
+
+import math
+import os
+from functools import cache
+from pathlib import Path, PurePosixPath
+
+GROUPS, MEMBERSHIP = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+
+most_cores: int | None = None
+"""Set in worker processes that share a machine: the cores that this process may use; None: no such limit."""
+
+
+def count_available_cores() -> int:
+    """The cores that this process can keep busy, at least 1."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(math.ceil(min(allowed, read_quota())), most_cores or allowed))
+
+
+@cache
+def read_quota() -> float:
+    """Cores whose time Linux's control groups allow this process, infinity without a limit. Later calls return what the
+    first one found: a worker process can't read it once it is in its sandbox.
+
+    Every group limits those in it (cgroups(7)). In a container the root of the file system of groups is its own.
+    """
+    try:
+        lines = MEMBERSHIP.read_text().splitlines()
+    except OSError:
+        return math.inf
+    inside = {PurePosixPath(line.split(":", 2)[-1].lstrip("/")) for line in lines}
+    groups = {group for path in inside for group in (path, *path.parents)}
+    mounts = (GROUPS, GROUPS / "unified", GROUPS / "cpu")
+    return min((_read_group(mount / group) for mount in mounts for group in groups), default=math.inf)
+
+
+def _read_group(folder: Path) -> float:
+    """A group's quota in cores, of version 2 or 1; infinity where it has none."""
+    try:
+        quota, period = (folder / "cpu.max").read_text().split()
+    except OSError:
+        try:
+            quota, period = ((folder / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
+        except OSError:
+            return math.inf
+    return math.inf if quota.strip() in ("max", "-1") else int(quota) / int(period)

@@ -1,0 +1,103 @@
+"""Dask as the engine: processes on this machine, or the scheduler and the workers of a cluster."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+import tempfile
+import time
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+import dask
+from distributed import Client, LocalCluster, get_worker
+
+from ciir import cores
+from ciir.errors import InvalidOption
+from ciir.service.batch.work import work
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ciir.service.batch.task import Outcome, Request, Task
+
+ATTEMPTS = 10
+"""How many workers may die under one task before it is put off, and the next time before it counts as failed."""
+CONNECT_SECONDS = 30.0
+RECONNECT_SECONDS = 600.0
+"""For how long a scheduler that was lost is waited for."""
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+    "distributed.scheduler.worker-saturation": 1.0,  # a worker holds what it runs: no other task dies with it
+    "distributed.worker.memory.target": False,  # results are small: there is nothing to spill
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,  # a task alone uses the memory; over the limit the worker is replaced
+    "distributed.worker.memory.terminate": 0.95,
+    # A worker that died is replaced in a fraction of the time by a fork; only on Linux do all libraries bear it.
+    "distributed.worker.multiprocessing-method": "forkserver" if sys.platform == "linux" else "spawn",
+}
+"""Of Dask, on this machine; docs/batch.md has them for clusters."""
+
+
+def name_variable(setting: str) -> str:
+    """The environment variable that gives Dask a setting."""
+    return f"DASK_{setting.replace('.', '__').replace('-', '_').upper()}"
+
+
+def run_on_worker(task: Task, request: Request) -> Outcome:
+    """Runs the task with as many threads in networks as the worker has: its processes share the machine."""
+    cores.most_cores = get_worker().state.nthreads
+    return work(task, request)
+
+
+@contextmanager
+def open_local(workers: int, memory: int | None) -> Iterator[Client]:
+    """A client of `workers` processes of one thread each on this machine, which end with the block.
+
+    `memory`: bytes that a process may use before it is replaced; None: an equal share of the machine's.
+    """
+    _silence_logs()
+    starting = ExitStack()
+    starting.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.SIG_IGN))  # Ctrl-C is for us
+    with (
+        starting,
+        dask.config.set(SETTINGS),
+        tempfile.TemporaryDirectory(prefix="ciir-batch-") as folder,
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            memory_limit=memory or "auto",
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        starting.close()
+        yield client
+
+
+def connect(address: str, seconds: float = CONNECT_SECONDS) -> Client:
+    """A client of the scheduler at `address`. Raises `InvalidOption` where there is none within the time."""
+    _silence_logs()
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            client = Client(address, timeout=min(seconds, CONNECT_SECONDS), set_as_default=False)
+        except (OSError, ValueError) as error:
+            if isinstance(error, ValueError) or time.monotonic() > end:
+                raise InvalidOption(
+                    f"--cluster: no scheduler answers at {address} ({error}); give the address that `dask scheduler` "
+                    "prints, such as tcp://10.0.0.1:8786"
+                ) from error
+            time.sleep(1)
+        else:
+            return client
+
+
+def _silence_logs() -> None:
+    """Dask reports each worker that ends, and each connection, with its trace."""
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -1,0 +1,152 @@
+"""The inputs of a batch: files, globs, folders and URLs -> tasks, each with the name of its output."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from glob import has_magic
+from itertools import groupby
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from ciir.errors import InputError, InvalidOption
+from ciir.renderer.readers.names import clean_text, is_hidden
+from ciir.renderer.readers.registry import SUFFIXES, VIDEOS, is_picture
+from ciir.renderer.readers.view_set.grid import find_grids
+from ciir.service.batch.places import open_filesystem
+from ciir.service.batch.task import Task
+from ciir.service.pipeline.source import SCENE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+FIELDS = ("path", "name", "stem", "number")
+"""What may stand in braces in the pattern of names."""
+MINIMUM_SET = 2
+"""Fewest rows and columns of views by which a folder of pictures is taken for one light field."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An input, and its path in the folder or the glob that it was found by."""
+
+    source: str
+    path: str
+    is_folder: bool = False
+
+
+def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[Found]:
+    """The inputs that `texts` name, in order, each once.
+
+    A file is an input. A folder, or one that a glob matches, stands for the files of types that are read in it and
+    below it; with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is
+    one input too, unless `has_arrays`: the options give the lenses of elemental image arrays.
+
+    Raises `InvalidOption` where one names nothing.
+    """
+    found: dict[str, Found] = {}
+    for text in texts:
+        new = [Found(text, text.removeprefix(SCENE))] if text.startswith(SCENE) else list(_find(text, has_arrays, sets))
+        if not new:
+            raise InvalidOption(f"{text}: holds no input; give files of types that are read")
+        for each in new:
+            found.setdefault(each.source, each)
+    return list(found.values())
+
+
+def _find(text: str, has_arrays: bool, sets: bool) -> Iterator[Found]:
+    if not text:
+        raise InvalidOption("INPUT: '' is no name; give a file, a folder, a glob, or . for this folder")
+    files, path = open_filesystem(text)
+    if files.isdir(path):
+        yield from _look_in(files, path, PurePosixPath(path), has_arrays, sets)
+    elif files.exists(path):
+        yield _describe(files, path, PurePosixPath(path).parent)
+    elif has_magic(path):
+        fixed = _find_fixed_folder(path)
+        for match in sorted(files.glob(path)):
+            if is_hidden(str(PurePosixPath(match).relative_to(fixed))):
+                continue
+            if files.isdir(match):
+                yield from _look_in(files, match, fixed, has_arrays, sets)
+            else:
+                yield _describe(files, match, fixed)
+    else:
+        raise InvalidOption(f"{text}: there is no such file or folder; check the name")
+
+
+def _find_fixed_folder(pattern: str) -> PurePosixPath:
+    """The folders of a glob before the first part that stands for several."""
+    parts = PurePosixPath(pattern).parts
+    return PurePosixPath(*parts[: next(number for number, part in enumerate(parts) if has_magic(part))])
+
+
+def _look_in(files: Any, folder: str, root: PurePosixPath, has_arrays: bool, sets: bool) -> Iterator[Found]:
+    if sets:
+        yield _describe(files, folder, root, is_folder=True)
+        return
+    paths = sorted(path for path in files.find(folder) if not is_hidden(str(PurePosixPath(path).relative_to(folder))))
+    read = [path for path in paths if PurePosixPath(path).suffix.lower() in SUFFIXES]
+    for parent, group in groupby(read, lambda path: str(PurePosixPath(path).parent)):
+        names = list(group)
+        pictures = [PurePosixPath(path).name for path in names if is_picture(path)]
+        if not has_arrays and len(pictures) == len(names) and _is_view_set(pictures):
+            yield _describe(files, parent, root, is_folder=True)
+        else:
+            yield from (_describe(files, path, root) for path in names)
+
+
+def _is_view_set(names: Sequence[str]) -> bool:
+    """Whether the pictures fill a grid of views by their names."""
+    try:
+        grids = find_grids(names, "")
+    except InputError:
+        return False
+    return any(min(grid.shape) >= MINIMUM_SET for grid in grids)
+
+
+def _describe(files: Any, path: str, root: PurePosixPath, *, is_folder: bool = False) -> Found:
+    relative = PurePosixPath(path).relative_to(root)
+    if not relative.name:
+        relative = PurePosixPath(PurePosixPath(path).name)
+    is_local = files.protocol in ("file", ("file", "local"))
+    return Found(path if is_local else files.unstrip_protocol(path), str(relative), is_folder)
+
+
+def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frames: bool) -> list[Task]:
+    """A task for each input. `pattern` gives the name of its output, with `FIELDS` in braces.
+
+    `path`: of the input in the folder or glob that it was found by, without its suffix; `name`: the file's, with its
+    suffix; `stem`: without; `number`: its place among all, 0001 for the first. `is_file`: the suffix of `pattern` is a
+    format's. `all_frames`: the frames of videos are elemental image arrays; their output is a video of the same kind,
+    unless the pattern has a suffix, or `/` at its end.
+
+    Raises `InvalidOption` for a pattern that is wrong, and where two outputs have one name.
+    """
+    if re.search(r"[{}]", re.sub(rf"\{{({'|'.join(FIELDS)})\}}", "", pattern)) or not pattern.strip("/"):
+        raise InvalidOption(f"--name: {pattern!r} is not understood; use {', '.join(f'{{{name}}}' for name in FIELDS)}")
+    tasks: dict[str, Task] = {}
+    digits = max(4, len(str(len(found))))
+    for number, each in enumerate(found, 1):
+        path = PurePosixPath(each.path)
+        bare = path if each.is_folder else path.with_suffix("")
+        out = pattern.format(path=bare, name=path.name, stem=bare.name, number=f"{number:0{digits}}")
+        kind = SUFFIXES.get(path.suffix.lower())
+        is_video = all_frames and not each.is_folder and kind is not None and kind.name in VIDEO_SUFFIXES
+        gets_suffix = is_video and not is_file and not pattern.endswith("/")
+        if kind is not None and gets_suffix:
+            out += VIDEO_SUFFIXES[kind.name]
+        out = out.strip("/")
+        if not out or ".." in PurePosixPath(out).parts or is_hidden(out):
+            raise InvalidOption(f"--name: {clean_text(out)} leads out of the folder or is hidden; give another pattern")
+        if out in tasks:
+            raise InvalidOption(
+                f"{each.source}: its output would have the name of that of {tasks[out].source}, {out}; give --name "
+                "with {name} or {number} in it"
+            )
+        tasks[out] = Task(each.source, out, is_file=is_file or gets_suffix, is_video=is_video)
+    return list(tasks.values())
+
+
+VIDEO_SUFFIXES = dict(zip(VIDEOS, (".mp4", ".webm", ".gif"), strict=True))
+"""Containers with frames -> the suffix of a video that is made of one."""

@@ -1,0 +1,222 @@
+"""Files by path or by URL (fsspec): the inputs of a batch, and the folder of its outputs."""
+
+from __future__ import annotations
+
+import fcntl
+import shutil
+import tempfile
+import uuid
+from collections.abc import Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
+from ciir.service.pipeline.limits import read_limits
+from ciir.service.pipeline.source import SCENE, open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from ciir.renderer.limits import Limits
+    from ciir.service.pipeline.source import Source
+
+PARTS = "parts"
+STATE = ".batch"
+"""The folder, in that of the outputs, of what a batch keeps for itself."""
+
+
+def open_filesystem(text: str) -> tuple[Any, str]:
+    """The file system of a path or a URL, and the path there. Raises `InvalidOption`."""
+    try:
+        filesystem, path = fsspec.core.url_to_fs(text, use_listings_cache=False)
+    except ImportError as error:
+        extra = "; run pip install 'ciir[s3]'" if text.startswith("s3:") else ""
+        raise InvalidOption(f"{text}: the package that reads such URLs is not installed ({error}){extra}") from error
+    except ValueError as error:
+        raise InvalidOption(f"{text}: no such kind of URL ({error}); give a path, or a URL such as s3://") from error
+    return filesystem, path.rstrip("/") or path
+
+
+def open_place(text: str) -> Source:
+    """The input at a path or a URL, or `scene:NAME`, within the limits of the environment. Raises `InputError`."""
+    if text.startswith(SCENE) or "://" not in text:
+        return open_source(text)
+    filesystem, path = open_filesystem(text)
+    limits = read_limits()
+    try:
+        if filesystem.isdir(path):
+            return Bundle(PurePosixPath(path).name, None, RemoteFolder(filesystem, path, limits), limits)
+        name, data = PurePosixPath(path).name, read_remote(filesystem, path, limits)
+    except FileNotFoundError as error:
+        raise Unreadable(f"{text}: there is no such file; check the name") from error
+    found = Bundle.from_upload(name, data, limits)
+    if found.main is None:
+        return found
+    beside = RemoteFolder(filesystem, str(PurePosixPath(path).parent), limits, {found.main: data})
+    return Bundle(name, found.main, beside, limits)
+
+
+def read_remote(filesystem: Any, path: str, limits: Limits) -> bytes:
+    """The bytes of a file. Raises `TooLarge` over the limit."""
+    size = filesystem.size(path)
+    if size is not None and size > limits.bytes:
+        raise TooLarge(f"{clean_text(path)}: {size:,} bytes; at most {limits.bytes:,} are read", "bytes")
+    data: bytes = filesystem.cat_file(path)
+    return data
+
+
+class RemoteFolder(Mapping[str, bytes]):
+    """The files below a folder of a store, read when first used. Hidden files are not listed.
+
+    Raises `TooLarge` from iteration with more than `limits.files` files, and on a file of more than `limits.bytes`.
+    """
+
+    def __init__(self, filesystem: Any, path: str, limits: Limits, known: Mapping[str, bytes] | None = None) -> None:
+        self._filesystem, self._path, self._limits = filesystem, path, limits
+        self._known = known or {}
+
+    def __getitem__(self, key: str) -> bytes:
+        if key in self._known:
+            return self._known[key]
+        if resolve_key(key) != key:
+            raise KeyError(key)
+        try:
+            return read_remote(self._filesystem, f"{self._path}/{key}", self._limits)
+        except FileNotFoundError as error:
+            raise KeyError(key) from error
+
+    def __contains__(self, key: object) -> bool:
+        if key in self._known:
+            return True
+        return isinstance(key, str) and resolve_key(key) == key and self._filesystem.isfile(f"{self._path}/{key}")
+
+    def __iter__(self) -> Iterator[str]:
+        found = (str(path).removeprefix(self._path).lstrip("/") for path in self._filesystem.find(self._path))
+        keys = sorted(key for key in found if not is_hidden(key))
+        if len(keys) > self._limits.files:
+            raise TooLarge(
+                f"{clean_text(self._path)}: more than {self._limits.files:,} files; give a folder that holds fewer",
+                "files",
+            )
+        yield from keys
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+class Outputs:
+    """The folder of a batch's outputs. Names in it are relative, with `/`; what is written appears whole."""
+
+    def __init__(self, text: str) -> None:
+        """`text`: a path or a URL. Raises `InvalidOption` where it can't be used."""
+        self._filesystem, self._root = open_filesystem(text)
+        self._is_local = isinstance(self._filesystem, LocalFileSystem)
+        if self._is_local and Path(self._root).exists() and not Path(self._root).is_dir():
+            raise InvalidOption(f"{text}: a file is there; name a folder for the outputs")
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    @contextmanager
+    def open_scratch(self) -> Iterator[Path]:
+        """A local folder of its own for a result in the making; on the same file system as the outputs if they are
+        local.
+        """
+        if not self._is_local:
+            with tempfile.TemporaryDirectory(prefix="ciir-batch-") as temporary:
+                yield Path(temporary)
+            return
+        folder = Path(self._path(f"{STATE}/scratch/{uuid.uuid4().hex}"))
+        folder.mkdir(parents=True)
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Keeps other batches out of a local folder, and removes what killed workers leave there, at the end.
+
+        Raises `InvalidOption` where another batch is running.
+        """
+        if not self._is_local:
+            yield
+            return
+        state = Path(self._path(STATE))
+        state.mkdir(parents=True, exist_ok=True)
+        with (state / "lock").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise InvalidOption(
+                    f"{self._root}: another batch writes there; wait for its end, or name another folder"
+                ) from error
+            try:
+                yield
+            finally:
+                shutil.rmtree(state / "scratch", ignore_errors=True)
+                with suppress(OSError):  # there are none, or some are of an input that is not finished
+                    (state / PARTS).rmdir()
+
+    def exists(self, name: str) -> bool:
+        """Whether there is such a file or folder."""
+        return bool(self._filesystem.exists(self._path(name)))
+
+    def read(self, name: str) -> bytes | None:
+        """The bytes of a file; None where there is none."""
+        try:
+            data: bytes = self._filesystem.cat_file(self._path(name))
+        except FileNotFoundError:
+            return None
+        return data
+
+    def write(self, name: str, data: bytes) -> None:
+        """Writes a file."""
+        if not self._is_local:
+            self._filesystem.pipe_file(self._path(name), data)
+            return
+        path = Path(self._path(name))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.partial")
+        partial.write_bytes(data)
+        partial.replace(path)
+
+    def move(self, local: Path, name: str) -> list[str]:
+        """Moves a finished local file, or the files of a folder, to `name`; returns the names of all files."""
+        names = {name: local}
+        if local.is_dir():
+            names = {f"{name}/{file.name}": file for file in sorted(local.iterdir())}
+        for target, source in names.items():
+            if self._is_local:
+                place = Path(self._path(target))
+                place.parent.mkdir(parents=True, exist_ok=True)
+                source.replace(place)
+            else:
+                self._filesystem.put_file(str(source), self._path(target))
+        return list(names)
+
+    def fetch(self, name: str, local: Path) -> Path:
+        """A local path of the file: its own, or that of a copy at `local`."""
+        if self._is_local:
+            return Path(self._path(name))
+        self._filesystem.get_file(self._path(name), str(local))
+        return local
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Removes the files that are there, and the local folders that this leaves empty."""
+        for name in names:
+            try:
+                self._filesystem.rm_file(self._path(name))
+            except FileNotFoundError:
+                continue
+
+    def remove_folder(self, name: str) -> None:
+        """Removes a folder, if there is one."""
+        if self._filesystem.exists(self._path(name)):
+            self._filesystem.rm(self._path(name), recursive=True)

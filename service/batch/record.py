@@ -1,0 +1,81 @@
+"""The record of an output: what it was made of, in a file beside the outputs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from ciir.renderer.readers.bundle import Bundle
+from ciir.service.batch.places import STATE
+from ciir.service.batch.task import Outcome
+from ciir.service.batch.trace import Trace, compute_key, matches
+
+if TYPE_CHECKING:
+    from ciir.service.batch.places import Outputs
+    from ciir.service.batch.task import Request, Task
+    from ciir.service.pipeline.report import Report
+    from ciir.service.pipeline.source import Source
+
+
+class Record:
+    """The record of the output of a task, if there is one."""
+
+    def __init__(self, outputs: Outputs, task: Task, request: Request) -> None:
+        self._outputs, self._out, self._run = outputs, task.out, request.run
+        self._name = f"{STATE}/records/{hash_name(task.out)}.json"
+        part = task.part and (task.part.views, task.part.model, task.part.first, len(task.part.times))
+        name = task.source.rpartition("/")[2]
+        self._key = compute_key(name, task.out, task.is_file, task.is_video, part, options=request.options)
+        data = outputs.read(self._name)
+        self._kept: dict[str, Any] = {} if data is None else json.loads(data)
+
+    @property
+    def trace(self) -> Trace:
+        """What was read for the output."""
+        return dict(self._kept["trace"])
+
+    @property
+    def files(self) -> list[str]:
+        """The names of the output's files."""
+        return list(self._kept["files"])
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the report of the output shows."""
+        shown = self._kept["report"]
+        return Outcome("done", views=shown["views"], model=shown["model"], notes=tuple(shown["notes"]))
+
+    def is_current(self, source: Source) -> bool:
+        """Whether the output is there and was made of the same content with the same options."""
+        if self._kept.get("key") != self._key:
+            return False
+        files = source.files if isinstance(source, Bundle) else {}
+        return matches(self._kept["trace"], files) and all(map(self._outputs.exists, self._kept["files"]))
+
+    def remove(self) -> None:
+        """Removes the record, and the files of the earlier output, if there are any."""
+        if self._kept:
+            self._outputs.remove([self._name, *self._kept["files"]])
+            self._kept = {}
+
+    def is_of(self, run: str) -> bool:
+        """Whether the output was made in that run."""
+        return run != "" and bool(self._kept["run"] == run)
+
+    def write(self, files: list[str], trace: Trace, report: Report) -> Outcome:
+        """Records that the output is there."""
+        shown = {
+            "views": len(report["views"]),
+            "model": report["model"]["name"] if report["model"] else "",
+            "notes": report["notes"],
+        }
+        self._kept = {"out": self._out, "key": self._key, "run": self._run, "files": files}
+        self._kept |= {"trace": trace, "report": shown}
+        self._outputs.write(self._name, (json.dumps(self._kept, indent=1) + "\n").encode())
+        return self.outcome
+
+
+def hash_name(out: str) -> str:
+    """A file name for what belongs to the output called `out`."""
+    return hashlib.sha256(out.encode()).hexdigest()[:32]

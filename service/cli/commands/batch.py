@@ -1,0 +1,142 @@
+"""`ciir batch`: reconstructs many inputs, on all cores of this machine or on a cluster."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+import uuid
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from ciir.cores import count_available_cores
+from ciir.errors import InvalidOption
+from ciir.renderer.writers.formats import BY_SUFFIX
+from ciir.service.cli import common, output_path
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from ciir.service.batch.places import Outputs
+    from ciir.service.batch.run import Report
+    from ciir.service.batch.summary import Summary
+    from ciir.service.batch.task import Outcome, Task
+
+SOME_FAILED = 3
+"""Exit status where some inputs failed."""
+LINE_SECONDS = 30.0
+"""How often progress is a line where it is no bar."""
+_UNITS = {"": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
+
+
+def run(args: argparse.Namespace) -> None:
+    """Writes the outputs and the summary, and prints a line about them. Exits with `SOME_FAILED` where some failed."""
+    options = common.parse_options(args)
+    is_file = output_path.names_file(args.name, list(BY_SUFFIX), what="views")
+    workers, memory = _read_count(args.workers), _read_size(args.worker_memory)
+    if args.cluster and (args.workers or args.worker_memory):
+        raise InvalidOption("--workers, --worker-memory: these are for workers on this machine; leave them out")
+    from ciir.service.batch import inputs
+    from ciir.service.batch.places import Outputs
+    from ciir.service.batch.run import Batch
+    from ciir.service.batch.summary import Summary
+    from ciir.service.batch.task import Request
+
+    has_arrays = options.lenses is not None or options.pixels is not None or options.known_grid is not None
+    found = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
+    all_frames = options.lenses is not None and not hasattr(args, "option_frame")
+    tasks = inputs.make_tasks(found, args.name, is_file=is_file, all_frames=all_frames)
+    place = _resolve_outputs(args.out, [each.source for each in found])
+    frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}
+    request = Request(options, place, uuid.uuid4().hex, **frames)
+    outputs, summary = Outputs(place), Summary(tasks)
+    with outputs.lock(), _finishing(summary, outputs), Batch(request) as batch, _showing(len(tasks)) as show:
+        if args.cluster:
+            batch.connect(args.cluster)
+        else:
+            batch.start_local(workers or count_available_cores(), memory)
+
+        def report(task: Task, outcome: Outcome | None, added: int) -> None:
+            if outcome is not None:
+                summary.add(task, outcome)
+            show(task, outcome, added)
+
+        batch.run(tasks, report)
+    _print_summary(args.out, summary)
+    if summary.count()["failed"]:
+        raise SystemExit(SOME_FAILED)
+
+
+def _print_summary(out: str, summary: Summary) -> None:
+    counts, found = summary.count(), summary.describe()
+    parts = [f"{counts['done']} of {found['inputs']} inputs done"]
+    parts += [f"{counts['kept']} done before"] if counts["kept"] else []
+    parts += [f"{counts['failed']} failed: summary.csv says why"] if counts["failed"] else []
+    rate = f", {counts['done'] / found['seconds']:.2g} a second" if counts["done"] else ""
+    common.print_line(f"{out}: {', '.join(parts)} ({found['seconds']:.0f} s{rate})")
+
+
+@contextmanager
+def _finishing(summary: Summary, outputs: Outputs) -> Iterator[None]:
+    """Writes the summary at the end of the block, also where it is interrupted."""
+    try:
+        yield
+    finally:
+        summary.write(outputs)
+
+
+@contextmanager
+def _showing(total: int) -> Iterator[Report]:
+    """Shows progress, with throughput and time left: a bar on a terminal, else a line now and then; errors at once."""
+    from tqdm import tqdm
+
+    shown = time.monotonic()
+    with tqdm(total=total, unit="task", leave=False, file=sys.stderr, smoothing=0.05, disable=None) as bar:
+        begun, done = shown, 0
+
+        def show(task: Task, outcome: Outcome | None, added: int) -> None:
+            nonlocal done, shown, total
+            done, total = done + 1, total + added
+            if outcome is not None and outcome.status == "failed":
+                what = outcome.error if outcome.error.startswith(task.source) else f"{task.source}: {outcome.error}"
+                tqdm.write(f"ciir: {what}", file=sys.stderr)
+            bar.total = total
+            bar.update()
+            now = time.monotonic()
+            if bar.disable and now > shown + LINE_SECONDS:
+                shown, rate = now, done / (now - begun)
+                line = f"ciir: {done} of {total} done, {rate:.2g} a second, {(total - done) / rate:.0f} s left"
+                print(line, file=sys.stderr, flush=True)
+
+        yield show
+
+
+def _resolve_outputs(text: str, sources: list[str]) -> str:
+    """The folder of the outputs. Raises `InvalidOption` where an input is in it, or it in an input."""
+    if "://" in text:
+        return text.rstrip("/")
+    place = output_path.resolve_folder(text, what="the outputs").resolve()
+    for source in sources:
+        path = PurePosixPath(source)
+        if source.startswith("/") and (path.is_relative_to(place) or PurePosixPath(place).is_relative_to(path)):
+            raise InvalidOption(f"{text}: the input {source} is there; give another folder, so that nothing is lost")
+    return str(place)
+
+
+def _read_count(text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not text.isdecimal() or not 1 <= int(text) <= 1024:
+        raise InvalidOption(f"--workers: {text[:40]!r} is no whole number from 1 to 1024; give one such as 4")
+    return int(text)
+
+
+def _read_size(text: str | None) -> int | None:
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Z]*)", text.strip().upper())
+    if found is None or found[2] not in _UNITS or float(found[1]) * _UNITS[found[2]] < 2**28:
+        raise InvalidOption(f"--worker-memory: {text[:40]!r} is no size of 256MiB or more; give one such as 2GiB")
+    return int(float(found[1]) * _UNITS[found[2]])

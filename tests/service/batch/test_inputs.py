@@ -1,0 +1,93 @@
+"""The inputs of a batch and the names of their outputs."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fsspec")
+
+from ciir.errors import InvalidOption
+from ciir.service.batch.inputs import find_inputs, make_tasks
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("a.png", "b.glb", "notes.txt", ".hidden.png", "below/a.png", "film.mp4", ".batch/x.png"):
+        path = tmp_path / "in" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    return tmp_path / "in"
+
+
+def find(*texts, has_arrays=True, sets=False):
+    return find_inputs([str(text) for text in texts], has_arrays=has_arrays, sets=sets)
+
+
+def name_outputs(found, pattern="{path}", *, all_frames=False):
+    return [task.out for task in make_tasks(found, pattern, is_file="." in pattern, all_frames=all_frames)]
+
+
+def test_a_folder_stands_for_the_files_that_are_read_below_it(folder):
+    found = find(folder)
+    assert [each.path for each in found] == ["a.png", "b.glb", "below/a.png", "film.mp4"]
+    assert found[0].source == str(folder / "a.png")
+    assert name_outputs(found) == ["a", "b", "below/a", "film"]
+    assert name_outputs(found, all_frames=True) == ["a", "b", "below/a", "film.mp4"]
+
+
+def test_globs_and_files(folder):
+    assert name_outputs(find(folder / "*" / "*.png", folder / "a.png", folder / "a.png")) == ["below/a", "a"]
+    assert name_outputs(find(f"file://{folder}/*.glb", "scene:vase"), "{number}_{name}.zip") == [
+        "0001_b.glb.zip",
+        "0002_vase.zip",
+    ]
+
+
+def test_names_with_characters_of_globs_are_files(folder):
+    (folder / "x[1].png").touch()
+    assert name_outputs(find(folder / "x[1].png")) == ["x[1]"]
+
+
+def test_a_folder_of_views_is_one_input(tmp_path):
+    for v in range(2):
+        for u in range(3):
+            (tmp_path / "lf" / "one").mkdir(parents=True, exist_ok=True)
+            (tmp_path / "lf" / "one" / f"view_{v:02d}_{u:02d}.png").touch()
+    assert name_outputs(find(tmp_path / "lf", has_arrays=False)) == ["one"]
+    assert name_outputs(find(tmp_path / "lf" / "one", has_arrays=False)) == ["one"]
+    assert len(find(tmp_path / "lf")) == 6
+    assert [each.source for each in find(tmp_path / "lf" / "*", sets=True)] == [str(tmp_path / "lf" / "one")]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ([""], "is no name"),
+        (["absent.png"], "no such file"),
+        (["*.absent"], "holds no input"),
+        (["nosuch://y"], "no such kind"),
+    ],
+)
+def test_what_is_no_input(texts, message):
+    with pytest.raises(InvalidOption, match=message):
+        find(*texts)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [
+        ("{stem}", "would have the name of that of"),
+        ("{path.parent}", "not understood"),
+        ("{absent}", "not understood"),
+        ("../{path}", "leads out"),
+        ("/", "not understood"),
+    ],
+)
+def test_patterns_that_are_refused(folder, pattern, message):
+    with pytest.raises(InvalidOption, match=message):
+        make_tasks(find(folder), pattern, is_file=False, all_frames=False)
+
+
+def test_inputs_are_absolute(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert all(Path(each.source).is_absolute() for each in find("."))

@@ -1,0 +1,145 @@
+"""A batch on worker processes of this machine, by the command."""
+
+import csv
+import json
+import shutil
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("distributed")
+from distributed import Client, LocalCluster
+
+from ciir import cores
+from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.pictures import encode_png
+from ciir.service.batch import engines, parts
+from ciir.service.batch.task import Request, Task
+from ciir.service.batch.work import work
+from ciir.service.cli.main import main
+from ciir.service.pipeline.options import Options
+from tests.support.inputs import CUBE
+from tests.support.light_fields import make_views
+
+ARRAY = ("--lenses", "12x12", "--pixels", "3x3", "--model", "fast")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _workers_in_this_process():
+    """Workers as threads of this process start at once."""
+
+    @contextmanager
+    def open_threads(workers, memory):
+        with (
+            LocalCluster(
+                n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+            ) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engines, "open_local", open_threads)
+        patch.setattr(cores, "most_cores", None)  # which a worker sets for its process
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Inputs, one of them broken, and a finished batch of them."""
+    folder = tmp_path_factory.mktemp("batch")
+    (folder / "in" / "arrays").mkdir(parents=True)
+    for seed, name in enumerate(("vase", "globe")):
+        array = LightField(make_views((3, 3), side=12, channels=3, seed=seed)).eia()
+        (folder / "in" / "arrays" / f"{name}.png").write_bytes(encode_png(array))
+    (folder / "in" / "cube.off").write_bytes(CUBE)
+    (folder / "in" / "broken.png").write_bytes((folder / "in" / "arrays" / "vase.png").read_bytes()[:100])
+    with pytest.raises(SystemExit) as end:
+        run(folder)
+    assert end.value.code == 3
+    return folder
+
+
+def run(folder, *more, out="out"):
+    return main(["batch", str(folder / "in"), "-o", str(folder / out), "--workers", "1", *ARRAY, *more])
+
+
+def read_summary(folder, out="out"):
+    summary = json.loads((folder / out / "summary.json").read_bytes())
+    return summary, {row["output"]: row for row in summary["results"]}
+
+
+def test_one_bad_file_does_not_stop_the_others(folder):
+    summary, rows = read_summary(folder)
+    assert {key: summary[key] for key in ("inputs", "done", "kept", "failed", "not_done")} == {
+        "inputs": 4,
+        "done": 3,
+        "kept": 0,
+        "failed": 1,
+        "not_done": 0,
+    }
+    assert "ends too early" in rows["broken"]["error"]
+    assert rows["arrays/vase"] | {"seconds": 0} == {
+        "input": str(folder / "in" / "arrays" / "vase.png"),
+        "output": "arrays/vase",
+        "status": "done",
+        "error": "",
+        "views": 1,
+        "model": "fast",
+        "seconds": 0,
+        "notes": rows["arrays/vase"]["notes"],
+    }
+    with (folder / "out" / "summary.csv").open() as file:
+        assert [row["status"] for row in csv.DictReader(file)] == ["done", "done", "failed", "done"]
+
+
+def test_what_another_worker_did_in_this_run_counts_as_done(folder):
+    request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(folder / "twice"), "one run")
+    task = Task(str(folder / "in" / "arrays" / "vase.png"), "vase")
+    assert [work(task, request).status for _ in range(2)] == ["done", "done"]
+    assert work(task, replace(request, run="another")).status == "kept"
+
+
+def test_results_are_those_of_reconstruct(folder, tmp_path):
+    for name in ("arrays/globe.png", "cube.off"):
+        assert main(["reconstruct", str(folder / "in" / name), "-o", str(tmp_path / name[:4]), *ARRAY]) == 0
+        expected = {path.name: path.read_bytes() for path in (tmp_path / name[:4]).glob("*.png")}
+        found = {path.name: path.read_bytes() for path in (folder / "out" / name).with_suffix("").glob("*.png")}
+        assert found == expected
+        assert expected
+
+
+def test_what_is_done_is_not_done_again(folder, capsys):
+    shutil.copytree(folder, folder / "copy")
+    (folder / "copy" / "in" / "broken.png").unlink()
+    (folder / "copy" / "out" / "cube" / "view_01_01.png").unlink()
+    source, target = (folder / "copy" / "in" / "arrays" / name for name in ("globe.png", "vase.png"))
+    target.write_bytes(source.read_bytes())
+    (folder / "copy" / "out" / ".batch" / "scratch" / "of_a_killed_worker").mkdir(parents=True)
+    assert run(folder / "copy") == 0
+    _, rows = read_summary(folder / "copy")
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "arrays/globe": "kept",
+        "arrays/vase": "done",
+        "cube": "done",
+    }
+    out = folder / "copy" / "out"
+    assert (out / "arrays/vase/view_01_01.png").read_bytes() == (out / "arrays/globe/view_01_01.png").read_bytes()
+    assert sorted(path.name for path in (out / ".batch").iterdir()) == ["lock", "records"]
+    assert "2 of 3 inputs done, 1 done before" in capsys.readouterr().out
+
+
+def test_a_large_light_field_goes_through_the_engine_in_parts(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(parts, "PART_PIXELS", 4 * 24 * 24)
+    source, views = str(folder / "in" / "arrays" / "vase.png"), ("--views", "all")
+    assert main(["batch", source, "-o", str(tmp_path / "out"), "--workers", "1", *ARRAY, *views]) == 0
+    monkeypatch.undo()
+    assert main(["reconstruct", source, "-o", str(tmp_path / "whole"), *ARRAY, *views]) == 0
+    made, expected = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.png")} for name in ("out/vase", "whole")
+    )
+    assert made == expected
+    assert len(made) == 9
+    reasons = json.loads((tmp_path / "out" / "vase" / "report.json").read_bytes())["plan"]["reasons"]
+    assert "made in 3 parts, whose times are added up" in reasons
