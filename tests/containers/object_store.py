@@ -64,7 +64,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _list(self, bucket, query):
         prefix, delimiter = query.get("prefix", [""])[0], query.get("delimiter", [""])[0]
-        names = {key.removeprefix(f"{bucket}/"): data for key, data in self.server.objects.items()}
+        start = f"{bucket}/"
+        names = {key.removeprefix(start): data for key, data in self.server.objects.items() if key.startswith(start)}
         names = {name: data for name, data in sorted(names.items()) if name.startswith(prefix)}
         folders = set()
         if delimiter:

@@ -21,7 +21,6 @@ def test_every_service_is_limited(name):
 
 @pytest.mark.parametrize("name", ["scheduler", "batch-worker", "batch"])
 def test_the_cluster_has_the_settings_of_a_batch_on_one_machine(name):
-    pytest.importorskip("distributed")
     from ciir.service.batch.engines import SETTINGS, name_variable
 
     found = {key: value for key, value in SERVICES[name]["environment"].items() if key.startswith("DASK_")}

@@ -115,14 +115,14 @@ def _showing(total: int) -> Iterator[Report]:
 
 def _resolve_outputs(text: str, sources: list[str]) -> str:
     """The folder of the outputs. Raises `InvalidOption` where an input is in it, or it in an input."""
-    if "://" in text:
-        return text.rstrip("/")
-    place = output_path.resolve_folder(text, what="the outputs").resolve()
+    is_url = "://" in text
+    place = text.rstrip("/") if is_url else str(output_path.resolve_folder(text, what="the outputs").resolve())
+    folder = PurePosixPath(place)
     for source in sources:
         path = PurePosixPath(source)
-        if source.startswith("/") and (path.is_relative_to(place) or PurePosixPath(place).is_relative_to(path)):
+        if path.is_relative_to(folder) or folder.is_relative_to(path):
             raise InvalidOption(f"{text}: the input {source} is there; give another folder, so that nothing is lost")
-    return str(place)
+    return place
 
 
 def _read_count(text: str | None) -> int | None:

@@ -1,9 +1,5 @@
 """Inputs for batches."""
 
-import pytest
-
-pytest.importorskip("distributed")
-
 from ciir.benchmarks.batch.inputs import write_inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read

@@ -1,9 +1,5 @@
 """The scheduler with simulated workers."""
 
-import pytest
-
-pytest.importorskip("distributed")
-
 from ciir.benchmarks.batch.simulation import Result
 
 

@@ -3,18 +3,13 @@
 import csv
 import json
 import shutil
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 
-pytest.importorskip("distributed")
-from distributed import Client, LocalCluster
-
-from ciir import cores
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.batch import engines, parts
+from ciir.service.batch import parts
 from ciir.service.batch.task import Request, Task
 from ciir.service.batch.work import work
 from ciir.service.cli.main import main
@@ -22,27 +17,8 @@ from ciir.service.pipeline.options import Options
 from tests.support.inputs import CUBE
 from tests.support.light_fields import make_views
 
+pytestmark = pytest.mark.usefixtures("workers_in_this_process")
 ARRAY = ("--lenses", "12x12", "--pixels", "3x3", "--model", "fast")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _workers_in_this_process():
-    """Workers as threads of this process start at once."""
-
-    @contextmanager
-    def open_threads(workers, memory):
-        with (
-            LocalCluster(
-                n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
-            ) as cluster,
-            Client(cluster, set_as_default=False) as client,
-        ):
-            yield client
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engines, "open_local", open_threads)
-        patch.setattr(cores, "most_cores", None)  # which a worker sets for its process
-        yield
 
 
 @pytest.fixture(scope="module")
