@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from ciir.cores import count_available_cores
 from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.textures import sample_texture
 from ciir.renderer.scene import SOLID
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -21,7 +24,14 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
+    RayBatch = tuple[slice, NDArray[np.float64], NDArray[np.float64]]
+    """Which rays, their origins `(n, 3)` and their direction `(3,)`."""
+
+Value = TypeVar("Value", np.uint8, np.float32)
+
 RAYS_PER_BATCH = 1 << 14
+RAYS_AT_ONCE = 1 << 18
+"""Of views that are cast together, at most, but for a single view."""
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
@@ -81,11 +91,12 @@ class PreparedScene:
 
     def _find_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
-        """Triangle of each ray's first hit or -1 `(n,)`, its barycentric weights `(n, 3)`, and its distance `(n,)`."""
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Triangle of each ray's first hit or -1, its barycentric coordinates u and v there, and its distance, `(n,)`
+        each. Other threads run meanwhile.
+        """
         hit = self._embree.run(origins, directions, output=1)
-        u, v = hit["u"], hit["v"]
-        return hit["primID"], np.stack([1 - u - v, u, v], axis=1), hit["tfar"]
+        return hit["primID"], hit["u"], hit["v"], hit["tfar"]
 
     def _enter(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
@@ -111,8 +122,8 @@ class PreparedScene:
         `origins`, `direction`: as in `cast`. Cut-out and see-through triangles count too.
         """
         _, entries, along = self._enter(origins, direction)
-        triangle, weights, _ = self._find_hits(entries, along)
-        return triangle, weights
+        triangle, u, v, _ = self._find_hits(entries, along)
+        return triangle, _weigh_corners(u, v)
 
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
@@ -130,18 +141,18 @@ class PreparedScene:
         rgba = np.zeros((len(origins), 4), np.float32)
         reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
         if not self._lets_through:  # the usual case, in one pass
-            triangle, weights, distance = self._find_hits(entries, along)
+            triangle, u, v, distance = self._find_hits(entries, along)
             hit = np.flatnonzero(triangle >= 0)
-            rgba[hit], _ = self._shade(triangle[hit], weights[hit], along[hit])
+            rgba[hit] = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0]
             reached[hit] = distance[hit]
             return rgba, entry + reached / self._scale
         starts, passed = entries, np.zeros(len(origins), np.float32)
         through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
         active, last = np.arange(len(origins)), np.full(len(origins), -1)
         for _ in range(MAX_LAYERS):
-            triangle, weights, distance = self._find_hits(starts, along)
+            triangle, u, v, distance = self._find_hits(starts, along)
             hit = np.flatnonzero(triangle >= 0)
-            color, alpha = self._shade(triangle[hit], weights[hit], along[hit])
+            color, alpha = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)
             alpha[triangle[hit] == last[hit]] = 0.0  # met again by rounding
             ray = active[hit]
             rgba[ray] += (through[ray] * alpha)[:, None] * color
@@ -160,29 +171,48 @@ class PreparedScene:
         return rgba, entry + reached / self._scale
 
     def _shade(
-        self, triangle: NDArray[np.int32], weights: NDArray[np.float32], along: NDArray[np.float32]
+        self,
+        triangle: NDArray[np.int32],
+        weights: NDArray[np.float32],
+        along: NDArray[np.float32],
+        hit: NDArray[np.intp],
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind that they hide, `(n,)`.
 
-        `along`: the rays' directions `(n, 3)`, which show the front or the back of a triangle.
+        `along`: the directions of all rays `(m, 3)`, which show the front or the back of a triangle. `hit`: which of
+        them `triangle` is for, `(n,)`.
         """
         corners = self.faces.take(triangle, axis=0)  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors.take(corners, axis=0))  # (n, 4)
         if self._back is not None:
-            is_back = np.einsum("nk,nk->n", self._normals[triangle], along) > 0
+            is_back = np.einsum("nk,nk->n", self._normals[triangle], along[hit]) > 0
             product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
         part = self.part.take(triangle)
         for index in np.flatnonzero(np.bincount(part)):
             texture = self.textures[index]
             if texture is None:
                 continue
+            if len(self.textures) == 1:
+                product *= sample_texture(texture, np.einsum("nk,nkc->nc", weights, self.uv.take(corners, axis=0)))
+                continue
             of_part = np.flatnonzero(part == index)
             uv = np.einsum("nk,nkc->nc", weights[of_part], self.uv.take(corners[of_part], axis=0))
             product[of_part] *= sample_texture(texture, uv)
         np.clip(product, 0.0, 1.0, out=product)
-        alpha = np.where(self.is_see_through[part], product[:, 3], product[:, 3] >= self.cutoff[part])
+        if self._lets_through:
+            alpha = np.where(self.is_see_through[part], product[:, 3], product[:, 3] >= self.cutoff[part])
+        else:
+            alpha = np.ones(len(product), np.float32)
         product[:, 3] = 1.0
         return product, alpha
+
+
+def _weigh_corners(u: NDArray[np.float32], v: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The weights of a triangle's corners `(n, 3)` at barycentric coordinates `(n,)`."""
+    weights = np.empty((len(u), 3), np.float32)
+    np.subtract(1 - u, v, out=weights[:, 0])
+    weights[:, 1], weights[:, 2] = u, v
+    return weights
 
 
 class RaytraceBackend(Backend):
@@ -195,38 +225,64 @@ class RaytraceBackend(Backend):
     ) -> Iterator[NDArray[np.uint8]]:
         """See `Backend.sample_views`."""
         prepared = PreparedScene(scene)
-        for view in views:
-            rgba = np.empty((array.rows * array.cols, 4), np.uint8)
-            for rays, colors, _ in _cast_view(prepared, array, view):
-                rgba[rays] = colors * 255.0 + 0.5
+
+        def cast(picture: NDArray[np.uint8], part: RayBatch) -> None:
+            rays, origins, direction = part
+            picture[rays] = prepared.cast(origins, direction)[0] * 255.0 + 0.5
+
+        for picture in _cast_views(array, views, lambda rays: np.empty((rays, 4), np.uint8), cast):
             if prepared.passed and notes is not None:
                 notes.add(PASSED)
-            yield rgba.reshape(array.rows, array.cols, 4)
+            yield picture.reshape(array.rows, array.cols, 4)
 
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
         """See `Backend.render_depth`."""
         prepared = PreparedScene(scene)
-        for view in views:
-            depth = np.empty(array.rows * array.cols, np.float32)
-            for rays, _, distances in _cast_view(prepared, array, view):
-                depth[rays] = distances  # the direction's z is -1
-            yield depth.reshape(array.rows, array.cols)
+
+        def cast(picture: NDArray[np.float32], part: RayBatch) -> None:
+            rays, origins, direction = part
+            picture[rays] = prepared.cast(origins, direction)[1]  # the direction's z is -1
+
+        for picture in _cast_views(array, views, lambda rays: np.empty(rays, np.float32), cast):
+            yield picture.reshape(array.rows, array.cols)
 
 
-def list_rays(array: LensArray, view: View) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
+def list_rays(array: LensArray, view: View) -> Iterator[RayBatch]:
     """The view's rays in batches, row by row: which of them, their origins `(n, 3)` and their direction `(3,)`."""
-    x, y = array.lens_x(), array.lens_y()
     direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
     count = array.rows * array.cols
     for start in range(0, count, RAYS_PER_BATCH):
         rays = slice(start, min(start + RAYS_PER_BATCH, count))
-        row, col = np.divmod(np.arange(rays.start, rays.stop), array.cols)
-        yield rays, np.stack([x[col], y[row], np.zeros(len(row))], axis=1), direction
+        yield rays, _list_origins(array, rays.start, rays.stop), direction
 
 
-def _cast_view(
-    prepared: PreparedScene, array: LensArray, view: View
-) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float64]]]:
-    """The view's rays in batches: which of them, and their colours and distances."""
-    for rays, origins, direction in list_rays(array, view):
-        yield rays, *prepared.cast(origins, direction)
+@lru_cache(maxsize=16)  # all views of an array have the same
+def _list_origins(array: LensArray, start: int, stop: int) -> NDArray[np.float64]:
+    """The centres of some lenses of an array, row by row, `(n, 3)`, read-only."""
+    row, col = np.divmod(np.arange(start, stop), array.cols)
+    origins = np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
+    origins.flags.writeable = False
+    return origins
+
+
+def _cast_views(
+    array: LensArray,
+    views: Sequence[View],
+    make: Callable[[int], NDArray[Value]],
+    cast: Callable[[NDArray[Value], RayBatch], None],
+) -> Iterator[NDArray[Value]]:
+    """A picture of each view, made by `make` for its number of rays and filled by `cast`, on all cores."""
+    count = array.rows * array.cols
+    size = max(1, RAYS_AT_ONCE // count)
+    with ThreadPoolExecutor(count_available_cores(), thread_name_prefix="rays") as pool:
+        for first in range(0, len(views), size):
+            some = views[first : first + size]
+            pictures = [make(count) for _ in some]
+            parts = [
+                pool.submit(cast, picture, part)
+                for picture, view in zip(pictures, some, strict=True)
+                for part in list_rays(array, view)
+            ]
+            for part in parts:
+                part.result()
+            yield from pictures

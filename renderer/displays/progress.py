@@ -11,7 +11,7 @@ Progress = Callable[[int, int], object]
 """Called with the number of rows or views that are finished and of all."""
 
 MOST_THREADS = 4
-"""Each holds tens of megabytes, and of rays Embree's part, half of the work, runs in one at a time."""
+"""Each holds tens of megabytes."""
 
 
 def ignore_progress(done: int, total: int) -> None:

@@ -162,3 +162,21 @@ def test_one_ray_is_cast_for_each_sample(samples, at_once, monkeypatch):
     batches.clear()
     RaytraceBackend().render_eia(triangles(), array, samples=samples)
     assert sum(batches) == 2 * 3 * a_view
+
+
+@pytest.mark.parametrize("at_once", [1, 130, 1 << 18])  # 63 rays a view: one view, two, all
+def test_views_are_the_same_and_in_order_whatever_is_cast_together(at_once, monkeypatch):
+    array, views = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1), [(1, 2), (0, 0), (1, 0), (0, 2), (0, 1)]
+    singly = [next(RaytraceBackend().render_views(triangles(), array, [view])) for view in views]
+    monkeypatch.setattr(embree, "RAYS_AT_ONCE", at_once)
+    monkeypatch.setattr(embree, "RAYS_PER_BATCH", 20)
+    np.testing.assert_array_equal(list(RaytraceBackend().render_views(triangles(), array, views)), singly)
+
+
+def test_an_error_of_a_thread_is_raised(monkeypatch):
+    def fail(prepared, origins, direction):
+        raise MemoryError
+
+    monkeypatch.setattr(embree.PreparedScene, "cast", fail)
+    with pytest.raises(MemoryError):
+        list(RaytraceBackend().render_views(triangles(), ARRAY, [(0, 0)]))
