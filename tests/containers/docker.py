@@ -85,16 +85,23 @@ def post(url, data, name="eia.png", headers=None, **fields):
 class Stack:
     """The compose file's services, in a project of their own, with its folder."""
 
-    def __init__(self, compose, folder):
+    def __init__(self, compose, folder, environment=None):
         shutil.copy(ROOT / "docker-compose.yml", folder)
         self.folder, self._compose = folder, compose
         self._name = f"ciir-test-{os.getpid()}"
         port = find_free_port()
         self.url = f"http://127.0.0.1:{port}"
-        self._environment = os.environ | {"CIIR_IMAGE": IMAGE, "CIIR_PORT": str(port)}
+        self._environment = os.environ | {"CIIR_IMAGE": IMAGE, "CIIR_PORT": str(port)} | (environment or {})
 
     def __call__(self, *words):
         return run(*self._compose, "-p", self._name, *words, cwd=self.folder, env=self._environment)
+
+    def start(self, *words):
+        """A command of compose that goes on."""
+        argv = [*self._compose, "-p", self._name, *words]
+        return subprocess.Popen(  # noqa: S603 - our own
+            argv, cwd=self.folder, env=self._environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
 
     def up(self, workers=1):
         """Starts the services, with so many workers, and waits until the server is ready."""

@@ -19,6 +19,12 @@ def test_every_service_is_limited(name):
     assert service["security_opt"] == ["no-new-privileges:true"]
 
 
+@pytest.mark.parametrize("name", SERVICES)
+def test_what_a_service_depends_on_starts_with_it(name):
+    for other in SERVICES[name].get("depends_on", ()):  # compose enables no other profile for it
+        assert set(SERVICES[other].get("profiles", ())) <= set(SERVICES[name].get("profiles", ()))
+
+
 @pytest.mark.parametrize("name", ["scheduler", "batch-worker", "batch"])
 def test_the_cluster_has_the_settings_of_a_batch_on_one_machine(name):
     from ciir.service.batch.engines import SETTINGS, name_variable
