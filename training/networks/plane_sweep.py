@@ -34,6 +34,8 @@ SINGLE = 0.03
 SURE = 0.01
 LEAST = 1e-6
 """Added to the variance, whose root has no finite slope at zero."""
+BLOCK = 10
+"""Rows that one filter of `_filter_blocks` gives."""
 
 
 class PlaneSweep(nn.Module):
@@ -108,6 +110,23 @@ def _filter(lines: Tensor, down: Tensor, across: Tensor) -> Tensor:
     # (N, row of views, planes, phase across, tall, W) -> phases across in the batch, a group of rows for each plane
     moved = moved.reshape(-1, SIDE, planes, phases, tall, wide).permute(0, 3, 2, 1, 4, 5)
     moved = moved.reshape(-1, planes * SIDE, tall, wide)
-    made = functional.conv2d(moved, down.reshape(planes * phases, SIDE, taps, 1), groups=planes)
-    made = made.reshape(-1, phases, planes, phases, tall - taps + 1, wide).permute(0, 2, 3, 1, 4, 5)
-    return made.reshape(len(made), planes * phases**2, tall - taps + 1, wide)
+    if phases == 1:
+        return functional.conv2d(moved, down.reshape(planes, SIDE, taps, 1), groups=planes)
+    made = _filter_blocks(moved, down)  # (N * phases, planes * phases * BLOCK, blocks, W)
+    blocks = made.shape[2]
+    made = made.reshape(-1, phases, planes, phases, BLOCK, blocks, wide).permute(0, 2, 3, 1, 5, 4, 6)
+    return made.reshape(len(made), planes * phases**2, blocks * BLOCK, wide)[:, :, : tall - taps + 1]
+
+
+def _filter_blocks(moved: Tensor, down: Tensor) -> Tensor:
+    """`(N, planes*SIDE, tall, W)` filtered down in blocks of `BLOCK` rows: `(N, planes*phases*BLOCK, blocks, W)`.
+
+    A block's rows are channels of one convolution, the taps of each moved down by its place. That is more
+    multiplications, by zeros, and equal to the bit; onnxruntime takes half the time for it, as it copies far less.
+    """
+    planes, phases, _, taps = down.shape
+    tap = torch.arange(BLOCK + taps - 1) - torch.arange(BLOCK)[:, None]
+    tap = torch.where((tap >= 0) & (tap < taps), tap, taps).to(down.device)  # (BLOCK, rows); `taps`: a zero
+    filters = functional.pad(down, (0, 1))[..., tap]  # (planes, phases, SIDE, BLOCK, rows)
+    filters = filters.transpose(2, 3).reshape(planes * phases * BLOCK, SIDE, BLOCK + taps - 1, 1)
+    return functional.conv2d(functional.pad(moved, (0, 0, 0, BLOCK - 1)), filters, stride=(BLOCK, 1), groups=planes)
