@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
-from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
-from ciir.renderer.readers.registry import ZIP, identify
+from ciir.renderer.readers.names import FRAMES, clean_text, is_hidden, resolve_key
+from ciir.renderer.readers.registry import ZIP, identify, is_picture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,6 +40,14 @@ class Bundle:
     """Limits for everything that is read of the files."""
     keep_grid: Callable[[NDArray[np.uint8]], object] | None = None
     """Given a raw lenslet picture, `(H, W, 3)`, with its lens grid over it."""
+
+    def find_frames(self, key: str) -> dict[str, str]:
+        """The pictures named white and dark, by these names, beside the raw lenslet picture `key`; none where that was
+        given alone.
+        """
+        beside = [] if self.main is not None else [other for other in self.files if other != key and is_picture(other)]
+        stems = {PurePosixPath(other).stem.lower(): other for other in beside}
+        return {name: stems[name] for name in FRAMES if name in stems}
 
     @classmethod
     def from_path(cls, path: Path, limits: Limits = DEFAULT_LIMITS) -> Bundle:

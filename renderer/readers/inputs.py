@@ -14,7 +14,7 @@ from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.names import clean_text, find_frames
+from ciir.renderer.readers.names import FRAMES, TILES, clean_text
 from ciir.renderer.readers.registry import (
     ESLF,
     LYTRO,
@@ -35,6 +35,8 @@ from ciir.renderer.readers.view_set.order import reorient, settle_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.light_field import LightField
     from ciir.renderer.placement import Placement
@@ -78,9 +80,9 @@ def open_input(
     Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
     """
-    found = find_main(bundle, is_raw=layout.lens_grid is not None)
+    found = find_main(bundle)
     name = clean_text(bundle.name)
-    if layout.frame and (found is None or found[0].name not in VIDEOS or layout.lenses is None):
+    if layout.frame and (found is None or found[0].name not in VIDEOS or not layout.selects_frame):
         raise InvalidOption(
             f"frame: this is for a video of elemental image arrays, with lenses; leave it out of {name}"
         )
@@ -91,24 +93,45 @@ def open_input(
             raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
         from ciir.renderer.readers.lenslet import reader
 
-        return settle_order(reader.read(bundle, found[1], layout, layout.lens_grid), layout, corrects=False)
+        raw = reader.read(bundle, found[1], layout, layout.lens_grid)
+        return _note_left_out(settle_order(raw, layout, corrects=False), bundle, found[1])
     if found is None:
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
     if isinstance(format_, MeshFormat):
         return meshes.read(replace(bundle, main=key), format_, placement, pose)
-    format_ = _refine(format_, key, bundle, layout)
+    return _note_left_out(_read_file(bundle, _refine(format_, key, bundle, layout), key, layout), bundle, key)
+
+
+def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> LightField:
+    """The light field in a container or a picture."""
     if isinstance(format_, ContainerFormat):
-        return settle_order(_read_container(bundle, key, format_, layout), layout)
-    if bundle.main is None:
+        light_field = _read_container(bundle, key, format_, layout)
+        is_array = format_.name in VIDEOS and light_field.depth_sense == "lenses"
+        return settle_order(light_field, layout, corrects=not is_array)
+    if bundle.find_frames(key):
         raise InvalidOption(
-            f"lens_pitch: {name} holds a picture with white or dark frames, as raw lenslet pictures have; give their "
-            "pitch in pixels, or auto"
+            f"lens_pitch: {clean_text(bundle.name)} holds a picture with white or dark frames, as raw lenslet pictures "
+            "have; give their pitch in pixels, or auto"
         )
     if (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
-    light_field = _find_eslf(eia.read(bundle.files[key], name=name, layout=layout, limits=bundle.limits), layout)
+    shown = _name_main(bundle, key)
+    light_field = _find_eslf(eia.read(bundle.files[key], name=shown, layout=layout, limits=bundle.limits), layout)
     return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # no EIA
+
+
+def _note_left_out(light_field: LightField, bundle: Bundle, key: str) -> LightField:
+    """The light field in the file `key`, with a note on others of a folder or a zip that may have been meant."""
+    if bundle.main is not None:
+        return light_field
+    known = {key, *bundle.find_frames(key).values()}
+    others = [other for other in sorted(bundle.files) if other not in known and not view_set.is_side_file(other)]
+    if not others:
+        return light_field
+    more = f" and {len(others) - 1} more" if others[1:] else ""
+    note = f"{clean_text(others[0])}{more} left out: {clean_text(key)} holds the light field"
+    return replace(light_field, notes=(*light_field.notes, note))
 
 
 def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
@@ -129,16 +152,17 @@ def holds_views(bundle: Bundle, layout: Layout) -> bool:
         return True
     format_ = _refine(*found, bundle, layout)
     if isinstance(format_, ContainerFormat):
-        return format_.name not in VIDEOS or layout.lenses is None
+        return format_.name not in VIDEOS or not layout.selects_frame
     return isinstance(format_, PictureFormat) and _find_quilt(bundle, found[1], layout) is not None
 
 
-def find_main(bundle: Bundle, *, is_raw: bool = False) -> tuple[Format, str] | None:
+def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     """The format and the key of the mesh, picture or container that `read` reads; None for a set of views.
 
-    `is_raw`: whether a picture alone in a set is a raw lenslet picture, as one with frames is.
+    Of several files it is the one mesh, or else the one container beside at most one picture, or else the picture that
+    is alone or has frames; but a picture named as the views that we write is a set of one view.
 
-    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh.
+    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh or container.
     """
     name = clean_text(bundle.name)
     if bundle.main is not None:
@@ -152,24 +176,39 @@ def find_main(bundle: Bundle, *, is_raw: bool = False) -> tuple[Format, str] | N
     if len(views) > 1:  # a PLY beside a set of views is a point cloud
         found = [key for key in found if not key.lower().endswith(".ply")]
     if len(found) > 1:
-        listed = ", ".join(clean_text(key) for key in found[:3])
-        raise Unreadable(
-            f"{name}: holds {len(found)} meshes ({listed}{', ...' if found[3:] else ''}); give one of them"
-        )
+        raise Unreadable(f"{name}: holds {len(found)} meshes ({_list_some(found)}); give one of them")
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]
-    frames = find_frames(views)
-    if (frames or is_raw) and len(views) == len(frames) + 1:
-        raw = next(key for key in views if key not in frames.values())
-        return identify(raw, bundle.files[raw]), raw
-    containers = [key for key in names if is_container(key)]
-    if not views and len(containers) == 1:
+    if {*TILES} <= {PurePosixPath(key).name for key in names}:
+        raise UnsupportedType(
+            f"{name}: tiles are written for viewers and not read again; write the light field as npz, or as any other "
+            "container, too"
+        )
+    containers = [key for key in names if is_container(key)] if len(views) <= 1 else []
+    if len(containers) > 1:
+        raise Unreadable(
+            f"{name}: holds {len(containers)} files that may be light fields ({_list_some(containers)}); give one of "
+            "its files"
+        )
+    pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
+    if containers:
         return identify(containers[0], bundle.files[containers[0]]), containers[0]
+    if len(pictures) == 1 and view_set.OWN_NAME.fullmatch(PurePosixPath(pictures[0]).name) is None:
+        return identify(pictures[0], bundle.files[pictures[0]]), pictures[0]
     if not views:
         raise Unreadable(
             f"{name}: {_describe_others(names)}; give a mesh, or the views of a light field as .png, .jpg or .tif files"
         )
     return None
+
+
+def _list_some(keys: Sequence[str]) -> str:
+    return ", ".join(clean_text(key) for key in keys[:3]) + (", ..." if keys[3:] else "")
+
+
+def _name_main(bundle: Bundle, key: str) -> str:
+    """The main file's name for messages: in a folder or a zip, which may hold others, with theirs before it."""
+    return clean_text(bundle.name if bundle.main is not None else f"{bundle.name}/{key}")
 
 
 def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
@@ -195,7 +234,7 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):
         from ciir.renderer.readers.containers import eslf
 
-        return ESLF if eslf.is_eslf(bundle.name, bundle.files[key]) else format_
+        return ESLF if eslf.is_eslf(key, bundle.files[key]) else format_
     return format_
 
 
@@ -212,7 +251,7 @@ def _describe_others(names: list[str]) -> str:
 
 
 def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:
-    name = clean_text(bundle.name)
+    name = _name_main(bundle, key)
     reader: ContainerReader = format_.load_reader()
     try:
         light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
@@ -227,7 +266,7 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     if format_ is not ESLF and layout.pixels not in {None, grid}:  # of ESLF they are those under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
     height, width = light_field.views.shape[2:4]
-    if format_ is not ESLF and grid[0] > height and grid[1] > width:
+    if format_ is not ESLF and format_.name not in VIDEOS and grid[0] > height and grid[1] > width:
         note = (
             f"axes: {grid[0]}x{grid[1]} views of {height}x{width} pixels; if these are {height}x{width} views of "
             f"{grid[0]}x{grid[1]} pixels, save the array with the axes (V, U, H, W, C)"

@@ -20,7 +20,7 @@ class Layout:
     """Rows and columns of pixels under a lens: the number of views."""
     pickup: Pickup = "virtual"
     frame: int = 0
-    """Of a video of elemental image arrays: which one."""
+    """Of a video, where `selects_frame`: which one."""
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)
     """Pixels of margin around an elemental image array or a mosaic: top, left, bottom, right."""
@@ -34,3 +34,8 @@ class Layout:
     says."""
     lens_grid: Known | None = None
     """Of a raw lenslet picture; None for a picture that is an elemental image array."""
+
+    @property
+    def selects_frame(self) -> bool:
+        """Whether one frame of a video is read, an elemental image array or a mosaic, and not all frames as views."""
+        return self.lenses is not None or self.arrangement != "auto"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import posixpath
 import re
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
@@ -12,6 +11,10 @@ from ciir.errors import InvalidOption
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+TILES = "light_field.json", "coarse.jpg"
+"""The first files of what `renderer.writers.containers.tiles` writes, which is not read: its description, a mosaic."""
+FRAMES = "white", "dark"
+"""What the frames of a raw lenslet picture are named in a folder or a zip."""
 _LISTED = 10
 """Most things of a file that a message lists."""
 _DRIVE_OR_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
@@ -37,12 +40,6 @@ def resolve_key(name: str, folder: str = "") -> str | None:
         return None
     key = posixpath.normpath(posixpath.join(folder, name))
     return None if key in {".", ".."} or key.startswith("../") else key
-
-
-def find_frames(keys: Sequence[str]) -> dict[str, str]:
-    """The keys of the pictures named `white` and `dark`, the frames of a raw lenslet picture, by these names."""
-    stems = {PurePosixPath(key).stem.lower(): key for key in keys}
-    return {name: stems[name] for name in ("white", "dark") if name in stems}
 
 
 def find_numbered(option: str, given: str, titles: Sequence[Sequence[str]], holder: str) -> int:

@@ -44,6 +44,8 @@ _GROUPS = {
 def add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
     """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
     headings = {name: heading for heading, group in _GROUPS.items() for name in group}
+    if kind == "plane":
+        headings["disparity"] = "planes and disparity"
     groups: dict[str, Any] = {}
     for name in names:
         option = OPTIONS[name]

@@ -13,7 +13,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, PictureFormat, is_picture
+from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, MeshFormat, PictureFormat, is_picture
 from ciir.renderer.readers.view_set.order import reorient
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -75,7 +75,7 @@ def draw_grid_at(source: Source, options: Options, path: str) -> Source:
     from ciir.renderer.readers.inputs import find_main
 
     is_raw = options.known_grid is not None
-    found = find_main(source, is_raw=is_raw) if isinstance(source, Bundle) else None
+    found = find_main(source) if isinstance(source, Bundle) else None
     kind = None if found is None else found[0]
     is_raw = kind in (LYTRO, LYTRO_RAW) or (is_raw and isinstance(kind, PictureFormat))
     if not isinstance(source, Bundle) or not is_raw:
@@ -169,18 +169,26 @@ class Input:
 
     def read_mesh(self, options: Options) -> Scene:
         """The mesh; `InvalidOption` where the source holds pictures."""
-        refusal = f"{self.name}: holds pictures; give a mesh, whose elemental image array is to be made"
-        if isinstance(self._source, Bundle) and self._source.main is not None and is_picture(self._source.main):
-            raise InvalidOption(refusal)
-        content = self.read(options)
+        content = self.read(options) if self.holds_mesh() else None
         if not isinstance(content, Scene):
-            raise InvalidOption(refusal)
+            raise InvalidOption(
+                f"{self.name}: holds pictures; give a mesh, whose elemental image array is to be made (ciir convert "
+                "writes that of a light field)"
+            )
         return content
+
+    def holds_mesh(self) -> bool:
+        """Whether this is a mesh; raises `InputError` where files are none that is read."""
+        if not isinstance(self._source, Bundle):
+            return isinstance(self._source, str | Scene)
+        from ciir.renderer.readers.inputs import find_main
+
+        found = find_main(self._source)
+        return found is not None and isinstance(found[0], MeshFormat)
 
     def describe(self, content: Content) -> Report:
         """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
-        is_raw = isinstance(content, LightField) and content.lens_pitch is not None
-        described: Report = {"name": self.name, "kind": self._kind(is_raw=is_raw)}
+        described: Report = {"name": self.name, "kind": self._kind()}
         if isinstance(self._source, Bundle):
             described |= {"bytes": sum(self._files.sizes.values()), "files": len(self._files.sizes)}
         if isinstance(content, Scene):
@@ -193,12 +201,12 @@ class Input:
             "bits": content.dtype.itemsize * 8,
         }
 
-    def _kind(self, *, is_raw: bool) -> str:
+    def _kind(self) -> str:
         if not isinstance(self._source, Bundle):
             return "array" if isinstance(self._source, LightField) else "scene"
         from ciir.renderer.readers.inputs import find_main
 
-        found = find_main(self._source, is_raw=is_raw)
+        found = find_main(self._source)
         return "views" if found is None else found[0].extension
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.samples import check_array, convert_samples, settle_depth_sense
+from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field, settle_depth_sense
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _MOST_HEADER = 20_000
 """Bytes; NumPy reads headers of up to 10,000."""
 _LOCAL_HEADER = struct.Struct("<26xHH")
 """Of a zip's member: the lengths of its name and of what else comes before its content."""
-LIGHT_FIELD, VIEWS, POSITIONS, REPORT = "LF.npy", "views.npy", "positions.npy", "report.npy"
+VIEWS, POSITIONS, REPORT = "views", "positions", "report"
 
 
 class Array:
@@ -103,24 +103,17 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
         members = check_members(name, archive.infolist(), limits)
         check_sum(name, members.values(), limits)
         arrays = {
-            key: Array(_read_member(archive, member, data), f"{name}: {clean_text(key)}")
+            key.removesuffix(".npy"): Array(_read_member(archive, member, data), f"{name}: {clean_text(key)}")
             for key, member in members.items()
             if _is_npy(key)
         }
-    found = {key: array for key, array in arrays.items() if len(array.shape) == 5}
-    if LIGHT_FIELD in found or len(found) == 1:
-        key = LIGHT_FIELD if LIGHT_FIELD in found else next(iter(found))
-        array = found[key]
-        name = f"{name}: {clean_text(key)}"
-        check_array(name, array.shape, array.dtype, limits)
-        return _make_light_field(array.read(), None, name, layout)
-    if VIEWS in arrays and POSITIONS in arrays:
+    shapes = {key: array.shape for key, array in arrays.items()}
+    if VIEWS in arrays and POSITIONS in arrays and 5 not in map(len, shapes.values()):
         return _read_views(arrays, name, layout, limits)
-    listed = ", ".join(clean_text(key.removesuffix(".npy")) for key in list(found or arrays)[:5]) or "nothing"
-    raise Unreadable(
-        f"{name}: {len(found)} arrays with five axes ({listed}); give one array (V, U, H, W, C), or the npz that "
-        "ciir convert writes"
-    )
+    key = find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C)")
+    name = f"{name}: {clean_text(key)}"
+    check_array(name, shapes[key], arrays[key].dtype, limits)
+    return _make_light_field(arrays[key].read(), None, name, layout)
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> bytes | memoryview:

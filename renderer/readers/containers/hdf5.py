@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from ciir.errors import InvalidOption, Unreadable
+from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
-from ciir.renderer.readers.containers.samples import check_array, convert_samples
-from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
@@ -36,6 +33,8 @@ MOSAIC_GRID = (5, 5)
 """Of BasicLFSR's samples where nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
+NEEDED = "a light field LF with five axes, in no group and no struct"
+"""What a file must hold, for messages."""
 _MOST_NAMES = 1000
 
 
@@ -49,26 +48,13 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
         if mosaic is not None and "LF" not in shapes:
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
-        stored = DataSet.open(file, find_variable(shapes, name), data, name)
+        stored = DataSet.open(file, find_light_field(shapes, name, NEEDED), data, name)
         if HCI_ATTRIBUTE in file.attrs:
             return _read_hci(stored, limits)
         shape = stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u.
         is_matlab = "MATLAB_class" in stored.handle.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
         return _read_matlab(stored, limits) if is_matlab else _read_plain(stored, limits)
-
-
-def find_variable(shapes: Mapping[str, Sequence[int]], name: str) -> str:
-    """`LF`, or else the only variable with five axes. Raises `Unreadable` where there is none."""
-    found = [key for key, shape in shapes.items() if len(shape) == 5]
-    if len(shapes.get("LF", ())) in (4, 5):
-        return "LF"
-    if len(found) == 1:
-        return found[0]
-    listed = ", ".join(map(clean_text, (found or list(shapes))[:5])) or "nothing"
-    if found:
-        raise Unreadable(f"{name}: {len(found)} variables have five axes ({listed}); name the light field LF")
-    raise Unreadable(f"{name}: holds {listed}; give a light field LF with five axes, in no group and no struct")
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

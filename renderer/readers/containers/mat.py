@@ -18,7 +18,7 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers import hdf5
-from ciir.renderer.readers.containers.samples import check_array, convert_samples
+from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     variables = dict(listed)
     if len(variables) < len(listed):
         raise Unreadable(f"{name}: holds two variables of one name; save each once")
-    key = hdf5.find_variable({key: variable.shape for key, variable in variables.items()}, name)
+    key = find_light_field({key: variable.shape for key, variable in variables.items()}, name, hdf5.NEEDED)
     found = variables[key]
     if found.kind not in _TYPES:
         raise UnsupportedType(

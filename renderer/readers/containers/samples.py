@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import DTypeLike, NDArray
 
@@ -34,6 +35,22 @@ def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tupl
     if found == "lenses":
         return "lenses", ()
     return "cameras", () if found == "cameras" else (TAKEN_AS_CAMERAS,)
+
+
+def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str) -> str:
+    """Of a file's arrays `LF`, or else the only one with five axes.
+
+    Raises `Unreadable` where there is none, with the `remedy`, and where there are several.
+    """
+    if len(shapes.get("LF", ())) in (4, 5):
+        return "LF"
+    found = [key for key, shape in shapes.items() if len(shape) == 5]
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(map(clean_text, (found or list(shapes))[:5])) or "nothing"
+    if found:
+        raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
+    raise Unreadable(f"{name}: holds {listed}; give {remedy}")
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:

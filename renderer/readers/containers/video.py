@@ -7,6 +7,7 @@ that moves to the right, unless the grid is given.
 from __future__ import annotations
 
 import io
+import math
 from typing import TYPE_CHECKING, Any
 
 import av
@@ -15,6 +16,8 @@ import numpy as np
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.samples import check_array
+from ciir.renderer.readers.eia import reader as eia
+from ciir.renderer.readers.eia.period import Periods
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.readers.pictures import Pixels
 
 CODECS = frozenset({
     "av1", "ffv1", "gif", "h264", "hevc", "libdav1d", "libvpx", "libvpx-vp9", "mjpeg", "mpeg4", "png", "rawvideo",
@@ -51,22 +55,23 @@ def read_gif(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 
 def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits) -> LightField:
-    """With `layout.lenses` frame `layout.frame` as an elemental image array, else all frames as views."""
+    """Frame `layout.frame` as an elemental image array, or all frames as views (`Layout.selects_frame`)."""
     with av.open(io.BytesIO(data), "r", format=container) as file:
         stream = _open_stream(file, name, limits)
-        if layout.lenses is not None:
-            return _read_eia(file, stream, name, layout)
+        if layout.selects_frame:
+            return _read_eia(_decode(file, stream), name, layout)
         frames = _count_frames(data, container)
     rows, columns = layout.pixels or (1, frames)
     if rows * columns != frames:
         raise InvalidOption(
             f"pixels: {rows}x{columns} asks for {rows * columns} views, but {name} has {frames} frames; "
-            "give the rows and columns of views, or leave it out for one row"
+            "give the rows and columns of views, or leave it out for one row; arrangement eia reads a frame as an "
+            "elemental image array"
         )
     with av.open(io.BytesIO(data), "r", format=container) as file:
         stream = _open_stream(file, name, limits)
         views = _read_views(_decode(file, stream), (rows, columns), name, limits)
-    return LightField(views, (MOVES_RIGHT,), depth_sense="cameras")
+    return LightField(views, (MOVES_RIGHT, *_note_arrays(views[0, 0])), depth_sense="cameras")
 
 
 def list_times(data: bytes, container: str, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
@@ -154,12 +159,21 @@ def _read_views(frames: Iterator[NDArray[Any]], grid: tuple[int, int], name: str
     return views.reshape(*grid, *first.shape)
 
 
-def _read_eia(file: InputContainer, stream: VideoStream, name: str, layout: Layout) -> LightField:
-    for option, is_given in (("arrangement", layout.arrangement != "auto"), ("crop", any(layout.crop))):
-        if is_given:
-            raise InvalidOption(f"{option}: this is for one picture and {name} is a video; leave it out")
-    for number, frame in enumerate(_decode(file, stream)):
+def _read_eia(frames: Iterator[NDArray[Any]], name: str, layout: Layout) -> LightField:
+    for number, frame in enumerate(frames):
         if number == layout.frame:
-            rows, columns = layout.lenses or (0, 0)
-            return LightField.from_eia(np.ascontiguousarray(frame), rows=rows, cols=columns, pickup=layout.pickup)
+            return eia.read_pixels(np.ascontiguousarray(frame), name=f"{name}, frame {number}", layout=layout)
     raise InvalidOption(f"frame: {name} has no frame {layout.frame}; they are counted from 0")
+
+
+def _note_arrays(frame: Pixels) -> tuple[str, ...]:
+    """A note on the frame of a video, read as a view, that repeats as elemental image arrays do."""
+    found = Periods(frame).find()
+    lenses = [length // size for length, size in zip(frame.shape, found or (), strict=False)]
+    if found is None or math.prod(found) > math.prod(lenses):
+        return ()
+    note = (
+        f"frames: each repeats about every {found[0]}x{found[1]} pixels, as elemental image arrays do; if they are "
+        f"such, give arrangement eia and pixels {found[0]}x{found[1]}"
+    )
+    return (note,)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.pictures import Pixels
@@ -30,7 +33,8 @@ class Periods:
     """How well a picture `(H, W, C)` fits itself when shifted down and across."""
 
     def __init__(self, picture: Pixels) -> None:
-        self._is_small = min(picture.shape[:2]) < LEAST_SIDE
+        self.size = picture.shape[0], picture.shape[1]
+        self._is_small = min(self.size) < LEAST_SIDE
         self._correlations = [] if self._is_small else [_correlate(picture, axis) for axis in (0, 1)]
 
     def find_arrangement(self, grid: tuple[int, int]) -> Literal["eia", "mosaic"] | None:
@@ -45,8 +49,24 @@ class Periods:
                 far, near = _find_highest(values, size, size // 4), _find_highest(values, count, 1 + count // 8)
                 found.append((far, near))
         if found and all(far >= max(LEAST_CORRELATION, CLEAR * near) for far, near in found):
-            return "mosaic"
+            sizes = [length // count for length, count in zip(self.size, grid, strict=True)]
+            # What repeats after an elemental image repeats after several, too.
+            return None if self.repeats_within(sizes) else "mosaic"
         return "eia" if all(near >= LEAST_OWN_CORRELATION for _, near in found) else None
+
+    def is_mosaic(self, view: tuple[int, int]) -> bool:
+        """Whether the picture certainly is a mosaic of views of `view` pixels, which divide it."""
+        rows, cols = (length // side for length, side in zip(self.size, view, strict=True))
+        # Views have more pixels than there are views, elemental images fewer than there are lenses.
+        return math.prod(view) > rows * cols and self.find_arrangement((rows, cols)) == "mosaic"
+
+    def repeats_within(self, size: Sequence[int]) -> bool:
+        """Whether the picture clearly repeats after fewer pixels than `size`, at most two thirds along one side.
+
+        Parallax alone changes a period by less, and what repeats after several elemental images does after one.
+        """
+        found = self.find()
+        return found is not None and any(3 * own <= 2 * each for own, each in zip(found, size, strict=True))
 
     def find(self) -> tuple[int, int] | None:
         """Rows and columns of pixels after which the picture repeats; None where it doesn't clearly do so in both.
@@ -75,6 +95,11 @@ class Periods:
         return [(max(down, key=down.__getitem__), max(across, key=across.__getitem__))]
 
 
+def is_near(period: int, size: int) -> bool:
+    """Whether parallax may make a period out of what repeats after `size` pixels."""
+    return abs(period - size) <= 1 + period // 16
+
+
 def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
     """The highest correlation near each divisor of the length that has `LEAST_OWN_CORRELATION` there; less of it counts
     the farther away it is.
@@ -82,10 +107,10 @@ def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
     start = int(np.argmax(values <= 0))
     beyond = np.where(np.arange(len(values)) < start, -1.0, values)  # neighbouring pixels are alike in any picture
     found = {}
-    for size in range(2, len(values) // 2 + 1):
+    for size in (size for size in range(2, len(values) // 2 + 1) if len(values) % size == 0):
         reach = 1 + size // 8  # parallax
         near = beyond[size - reach : size + reach + 1]
-        if len(values) % size == 0 and near.max() >= LEAST_OWN_CORRELATION:
+        if near.max() >= LEAST_OWN_CORRELATION:
             away = np.abs(np.arange(-reach, reach + 1)) / (reach + 1)
             found[size] = float((near * (1 - away / 2)).max())
     return found

@@ -91,10 +91,22 @@ def calibrate(
             continue
         return replace(found, grid=_move_to_corner(found.grid))
     given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
+    if given and (other := _find_other_pitch(picture)) is not None:
+        raise Unreadable(
+            f"{name}: shows no lens grid{given}, but one of {other:.2f}; give lens_pitch {other:.2f}, or auto"
+        )
     raise Unreadable(
         f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
         f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
     )
+
+
+def _find_other_pitch(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> float | None:
+    """The pitch that the picture shows by itself, in pixels."""
+    try:
+        return calibrate(picture).grid.pitch
+    except (Unreadable, InvalidOption):
+        return None
 
 
 def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> LensGrid | None:

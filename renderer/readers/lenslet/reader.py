@@ -9,13 +9,13 @@ from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.layout import Layout
-from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate
+from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate, detect_grid
 from ciir.renderer.readers.lenslet.drawing import draw_grid
 from ciir.renderer.readers.lenslet.frames import divide_by_white, subtract_dark
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.resampling import fit_pixels, resample_views
 from ciir.renderer.readers.lytro.metadata import find_camera
-from ciir.renderer.readers.names import clean_text, find_frames
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import DepthSense
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lytro.metadata import Camera
     from ciir.renderer.readers.pictures import Pixels
 
+_SAME = 0.01
+"""Of the pitch: a quick look at some lenses finds it to less."""
 _SETTLED = 0.05
 """Pixels over all lenses: a pitch that is less certain is noted as such."""
 
@@ -34,6 +36,8 @@ class _Raw:
     calibration: Calibration
     has_white: bool
     is_lytro: bool
+    other_pitch: float | None
+    """What a quick look finds in place of the pitch that was given, in pixels; None where they are the same."""
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
@@ -77,6 +81,11 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     notes = [_describe_grid(raw.calibration)]
     if raw.is_lytro and raw.calibration.cue is None and known == Known():
         notes = [f"{notes[0]} by the camera's metadata, since the picture shows none; see --show-grid"]
+    if raw.other_pitch is not None:
+        notes.append(
+            f"lens_pitch: {grid.pitch:g} was given, but lenses {raw.other_pitch:.2f} pixels apart are seen in the "
+            "picture; lens_pitch auto finds them"
+        )
     if max(pixels) > fits:
         notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
     if not raw.has_white:
@@ -95,21 +104,26 @@ def find_grid(bundle: Bundle, key: str, known: Known) -> Calibration:
 def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     name = clean_text(bundle.name)
     picture = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
-    frames = {
-        which: _decode_frame(bundle, frame, picture, which)
-        for which, frame in (find_frames(list(bundle.files)).items() if bundle.main is None else ())
-    }
+    frames = {which: _decode_frame(bundle, frame, picture, which) for which, frame in bundle.find_frames(key).items()}
     white, dark = frames.get("white"), frames.get("dark")
     if dark is not None:
         picture = subtract_dark(picture, dark)
         white = None if white is None else subtract_dark(white, dark)
     camera = find_camera(bundle.files[key], name)
-    calibration = _calibrate(picture if white is None else white, known, camera, name)
+    shown = picture if white is None else white
+    calibration = _calibrate(shown, known, camera, name)
+    other = None if known.pitch is None else _find_other_pitch(shown, known.pitch)
     if white is not None:
         picture = divide_by_white(picture, white)
     if calibration.in_columns:
         picture = picture.swapaxes(0, 1)
-    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None)
+    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None, other_pitch=other)
+
+
+def _find_other_pitch(picture: Pixels, given: float) -> float | None:
+    """The pitch of lenses that the picture clearly shows, where it is not `given`."""
+    found = detect_grid(picture, round(given))
+    return None if found is None or abs(found.pitch / given - 1) < _SAME else found.pitch
 
 
 def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) -> Calibration:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 SIDE_FILES = frozenset({
-    "", ".cfg", ".csv", ".db", ".exr", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz", ".pdf", ".pfm",
-    ".ply", ".txt", ".url", ".xml", ".yaml", ".yml",
+    "", ".cfg", ".csv", ".db", ".exr", ".h5", ".hdf5", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz",
+    ".pdf", ".pfm", ".ply", ".txt", ".url", ".xml", ".yaml", ".yml",
 })  # fmt: skip
 """Suffixes of files beside the views that are ignored: notes, calibration, depth, reports."""
 OWN_NAME = re.compile(r"view_\d+_\d+\.png")
@@ -141,11 +141,16 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     return replace(views, notes=(*views.notes, note), is_ordered=True)
 
 
+def is_side_file(file: str) -> bool:
+    """Whether a file beside views is ignored."""
+    return is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES
+
+
 def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
     """The files that are pictures, in natural order."""
     names = []
     for file in files:
-        if is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES:
+        if is_side_file(file):
             continue
         if not is_picture(file):
             raise UnsupportedType(

@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from ciir.errors import InvalidOption
+from ciir.renderer.readers.names import TILES
 from ciir.renderer.writers.pictures.jpeg import MAX_SIDE, encode
 from ciir.renderer.writers.whole import WholeWriter
 from ciir.renderer.writers.writer import ZIP_DATE
@@ -26,7 +27,7 @@ COARSE = 4
 BLOCK = 8
 """Pixels along a side of what JPEG transforms at once: with cells of whole blocks no view's edge shows in the next."""
 QUALITY = 90
-DESCRIPTION = "light_field.json"
+DESCRIPTION, COARSE_TILE = TILES
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def plan_tiles(rows: int, height: int, width: int) -> list[Tile]:
     `height x width` pixels, those around the middle first.
     """
     small_height, small_width = -(-height // COARSE), -(-width // COARSE)
-    coarse = Tile("coarse.jpg", 0, rows, small_height, small_width, _fill(small_height), _fill(small_width))
+    coarse = Tile(COARSE_TILE, 0, rows, small_height, small_width, _fill(small_height), _fill(small_width))
     order = sorted(range(rows), key=lambda row: abs(row - (rows - 1) / 2))
     cell = _fill(height), _fill(width)
     return [coarse, *(Tile(f"row_{row:02d}.jpg", row, 1, height, width, *cell) for row in order)]

@@ -20,6 +20,8 @@ from ciir.renderer.displays.screen import Screen
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers.quilts import find_layout
+from ciir.renderer.readers.inputs import find_main
+from ciir.renderer.readers.registry import PictureFormat
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
@@ -152,7 +154,9 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
 
 def _find_aspect(source: Source, light_field: LightField) -> float:
     """Width / height that the views are shown with. Only quilts have pixels that are not square."""
-    layout = find_layout(source, source.main) if isinstance(source, Bundle) and source.main else None
+    layout = None
+    if isinstance(source, Bundle) and (found := find_main(source)) is not None:
+        layout = find_layout(source, found[1]) if isinstance(found[0], PictureFormat) else None
     height, width = light_field.views.shape[2:4]
     is_quilt = layout is not None and light_field.views.shape[:2] == (1, layout.count)
     return layout.aspect if layout is not None and is_quilt else width / height

@@ -10,10 +10,6 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.focus.disparity import DisparityMap
-from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.inputs import find_main
-from ciir.renderer.readers.registry import MeshFormat
-from ciir.renderer.scene import Scene
 from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import KINDS, NO_MODEL
@@ -45,7 +41,7 @@ def find_disparity(
     `service.pipeline.run.reconstruct`, and `InvalidOption`.
     """
     clock = clock or Clock()
-    if _holds_mesh(source):
+    if Input(source).holds_mesh():
         return _render(source, options, clock)
     captured = capture(
         source, options, max_pixels=max_pixels, progress=lambda done, total: progress(done, total + 1), clock=clock
@@ -59,13 +55,6 @@ def find_disparity(
     if scale > 1:
         notes += [f"disparities are in pixels of the upscaled views, {scale} for each that was read along each side"]
     return found, _complete(captured.report, found, options, clock, is_exact=False)
-
-
-def _holds_mesh(source: Source) -> bool:
-    if isinstance(source, Bundle):
-        found = find_main(source)
-        return found is not None and isinstance(found[0], MeshFormat)
-    return isinstance(source, str | Scene)
 
 
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:

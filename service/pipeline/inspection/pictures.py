@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.eia.advice import SAME_PITCH, USUAL_PIXELS
 from ciir.renderer.readers.eia.period import Periods
-from ciir.renderer.readers.eia.reader import SAME_PITCH
 from ciir.renderer.readers.lenslet.calibration import detect_grid
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.reader import find_grid
@@ -29,9 +28,6 @@ if TYPE_CHECKING:
 
     Candidate = dict[str, Any]
 
-USUAL_PIXELS = 15
-"""Under a lens, where a picture shows no period."""
-
 
 def describe_picture(given: Input, key: str, options: Options) -> Report:
     """The report of the picture `key`, without times. Raises `InputError`."""
@@ -42,7 +38,7 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
     periods = Periods(picture)
     sizes = periods.rank_sizes()
     is_lytro = identify(key, data) in (LYTRO, LYTRO_RAW)
-    is_raw = options.known_grid is not None or is_lytro or bundle.main is None
+    is_raw = options.known_grid is not None or is_lytro or bool(bundle.find_frames(key))
     candidates = []
     if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
         try:
@@ -73,8 +69,7 @@ def _list_arrangements(periods: Periods, shape: tuple[int, ...], sizes: Sequence
     found: list[Candidate] = []
     for size in sizes:
         others = shape[0] // size[0], shape[1] // size[1]
-        # Views have more pixels than there are views, elemental images fewer than there are lenses.
-        if math.prod(size) > math.prod(others) and periods.find_arrangement(others) == "mosaic":
+        if periods.is_mosaic(size):
             texts = write_texts({"arrangement": "mosaic", "pixels": others})
             found.append({"kind": "mosaic", "options": texts, "lenses": size, "pixels": others})
         found.append({"kind": "eia", "options": write_texts({"pixels": size}), "lenses": others, "pixels": size})

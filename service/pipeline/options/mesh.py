@@ -45,8 +45,9 @@ MESH = {
     ),
     "light": Option(
         "AZIMUTH,ELEVATION",
-        "where the light on a mesh comes from, in degrees: from the front to the right, and up (default: about -30,37)",
-        make_angles("AZIMUTH,ELEVATION"),
+        "where the light on a mesh comes from, in degrees: from the front to the right, -360 to 360, and up, -90 to 90 "
+        "(default: about -30,37)",
+        make_angles("AZIMUTH,ELEVATION", limits=(360, 90)),
         "60,20",
     ),
     "backend": Option(

@@ -15,7 +15,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 _MOST = 999_999
 """The largest count that text or a sequence may hold."""
@@ -216,8 +216,10 @@ COLOUR = ValueType(
 )
 
 
-def make_angles(names: str) -> ValueType:
-    """As many angles as `names` has, such as `YAW,PITCH,ROLL`: degrees below 1000 each, to a millionth."""
+def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
+    """As many angles as `names` has, such as `YAW,PITCH,ROLL`: degrees below 1000 each, to a millionth. With `limits`
+    each is at most its limit, and at least the opposite of that.
+    """
     count, angle = names.count(",") + 1, r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
     pattern = f"{angle}(,{angle}){{{count - 1}}}"
     example = ",".join(["30", "-20", "0"][:count])
@@ -226,11 +228,18 @@ def make_angles(names: str) -> ValueType:
         angles = re.sub(r"\s*,\s*", ",", text.strip())
         if re.fullmatch(pattern, angles) is None:
             raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {names} in degrees, such as {example}")
-        return tuple(map(float, angles.split(",")))
+        found = tuple(map(float, angles.split(",")))
+        for angle_name, angle, limit in zip(names.lower().split(","), found, limits, strict=False):
+            if abs(angle) > limit:
+                raise InvalidOption(
+                    f"{name}: the {angle_name} of {angle:g} degrees is out of range; give -{limit:g} to {limit:g}"
+                )
+        return found
 
     def convert(value: Any) -> tuple[float, ...]:
         angles = tuple(round(float(angle), 6) for angle in value)
-        if len(angles) != count or not all(abs(angle) < 1000 for angle in angles):
+        is_within = all(abs(angle) <= limit for angle, limit in zip(angles, limits, strict=False))
+        if len(angles) != count or not all(abs(angle) < 1000 for angle in angles) or not is_within:
             raise ValueError
         return angles
 
@@ -238,7 +247,8 @@ def make_angles(names: str) -> ValueType:
         {"type": "string", "pattern": f"^({pattern})?$"},
         read,
         convert,
-        f"{names} in degrees, such as ({example.replace(',', ', ')})",
+        f"{names} in degrees, such as ({example.replace(',', ', ')})"
+        + (f", at most {', '.join(f'{limit:g}' for limit in limits)}" if limits else ""),
         lambda angles: ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in angles),
     )
 

@@ -1,3 +1,4 @@
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,9 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
+from tests.renderer.readers.containers.test_video import make as make_video
 from tests.support.inputs import make_zip
+from tests.support.light_fields import make_views
 from tests.support.paths import ROOT, SHARED
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -133,3 +136,76 @@ def test_a_folder_of_links_to_views(tmp_path: Path) -> None:
     field = inputs.read(Bundle.from_path(tmp_path / "chosen"))
     assert isinstance(field, LightField)
     assert field.views[..., 0, 0, 0].tolist() == [[0, 1, 2], [10, 11, 12]]
+
+
+VIEWS = np.random.default_rng(0).integers(0, 256, (2, 3, 4, 5, 3), np.uint8)
+TILES = {"light_field.json": b"{}", "coarse.jpg": b"", "row_00.jpg": b"", "row_01.jpg": b""}
+
+
+def make_npy(array: np.ndarray = VIEWS) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("beside", [{}, {"preview.png": PNG}, {"preview.png": PNG, "notes.txt": b"x"}])
+def test_a_container_in_a_folder_is_read_and_a_picture_beside_it_left_out(beside: dict[str, bytes]) -> None:
+    field = read({"a.npy": make_npy(), **beside})
+    assert isinstance(field, LightField)
+    assert np.array_equal(field.views, VIEWS)
+    assert ("preview.png left out: a.npy holds the light field" in field.notes) is bool(beside)
+
+
+def test_a_container_beside_views_is_ignored() -> None:
+    picture = encode_png(np.zeros((2, 3, 3), np.uint8))
+    files = {f"view_{v}_{u}.png": picture for v in range(2) for u in range(3)}
+    assert read(files | {"depth.h5": b"", "depth.hdf5": b"", "depth.mat": b""}).views.shape == (2, 3, 2, 3, 3)
+
+
+def test_several_containers() -> None:
+    for beside in ({}, {"preview.png": PNG}):
+        with pytest.raises(Unreadable, match=r"holds 2 files that may be light fields \(a\.npy, b\.h5\); give one of"):
+            read({"a.npy": make_npy(), "b.h5": b"", **beside})
+
+
+def test_a_picture_alone_in_a_folder_is_read_as_the_picture_itself() -> None:
+    for name in ("a.png", "below/a.png", "white.png"):
+        field = read({name: PNG, "notes.txt": b"x"}, lenses=(3, 2))
+        assert isinstance(field, LightField)
+        assert np.array_equal(field.views[1, 2], EIA[1::2, 2::4])
+    with pytest.raises(InvalidOption, match=r"^set/a\.png: a picture is read as an elemental image array"):
+        read({"a.png": PNG})
+    field = read({"a.png": PNG, "b.bmp": b"BM", "c.dng": b"MM", "read.txt": b"x"}, lenses=(3, 2))
+    assert isinstance(field, LightField)
+    assert field.notes[-1] == "b.bmp and 1 more left out: a.png holds the light field"
+
+
+def test_a_quilt_in_a_folder_with_its_json() -> None:
+    described = b'{"viewX": 4, "viewY": 2, "aspect": 1.0}'
+    field = read({"q.png": PNG, "q.png.json": described})
+    assert isinstance(field, LightField)
+    assert field.views.shape == (1, 8, 3, 2, 3)
+
+
+def test_one_view_of_ours_stays_a_set_of_one_view() -> None:
+    assert read({"view_07_07.png": PNG, "report.json": b"{}"}).views.shape == (1, 1, *EIA.shape)
+
+
+@pytest.mark.parametrize("folder", ["", "below/"])
+def test_tiles_are_refused_with_what_to_write_instead(folder: str) -> None:
+    with pytest.raises(UnsupportedType, match="set: tiles are written for viewers and not read again; write the light"):
+        read({f"{folder}{name}": data for name, data in TILES.items()})
+
+
+def test_a_video_of_elemental_image_arrays_keeps_its_order() -> None:
+    """Optics give the order of an elemental image array: what seems to be wrong is noted, as in a picture."""
+    views = make_views((5, 5), side=60, disparities=(-1, 1), channels=3)[::-1]
+    data = make_video(np.stack([LightField(views).eia()] * 2))
+    bundle = Bundle("a.mkv", "a.mkv", {"a.mkv": data})
+    field = inputs.read(bundle, Layout(lenses=(60, 60)))
+    assert isinstance(field, LightField)
+    assert np.array_equal(field.views, views)
+    (note,) = field.notes
+    assert note.startswith("order: the views seem to be reversed along one axis")
+    assert not inputs.holds_views(bundle, Layout(arrangement="eia"))
+    assert inputs.holds_views(bundle, Layout())

@@ -65,7 +65,8 @@ def test_parses_every_option():
         ("crop", "1,2,3"), ("crop", "1,2,3,-4"), ("arrangement", "quilt"),
         ("neighbour_time", "-1"), ("neighbour_time", "nan"),
         ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30"), ("rotate", "1,2,3,4"),
-        ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("zoom", "0"),
+        ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("light", "400,0"),
+        ("light", "0,91"), ("zoom", "0"),
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
         ("epi", "3"), ("epi", "x=1,v=2"),
         ("time", "-1"), ("camera", "x" * 201),
@@ -173,3 +174,13 @@ def test_times_are_written_as_they_are_read(text, times, written):
 def test_other_times_are_refused(value):
     with pytest.raises(InvalidOption, match=r"^time: "):
         Options.convert({"time": value})
+
+
+def test_light_comes_from_a_direction_that_there_is():
+    with pytest.raises(InvalidOption, match=r"^light: the elevation of 91 degrees is out of range; give -90 to 90$"):
+        Options.parse({"light": "0,91"})
+    with pytest.raises(InvalidOption, match=r"^light: the azimuth of -400 degrees is out of range; give -360 to 360$"):
+        Options.parse({"light": "-400,0"})
+    with pytest.raises(InvalidOption, match=r"light: \(0, 91\) is not understood; .*, at most 360, 90$"):
+        Options.convert({"light": (0, 91)})
+    assert Options.parse({"light": "-360,-90"}).light == (-360.0, -90.0)

@@ -207,8 +207,9 @@ def test_an_optical_elemental_image_array(cube):
 
 def test_elemental_wants_a_mesh():
     for source in (eia_bundle(EIA), Bundle("set", None, {"view_00_00.png": EIA_PNG})):
-        with pytest.raises(InvalidOption, match="holds pictures"):
-            render_eia(source, Options(), pytest.fail)
+        for options in (Options(), Options(lenses=(50, 50)), Options(pixels=(3, 3))):
+            with pytest.raises(InvalidOption, match=r"holds pictures; give a mesh, .* \(ciir convert writes that of a"):
+                render_eia(source, options, pytest.fail)
 
 
 def test_direct_is_the_area_average_of_a_finer_array(cube):

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, check_options, find_whole_format
@@ -25,6 +26,11 @@ if TYPE_CHECKING:
 def run(args: argparse.Namespace) -> None:
     """Writes all views as they are, and prints a line about them."""
     options = common.parse_options(args)
+    if options.time is not None and len(options.time) > 1:
+        raise InvalidOption(
+            f"time: {len(options.time)} times make a video of one view, with ciir reconstruct; give one time for ciir "
+            "convert, which writes all views"
+        )
     display = find_display(args, options)
     if display is not None:
         write_picture(args, options, display)

@@ -109,7 +109,7 @@ def test_lf_among_other_variables():
         (
             {"a": np.zeros((2, 2, 4, 4, 3)), "b": np.zeros((2, 2, 4, 4, 3))},
             Unreadable,
-            r"2 variables have five axes \(a, b\); name the light field LF",
+            r"2 arrays have five axes \(a, b\); name the light field LF",
         ),
         ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
         ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, UnsupportedType, "LF is of class complex double"),

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.containers import video
 from ciir.renderer.readers.layout import Layout
+from tests.support.light_fields import make_views
 
 READERS = {"mp4": video.read_mp4, "matroska": video.read_matroska, "gif": video.read_gif}
 FRAMES = np.random.default_rng(0).integers(0, 255, (6, 16, 24, 3), np.uint8)
@@ -144,3 +146,36 @@ def test_a_video_that_is_cut_short():
     data = make(codec="libx264", container="mp4", pixel_format="yuv420p")
     with pytest.raises(Unreadable, match="truncated or corrupt"):
         inputs.read(Bundle.from_upload("a.mp4", data[: len(data) // 2]))
+
+
+@pytest.fixture(scope="module")
+def arrays():
+    """A video of two elemental image arrays, of 40x40 lenses of 8x8 pixels."""
+    views = make_views((8, 8), side=40, disparities=(-1, 1), channels=3, noise=4.0)
+    eia = LightField(views).eia()
+    return eia, make(np.stack([eia[::-1], eia]))
+
+
+def test_a_frame_is_read_as_a_picture_of_all_views_is(arrays):
+    eia, data = arrays
+    field = read(data, pixels=(8, 8), arrangement="eia", frame=1)
+    np.testing.assert_array_equal(field.eia(), eia)
+    assert field.depth_sense == "lenses"
+    cropped = read(data, lenses=(40, 39), crop=(0, 8, 0, 0), frame=1)
+    np.testing.assert_array_equal(cropped.eia(), eia[:, 8:])
+    (note,) = read(data, lenses=(20, 20), frame=1).notes
+    assert note.startswith("arrangement: read as elemental images of 16x16 pixels, but the picture repeats about every")
+    with pytest.raises(InvalidOption, match=r"a, frame 0: a picture is read as .*; the picture repeats about every"):
+        read(data, arrangement="eia")
+    with pytest.raises(InvalidOption, match=r"lenses: 30x40 does not divide the picture of 320x320 .* is 32x40;"):
+        read(data, lenses=(30, 40))
+
+
+def test_frames_that_look_like_elemental_image_arrays_are_noted(arrays):
+    _, data = arrays
+    with_note, without = read(data).notes, read(make()).notes
+    assert without == (video.MOVES_RIGHT,)
+    assert with_note[1].startswith("frames: each repeats about every ")
+    assert "if they are such, give arrangement eia and pixels " in with_note[1]
+    with pytest.raises(InvalidOption, match="arrangement eia reads a frame as an elemental image array"):
+        read(data, pixels=(8, 8))

@@ -8,11 +8,12 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.eia.reader import RAW
+from ciir.renderer.readers.eia.advice import RAW
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.writers.pictures import encode_png
 from tests.renderer.readers.eia.test_period import make_mosaic
 from tests.support.light_fields import make_views
+from tests.support.paths import SHARED
 
 VIEWS = make_views((5, 7), side=60, disparities=(-1, 1), channels=3)
 EIA, MOSAIC = LightField(VIEWS).eia(), make_mosaic(VIEWS)
@@ -123,7 +124,7 @@ def test_a_pitch_that_is_no_whole_number_is_not_called_the_size_of_elemental_ima
         profile = np.sin(np.pi * np.arange(720) / pitch) ** 8
         return np.repeat(np.uint8(255 * np.outer(profile, profile))[..., None], 3, axis=2)
 
-    assert "every 15x15 pixels, the size of an elemental image, or of a view" in message(make_lenses(15))
+    assert "every 15x15 pixels, the size of an elemental image (pixels 15x15) or of" in message(make_lenses(15))
     for options in ({}, {"pixels": (14, 14)}, {"lenses": (51, 51)}):
         text = message(make_lenses(14.4), **options)
         assert text.endswith(f"; its lenses are 14.40 pixels apart: {RAW}")
@@ -135,3 +136,46 @@ def test_margins_are_not_guessed_from_the_size():
     text = message(padded, pixels=(5, 7))
     assert "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them" in text
     assert "cut" not in text
+
+
+@pytest.mark.parametrize("layout", [{"lenses": (25, 25)}, {"pixels": (18, 18)}, {"pixels": (9, 18)}])
+def test_several_elemental_images_taken_for_one_are_noted(vase, layout):
+    (note,) = read(vase, order="given", **layout).notes
+    assert note.startswith("arrangement: read as elemental images of ")
+    assert "but the picture repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9" in note
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
+@pytest.mark.parametrize(
+    "layout", [{"lenses": (100, 100)}, {"pixels": (30, 30)}, {"pixels": (15, 60)}, {"pixels": (25, 25)}]
+)
+def test_wrong_numbers_for_a_real_elemental_image_array_are_noted(layout):
+    """3000x3000 pixels: all of these divide it."""
+    path = SHARED / "data/lightfields/eia-200x200x15.jpg"
+    (note,) = ciir.open(path, order="given", **layout).notes
+    assert "but the picture repeats about every 15x15 pixels, the size of an elemental image (pixels 15x15)" in note
+    assert ciir.open(path, order="given", lenses=(200, 200)).notes == ()
+
+
+@pytest.mark.parametrize("layout", [{}, {"arrangement": "mosaic"}, {"arrangement": "mosaic", "lenses": (59, 60)}])
+def test_a_mosaic_is_named_where_its_numbers_are_missing_or_wrong(layout):
+    text = message(MOSAIC, **layout)
+    assert "the picture repeats every 60x60 pixels, as a mosaic of 5x7 views (rows x columns) does; give pixels" in text
+    assert "give pixels 5x7" in text
+    assert "lens_pitch" not in text
+    assert ("arrangement eia and pixels 60x60" in text) is (layout == {})
+
+
+def test_a_mosaic_whose_period_does_not_show():
+    noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
+    assert message(noise, arrangement="mosaic") == (
+        "a.png: a mosaic is read by its rows and columns of views; give them, as in pixels 9x9"
+    )
+
+
+def test_a_mosaic_read_with_other_numbers_than_its_own_is_noted():
+    (note,) = read(MOSAIC, pixels=(10, 7), arrangement="mosaic", order="given").notes
+    assert note == (
+        "pixels: read as a mosaic of 10x7 views of 30x60 pixels, but the picture repeats every 60x60 pixels, as a "
+        "mosaic of 5x7 views (rows x columns) does; give pixels 5x7"
+    )

@@ -86,8 +86,12 @@ def test_an_offset_outside_the_picture_is_that_of_a_lens_too():
 
 
 def test_a_wrong_pitch_is_refused():
-    with pytest.raises(Unreadable, match=r"shows no lens grid of 14\.5 pixels' pitch"):
-        calibrate(take("square")[1], Known(pitch=14.5))
+    text = r"^picture: shows no lens grid of 15 pixels' pitch, but one of 14\.37; give lens_pitch 14\.37, or auto$"
+    with pytest.raises(Unreadable, match=text):
+        calibrate(take("square")[1], Known(pitch=15))
+    noise = np.random.default_rng(0).integers(0, 255, (400, 500, 3), np.uint8)
+    with pytest.raises(Unreadable, match=r"shows no lens grid of 15 pixels' pitch by itself: lenses must darken"):
+        calibrate(noise, Known(pitch=15))
 
 
 @pytest.mark.parametrize("rotation", [12, -14])

@@ -180,3 +180,21 @@ def test_the_grid_is_drawn_over_the_picture(dtype):
     grey = picture[5, 5, 0] >> (8 if dtype == np.uint16 else 0)
     assert tuple(drawn[5, 5]) == (grey,) * 3
     assert drawn[19, 5, 0] > drawn[19, 5, 2]  # between the first two rows of lenses
+
+
+def test_another_pitch_than_the_one_given_is_noted():
+    """Half a pitch fits all lenses, too, and one that is given with all else isn't looked for."""
+    camera = make_camera("globe", LensGrid(14.37, (5.3, 8.8), 0.8), (640, 700), (90, 120, 150))
+    picture = take_picture(camera)
+    for known in (Known(7.185), Known(13.0, (5.3, 8.8), 0.8, "square")):
+        (note,) = [
+            note
+            for note in read(make_bundle(raw=picture), Layout(lens_grid=known, pixels=(3, 3))).notes
+            if note.startswith("lens_pitch: ")
+        ]
+        assert note == (
+            f"lens_pitch: {known.pitch:g} was given, but lenses 14.37 pixels apart are seen in the picture; lens_pitch "
+            "auto finds them"
+        )
+    right = read(make_bundle(raw=picture), Layout(lens_grid=Known(14.37), pixels=(3, 3)))
+    assert not [note for note in right.notes if note.startswith("lens_pitch: ")]

@@ -14,7 +14,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.inspection import pictures
 from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import Options
-from tests.support.inputs import CUBE
+from tests.support.inputs import CUBE, make_zip
 from tests.support.lenslet.camera import make_camera, take_picture
 from tests.support.light_fields import make_views
 
@@ -123,3 +123,10 @@ def test_views_are_not_decoded():
 def test_options_that_do_not_fit_are_refused(vase):
     with pytest.raises(InvalidOption, match="does not divide"):
         look_at(vase.eia(), lenses="7x7")
+
+
+def test_a_picture_alone_in_a_zip_is_inspected_as_the_picture(vase):
+    data = encode_png(vase.eia())
+    alone, zipped = look("a.png", data), look("a.zip", make_zip({"a.png": data, "notes.txt": b"x"}))
+    assert zipped["candidates"] == alone["candidates"]
+    assert zipped["kind"] == "eia"

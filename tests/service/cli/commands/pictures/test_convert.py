@@ -61,6 +61,10 @@ def test_a_mesh_is_rendered(tmp_path):
         (["-o", "a.png", "--to", "epi", "--epi", "y=9"], "epi: there is no y=9; give 0 to 5"),
         (["-o", "a.png", "--views", "all"], "unrecognized arguments: --views all"),
         (["-o", "in.npz"], "the input is there"),
+        (
+            ["-o", "a.npz", "--time", "0,0.1"],
+            "time: 2 times make a video of one view, with ciir reconstruct; give one time for ciir convert",
+        ),
         (["-o", "folder", "--fps", "5"], "fps: a folder of views has no use for it; leave it out, or give format mp4"),
     ],
 )

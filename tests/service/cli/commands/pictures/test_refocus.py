@@ -72,3 +72,12 @@ def test_what_cannot_be_done(given, capsys, monkeypatch, words, message):
     assert main(["refocus", "in.npz", *words]) == 2
     assert message in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["in.npz"]
+
+
+def test_the_disparity_of_a_plane_is_listed_with_planes(capsys):
+    with pytest.raises(SystemExit):
+        main(["refocus", "--help"])
+    headings = [part.splitlines() for part in capsys.readouterr().out.split("\n\n")]
+    (group,) = [lines for lines in headings if any(line.strip().startswith("--disparity ") for line in lines)]
+    assert group[0] == "planes and disparity:"
+    assert any(line.strip().startswith("--depth ") for line in group)

@@ -1,0 +1,161 @@
+"""What a picture of all views seems to be: notes on numbers that it contradicts, and the numbers that would fit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ciir.renderer.readers.eia.period import is_near
+
+if TYPE_CHECKING:
+    from ciir.renderer.light_field import Arrangement
+    from ciir.renderer.readers.eia.period import Periods
+    from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.readers.pictures import Pixels
+
+    Pair = tuple[int, int]
+
+SAME_PITCH = 0.003
+"""Of the pitch: of 200 lenses the last would be off by 0.6 of its pixels."""
+USUAL_PIXELS = 15
+"""Along each side of an elemental image; how many lenses are looked at follows from it."""
+RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
+
+
+def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement) -> str:
+    """What to give where neither lenses nor pixels were given."""
+    mosaic = _describe_mosaic(periods) if arrangement != "eia" else ""
+    if mosaic and arrangement == "mosaic":
+        return mosaic
+    if mosaic:
+        view = "{}x{}".format(*periods.rank_sizes()[0])
+        return f"{mosaic}; if it is an elemental image array, give arrangement eia and pixels {view}"
+    if arrangement == "mosaic":
+        seen = _describe_period(periods, arrangement)
+        return f"a mosaic is read by its rows and columns of views; give them, as in pixels 9x9{seen}"
+    wanted = "give the number of lenses, as in lenses 50x50 (rows x columns), or of pixels of each, as in pixels 15x15"
+    found = _describe_lenses(periods, picture, USUAL_PIXELS, wanted)
+    return f"a picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}"
+
+
+def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: Pair) -> str:
+    """The numbers that divide the picture where `given` don't, and the option for the margins that these may leave."""
+    size = picture.shape[:2]
+    fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
+    words = f"the nearest that does is {fitting[0]}x{fitting[1]}"
+    if all(0 < count <= length for count, length in zip(given, size, strict=True)):
+        words += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
+    if layout.arrangement == "mosaic" or _describe_mosaic(periods):
+        return words + _describe_period(periods, layout.arrangement)
+    return _describe_lenses(periods, picture, max(layout.pixels or (USUAL_PIXELS,)), words)
+
+
+def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> tuple[str, ...]:
+    """A note on a picture whose elemental images have about as many pixels as `lenses`, which were given."""
+    found = periods.find() if lenses[0] < grid[0] and lenses[1] < grid[1] else None
+    if found is None or not all(map(is_near, found, lenses)):
+        return ()
+    given = f"{lenses[0]}x{lenses[1]}"
+    note = (
+        f"lenses: read as {given} lenses of {grid[0]}x{grid[1]} pixels, but the picture repeats about every "
+        f"{found[0]}x{found[1]} pixels; if {given} are the pixels of an elemental image, give pixels {given}"
+    )
+    return (note,)
+
+
+def note_raw(eia: Pixels, grid: Pair) -> tuple[str, ...]:
+    """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels."""
+    lenses = _find_other_lenses(eia, max(grid), grid)
+    if not lenses:
+        return ()
+    note = (
+        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but {lenses}, so that views mix places under "
+        "the lenses; lens_pitch auto reads it as a raw lenslet picture"
+    )
+    return (note,)
+
+
+def note_period(periods: Periods, grid: Pair, *, fits: bool) -> tuple[str, ...]:
+    """A note on a picture that shows elemental images of another size than `grid`, or none.
+
+    `fits`: whether it repeats after `grid` pixels. It does so too where these are several elemental images.
+    """
+    if fits and not periods.repeats_within(grid):
+        return ()
+    seen = _describe_period(periods, "auto").removeprefix("; ")
+    seen = f"but {seen}" if seen else "which the picture doesn't show clearly"
+    note = (
+        f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
+        "give arrangement mosaic for views side by side"
+    )
+    return (note,)
+
+
+def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...]:
+    """A note on a mosaic, read as `grid` views of `view` pixels, that certainly is one of other views."""
+    seen = _describe_mosaic(periods)
+    if not seen or view == periods.rank_sizes()[0]:
+        return ()
+    return (f"pixels: read as a mosaic of {grid[0]}x{grid[1]} views of {view[0]}x{view[1]} pixels, but {seen}",)
+
+
+def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
+    """What the picture's own period would be, for a message; empty where it shows none.
+
+    Parallax changes the period a little, so that one that doesn't divide the picture may be that of another size.
+    """
+    mosaic = _describe_mosaic(periods)
+    if mosaic:
+        return f"; {mosaic}"
+    found = periods.find()
+    if found is None:
+        return ""
+    words = f"; the picture repeats about every {found[0]}x{found[1]} pixels"
+    nearest = [_find_nearest_divisor(each, length) for each, length in zip(found, periods.size, strict=True)]
+    counts = [length // each for each, length in zip(nearest, periods.size, strict=True)]
+    if arrangement == "mosaic":
+        return f"{words}, as {counts[0]}x{counts[1]} views would" if all(map(is_near, found, nearest)) else words
+    if nearest == [*found]:
+        own, views = ("{}x{}".format(*each) for each in (found, counts))
+        return f"{words}, the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
+    if all(map(is_near, found, nearest)):
+        words += f", which doesn't divide it as elemental images of {nearest[0]}x{nearest[1]} would"
+    return f"{words}; {RAW}"
+
+
+def _describe_mosaic(periods: Periods) -> str:
+    """What a picture that certainly is a mosaic repeats after, and the option that reads it; empty for another one."""
+    view = next(iter(periods.rank_sizes()), None)
+    if view is None or not periods.is_mosaic(view):
+        return ""
+    counts = "x".join(str(length // side) for length, side in zip(periods.size, view, strict=True))
+    return (
+        f"the picture repeats every {view[0]}x{view[1]} pixels, as a mosaic of {counts} views (rows x columns) does; "
+        f"give pixels {counts}"
+    )
+
+
+def _describe_lenses(periods: Periods, picture: Pixels, about: int, wanted: str) -> str:
+    """What to give: `lens_pitch` for a raw lenslet picture, else what is `wanted`, with the period of the picture."""
+    found = _find_other_lenses(picture, about, None)
+    return f"{found}: {RAW}" if found else wanted + _describe_period(periods, "auto")
+
+
+def _find_other_lenses(picture: Pixels, about: int, pixels: Pair | None) -> str:
+    """What the lenses are, where the picture clearly shows some of `about` so many pixels that have no elemental images
+    of `pixels`, or with None of no whole number of pixels.
+    """
+    from ciir.renderer.readers.lenslet.calibration import detect_grid
+
+    found = detect_grid(picture, about)
+    if found is None:
+        return ""
+    sides = pixels or (max(1, round(found.pitch)),)
+    if found.shape == "square" and all(abs(found.pitch / side - 1) < SAME_PITCH for side in sides):
+        return ""
+    return f"its lenses are {found.pitch:.2f} pixels apart" + (
+        " in a hexagonal grid" if found.shape != "square" else ""
+    )
+
+
+def _find_nearest_divisor(count: int, length: int) -> int:
+    return min((n for n in range(1, length + 1) if length % n == 0), key=lambda n: (abs(n - count), n))
