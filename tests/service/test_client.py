@@ -118,8 +118,8 @@ def test_the_other_kinds(client, eia_file, cube_file, tmp_path):
     (tmp_path / "p.toml").write_text("panel = {pixels = [60, 40], pitch = 0.1}\nlenses = {pitch = 1, gap = 3}")
     panel = client.make_display_picture(cube_file, display=tmp_path / "p.toml", rotate=(30, 0, 0))
     assert (decode(panel.content, name="x").shape, panel.format) == ((40, 60, 3), "png")
-    quilt = client.make_display_picture(cube_file, quilt="3x2", aspect=0.75)
-    assert quilt.name == f"{quilt.id}_qs3x2a0.75.png"
+    quilt = client.make_display_picture(eia_file, lenses=(6, 9), quilt="4x4", aspect=0.75)
+    assert quilt.name == f"{quilt.id}_qs4x4a0.75.png"
     planes = client.refocus(eia_file, lenses=(6, 9), stack=(-1, 1, 3), format="npy")
     assert np.load(io.BytesIO(planes.content)).shape == (3, 6, 9, 3)
     disparity = client.disparity(eia_file, lenses=(6, 9), view=(0, 1))
