@@ -185,7 +185,9 @@ def make_environment() -> dict[str, str]:
     """The environment of a worker process."""
     kept = {name: value for name, value in os.environ.items() if name.startswith(KEPT_VARIABLES)}
     paths = os.pathsep.join(os.path.abspath(path) for path in sys.path)  # noqa: PTH100 - "" is the current folder
-    return kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it may write no files
+    # Workers share the cores: OpenBLAS with a thread for each would wait more than it works.
+    defaults = {"OPENBLAS_NUM_THREADS": "1"}
+    return defaults | kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it may write no files
 
 
 def describe_exit(exitcode: int) -> str:
