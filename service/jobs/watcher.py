@@ -103,6 +103,7 @@ class Watcher:
             return
         for watch in (self._watches[id_] for id_ in due):  # before the read, so that a change meanwhile has it repeated
             watch.due, watch.pause = now + watch.pause, min(1.6 * watch.pause, self._queue.poll_seconds[1])
+        is_stopped = self._is_stopped  # likewise: a job that ended before `stop` is returned, not None
         jobs: dict[str, Job] = {}
         error: Exception | None = None
         try:
@@ -119,7 +120,7 @@ class Watcher:
                     change.set_exception(error or LookupError(id_))
                 elif len(job.events) != seen or job.state in FINAL:
                     change.set_result(job)
-                elif self._is_stopped:
+                elif is_stopped:
                     change.set_result(None)
                 else:
                     continue

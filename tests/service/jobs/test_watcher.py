@@ -136,6 +136,27 @@ def test_nothing_is_read_when_nobody_waits_any_more(watcher, records, reads):
     run_async(follow())
 
 
+def test_a_change_before_the_stop_is_returned_although_a_read_began_before_it(watcher, records, monkeypatch):
+    get_many = records.get_many
+
+    def change_meanwhile(ids):
+        found = get_many(ids)
+        monkeypatch.setattr(records, "get_many", get_many)
+        records.update("a", add_event)
+        asyncio.run_coroutine_threadsafe(stop(), watcher._loop).result()
+        return found
+
+    async def stop():
+        watcher.stop()
+
+    async def follow():
+        monkeypatch.setattr(records, "get_many", change_meanwhile)
+        (waiting,) = start_waiting(watcher)
+        assert (await waiting).state == "running"
+
+    run_async(follow())
+
+
 def test_a_stopped_watcher_returns_what_changed_or_none(watcher, records, reads):
     async def follow():
         waiting = start_waiting(watcher, 3)
