@@ -44,8 +44,11 @@ def test_a_job_that_timed_out_twice_is_refused(client):
 
 
 def test_a_killed_worker_and_one_time_out_are_no_refusal(client):
+    workers = client.app.state.service.engine._pool
+    workers._seconds = 60
     place = post(client, Prefer="respond-async").headers["location"]
     wait_until(lambda: client.get(place).json()["progress"])  # a worker has received it
+    workers._seconds = 1
     os.kill(find_workers(os.getpid(), COLD)[0], signal.SIGKILL)
     status = wait_for_end(client, place)
     assert (status["attempts"], status["problem"]["status"]) == (2, 503)
