@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ciir.training.export.inputs import WindowPosition
 
 WIDEST = 120
-"""Largest radius, input pixels: tiles of 256x256 (`models.sessions.TILE_PIXELS`) then still have something to keep."""
+"""Largest radius, input pixels: tiles of 273x273 (`models.sessions.TILE_PIXELS`) then still have something to keep."""
 SMALL = 32
 """Side of the picture whose multiply-adds are counted, pixels, padding included."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
