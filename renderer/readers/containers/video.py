@@ -168,12 +168,14 @@ def _read_eia(frames: Iterator[NDArray[Any]], name: str, layout: Layout) -> Ligh
 
 def _note_arrays(frame: Pixels) -> tuple[str, ...]:
     """A note on the frame of a video, read as a view, that repeats as elemental image arrays do."""
-    found = Periods(frame).find()
-    lenses = [length // size for length, size in zip(frame.shape, found or (), strict=False)]
-    if found is None or math.prod(found) > math.prod(lenses):
+    periods = Periods(frame)
+    found = periods.find()
+    # Elemental images have fewer pixels than there are lenses.
+    if found is None or math.prod(found) ** 2 > math.prod(periods.size):
         return ()
+    size = next(iter(periods.rank_sizes()), found)  # of those that divide the frame
     note = (
         f"frames: each repeats about every {found[0]}x{found[1]} pixels, as elemental image arrays do; if they are "
-        f"such, give arrangement eia and pixels {found[0]}x{found[1]}"
+        f"such, give arrangement eia and pixels {size[0]}x{size[1]}"
     )
     return (note,)

@@ -79,6 +79,13 @@ def note_period(periods: Periods, grid: Pair, *, fits: bool) -> tuple[str, ...]:
 
     `fits`: whether it repeats after `grid` pixels. It does so too where these are several elemental images.
     """
+    if fits and periods.is_mosaic(grid):
+        counts = _divide(periods.size, grid)
+        note = (
+            f"arrangement: read as {counts} elemental images of {grid[0]}x{grid[1]} pixels, which may be views: if "
+            f"they are, give arrangement mosaic and pixels {counts}"
+        )
+        return (note,)
     if fits and not periods.repeats_within(grid):
         return ()
     seen = _describe_period(periods, "auto").removeprefix("; ")
@@ -91,7 +98,16 @@ def note_period(periods: Periods, grid: Pair, *, fits: bool) -> tuple[str, ...]:
 
 
 def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...]:
-    """A note on a mosaic, read as `grid` views of `view` pixels, that certainly is one of other views."""
+    """A note on a mosaic, read as `grid` views of `view` pixels, that certainly is one of other views, or that repeats
+    as elemental images of `grid` pixels do.
+    """
+    found = periods.find()
+    if found is not None and all(map(is_near, found, grid)):
+        note = (
+            f"arrangement: read as a mosaic of {grid[0]}x{grid[1]} views, but the picture repeats about every "
+            f"{found[0]}x{found[1]} pixels, as elemental images of {grid[0]}x{grid[1]} do; arrangement eia reads it so"
+        )
+        return (note,)
     seen = _describe_mosaic(periods)
     if not seen or view == periods.rank_sizes()[0]:
         return ()
@@ -118,7 +134,8 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
         own, views = ("{}x{}".format(*each) for each in (found, counts))
         return f"{words}, the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
     if all(map(is_near, found, nearest)):
-        words += f", which doesn't divide it as elemental images of {nearest[0]}x{nearest[1]} would"
+        own = "{}x{}".format(*nearest)
+        words += f", which doesn't divide it as elemental images of {own} (pixels {own}) would"
     return f"{words}; {RAW}"
 
 
@@ -127,11 +144,16 @@ def _describe_mosaic(periods: Periods) -> str:
     view = next(iter(periods.rank_sizes()), None)
     if view is None or not periods.is_mosaic(view):
         return ""
-    counts = "x".join(str(length // side) for length, side in zip(periods.size, view, strict=True))
+    counts = _divide(periods.size, view)
     return (
         f"the picture repeats every {view[0]}x{view[1]} pixels, as a mosaic of {counts} views (rows x columns) does; "
         f"give pixels {counts}"
     )
+
+
+def _divide(size: Pair, part: Pair) -> str:
+    """How many parts the picture has, as text."""
+    return f"{size[0] // part[0]}x{size[1] // part[1]}"
 
 
 def _describe_lenses(periods: Periods, picture: Pixels, about: int, wanted: str) -> str:

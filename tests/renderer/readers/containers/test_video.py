@@ -176,6 +176,6 @@ def test_frames_that_look_like_elemental_image_arrays_are_noted(arrays):
     with_note, without = read(data).notes, read(make()).notes
     assert without == (video.MOVES_RIGHT,)
     assert with_note[1].startswith("frames: each repeats about every ")
-    assert "if they are such, give arrangement eia and pixels " in with_note[1]
+    assert "if they are such, give arrangement eia and pixels 8x8" in with_note[1]
     with pytest.raises(InvalidOption, match="arrangement eia reads a frame as an elemental image array"):
         read(data, pixels=(8, 8))

@@ -31,7 +31,11 @@ def test_drawn_views(grid, side, channels):
 @pytest.mark.parametrize(("lenses", "pixels"), [((50, 50), (9, 9)), ((40, 60), (5, 7)), ((40, 40), (20, 20))])
 def test_rendered_views(scene, lenses, pixels):
     light_field = ciir.render(f"scene:{scene}", lenses=lenses, pixels=pixels, backend="raytrace")
-    assert Periods(light_field.eia()).find_arrangement(pixels) == "eia"
+    eia = Periods(light_field.eia())
+    assert eia.find_arrangement(pixels) == "eia"
+    assert not eia.repeats_within(pixels)
+    assert eia.repeats_within((2 * pixels[0], 2 * pixels[1])) is (eia.find() is not None)
+    assert not eia.is_mosaic(pixels)
     assert Periods(make_mosaic(light_field.views)).find_arrangement(pixels) == "mosaic"
 
 
@@ -47,6 +51,8 @@ def test_captured_views(name, expected):
     eia = Periods(light_field.eia())
     assert eia.find_arrangement(grid) == "eia"
     assert eia.find() == grid
+    assert not eia.repeats_within(grid)
+    assert eia.repeats_within((2 * grid[0], 2 * grid[1]))
     assert Periods(make_mosaic(light_field.views)).find_arrangement(grid) == expected
 
 

@@ -71,8 +71,8 @@ def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
     (note,) = read(vase, lenses=(75, 75), order="given").notes
     assert note == (
         "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 8x9 pixels, which "
-        f"doesn't divide it as elemental images of 9x9 would; {RAW}; check lenses and pixels, or give arrangement "
-        "mosaic for views side by side"
+        f"doesn't divide it as elemental images of 9x9 (pixels 9x9) would; {RAW}; check lenses and pixels, or give "
+        "arrangement mosaic for views side by side"
     )
     noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
     (note,) = read(noise, pixels=(12, 12), order="given").notes
@@ -102,7 +102,7 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     assert text == (
         "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50; "
         "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them; the picture "
-        f"repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9 would; {RAW}"
+        f"repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9 (pixels 9x9) would; {RAW}"
     )
     text = message(vase, pixels=(8, 8))
     assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")
@@ -178,4 +178,22 @@ def test_a_mosaic_read_with_other_numbers_than_its_own_is_noted():
     assert note == (
         "pixels: read as a mosaic of 10x7 views of 30x60 pixels, but the picture repeats every 60x60 pixels, as a "
         "mosaic of 5x7 views (rows x columns) does; give pixels 5x7"
+    )
+
+
+@pytest.mark.parametrize("layout", [{"lenses": (5, 7)}, {"pixels": (60, 60)}])
+def test_views_taken_for_elemental_images_are_noted(layout):
+    (note,) = read(MOSAIC, order="given", **layout).notes
+    assert note == (
+        "arrangement: read as 5x7 elemental images of 60x60 pixels, which may be views: if they are, give arrangement "
+        "mosaic and pixels 5x7"
+    )
+    assert np.array_equal(read(MOSAIC, pixels=(5, 7), arrangement="mosaic").views, VIEWS)
+
+
+def test_elemental_images_taken_for_a_mosaic_are_noted(vase):
+    (note,) = read(vase, pixels=(9, 9), arrangement="mosaic", order="given").notes
+    assert note == (
+        "arrangement: read as a mosaic of 9x9 views, but the picture repeats about every 8x9 pixels, as elemental "
+        "images of 9x9 do; arrangement eia reads it so"
     )
