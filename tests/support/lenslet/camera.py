@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.backends.embree import PreparedScene
+from ciir.renderer.backends.embree import PreparedScene, _weigh_corners
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import TANGENT_RANGE, LensArray
 from ciir.renderer.scenes import load_scene
@@ -33,11 +33,11 @@ class Camera:
         delta = TANGENT_RANGE / self.grid.pitch
         origins = np.stack([x, -y, np.zeros(len(x))], axis=1)
         directions = np.stack([delta * offsets[:, 1], -delta * offsets[:, 0], -np.ones(len(x))], axis=1)
-        placed = self.scene._to_embree(origins)
-        triangle, weights, _ = self.scene._find_hits(placed, directions.astype(np.float32))
+        placed, along = self.scene._to_embree(origins), directions.astype(np.float32)
+        triangle, u, v, _ = self.scene._find_hits(placed, along)
         rgb = np.broadcast_to(np.float32(self.background), (len(x), 3)).copy()
         hit = np.flatnonzero(triangle >= 0)
-        rgb[hit] = 255 * self.scene._shade(triangle[hit], weights[hit], directions[hit])[0][:, :3]
+        rgb[hit] = 255 * self.scene._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0][:, :3]
         return rgb
 
 
