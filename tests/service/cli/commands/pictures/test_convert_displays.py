@@ -11,6 +11,7 @@ from ciir.renderer.displays.lenticular import interlace, parse_calibration
 from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 from tests.support.displays import CALIBRATION
 from tests.support.light_fields import make_views
@@ -180,3 +181,13 @@ def test_the_input_is_never_replaced(folder, capsys):
     assert convert("in.npz -o q_qs3x2a1.png") == 0
     assert convert("q_qs3x2a1.png -o q.png --to quilt --quilt 3x2") == 2
     assert "the input is there" in capsys.readouterr().err
+
+
+def test_a_quilt_alone_in_a_folder_keeps_its_aspect(folder):
+    """Its pixels are not square, as its name says."""
+    (folder / "box").mkdir()
+    quilt = VIEWS[1].reshape(2, 3, 24, 24, 3)[::-1].swapaxes(1, 2).reshape(48, 72, 3)
+    (folder / "box/q_qs3x2a2.png").write_bytes(encode_png(quilt))
+    for given in ("box/q_qs3x2a2.png", "box"):
+        assert convert(f"{given} -o out.png --to quilt --quilt 3x2 --report r.json") == 0
+        assert json.loads((folder / "r.json").read_text())["display"]["layout"]["aspect"] == 2.0
