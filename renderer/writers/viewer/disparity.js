@@ -2,7 +2,7 @@
 /** Measures the disparity at a place of a light field, from small copies of the views around its centre. */
 import { VIEWER_TEXTS } from "./texts.js";
 
-/** @import { LightField } from "./viewer.js" */
+/** @typedef {import("./viewer.js").LightField} LightField */
 
 const SMALL = 96; // pixels along a side of the copies
 const STEP = 0.25; // of their pixels, in which disparity is searched for
@@ -14,13 +14,16 @@ export class DisparityMeter {
   /** @param {LightField} lightField */
   constructor(lightField) {
     this.lightField = lightField;
-    /** Brightness of each small view. @type {Map<number, Float32Array>} */
+    /** @type {Map<number, Float32Array>} Brightness of each small view. */
     this.small = new Map();
     const { rows, cols } = lightField;
     this.centre = [(rows - 1) >> 1, (cols - 1) >> 1];
   }
 
-  /** Whether a view is one of those that are compared. @param {number} index */
+  /**
+   * Whether a view is one of those that are compared.
+   * @param {number} index
+   */
   needs(index) {
     const { cols } = this.lightField;
     const away = [Math.floor(index / cols) - this.centre[0], (index % cols) - this.centre[1]];
@@ -33,7 +36,7 @@ export class DisparityMeter {
    * @param {CanvasImageSource} picture
    */
   add(index, picture) {
-    const canvas = new OffscreenCanvas(SMALL, SMALL);
+    const canvas = Object.assign(document.createElement("canvas"), { width: SMALL, height: SMALL });
     const context = canvas.getContext("2d", { willReadFrequently: true });
     if (!context) throw new Error(VIEWER_TEXTS.noCanvas);
     context.drawImage(picture, 0, 0, SMALL, SMALL);

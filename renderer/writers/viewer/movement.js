@@ -1,6 +1,6 @@
 // @ts-check
 /** Ways to move the viewpoint: a pointer, keys, the device as it is tilted, a tour. */
-/** @import { Stage } from "./page.js" */
+/** @typedef {import("./page.js").Stage} Stage */
 
 const CLICK = 4; // pixels: a pointer that moves less has clicked
 const TILT = 20; // degrees from the middle to the outermost views

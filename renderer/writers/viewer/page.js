@@ -4,7 +4,7 @@ import { followDevice, followKeys, followPointer, followTour } from "./movement.
 import { VIEWER_TEXTS } from "./texts.js";
 import { LightFieldViewer } from "./viewer.js";
 
-/** @import { LightField } from "./viewer.js" */
+/** @typedef {import("./viewer.js").LightField} LightField */
 
 const MARKUP = `<div class="picture"><canvas tabindex="0" role="img" aria-label="${VIEWER_TEXTS.picture}" aria-busy="true"></canvas></div>
 <div class="controls">

@@ -83,7 +83,7 @@ export class LightFieldViewer {
     this.canvas = canvas;
     this.lightField = lightField;
     this.gl = gl;
-    /** Row and column, which need not be whole. @type {[number, number]} */
+    /** @type {[number, number]} Row and column, which need not be whole. */
     this.viewpoint = [(rows - 1) / 2, (cols - 1) / 2];
     /** By how many pixels what is in focus moves to the left from one view to the next on the right. */
     this.disparity = 0;
@@ -92,7 +92,7 @@ export class LightFieldViewer {
     /** Views that are added up while something moves; below FEW the picture has half the pixels along a side. */
     this.most = 64;
     this.meter = new DisparityMeter(lightField);
-    /** The smallest views first, which stand for larger ones that are not loaded. @type {Level[]} */
+    /** @type {Level[]} The smallest views first, which stand for larger ones that are not loaded. */
     this.levels = [];
     this.programs = Array.from({ length: FEW + 1 }, (_, count) => this.#compile(count ? addUp(count) : MANY));
     gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
@@ -161,7 +161,10 @@ export class LightFieldViewer {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  /** Draws the picture. @param {boolean} [isQuick] Whether views and pixels are left out where frames take long. */
+  /**
+   * Draws the picture.
+   * @param {boolean} [isQuick] Whether views and pixels are left out where frames take long.
+   */
   draw(isQuick = false) {
     const { gl, lightField } = this;
     const most = isQuick ? Math.max(FEW, this.most) : MOST_TAPS;
@@ -185,7 +188,10 @@ export class LightFieldViewer {
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  /** Fits the work of a quick picture to the time that the last one took. @param {number} milliseconds */
+  /**
+   * Fits the work of a quick picture to the time that the last one took.
+   * @param {number} milliseconds
+   */
   adapt(milliseconds) {
     this.most = milliseconds > SLOW ? Math.max(1, this.most * 0.7) : Math.min(MOST_TAPS, this.most * 1.02);
   }
@@ -224,6 +230,7 @@ export class LightFieldViewer {
   #compile(fragment) {
     const { gl } = this;
     const program = gl.createProgram();
+    if (!program) throw new Error(VIEWER_TEXTS.lostWebgl);
     for (const [kind, source] of /** @type {const} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]])) {
       const shader = gl.createShader(kind);
       if (!shader) throw new Error(VIEWER_TEXTS.lostWebgl);
@@ -243,13 +250,17 @@ export class LightFieldViewer {
    * @param {number} last
    */
   #findLevel(first, last) {
-    return this.levels.findLast((level) => level.first <= first && last <= level.last) ?? this.levels[0];
+    return this.levels.filter((level) => level.first <= first && last <= level.last).at(-1) ?? this.levels[0];
   }
 
-  /** Makes a texture for all views. @param {{width: number, height: number}} size Of a view. */
+  /**
+   * Makes a texture for all views.
+   * @param {{width: number, height: number}} size Of a view.
+   */
   #addLevel({ width, height }) {
     const { gl, lightField } = this;
     const texture = gl.createTexture();
+    if (!texture) throw new Error(VIEWER_TEXTS.lostWebgl);
     const unit = this.levels.length;
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
@@ -262,7 +273,10 @@ export class LightFieldViewer {
   }
 }
 
-/** A shader that adds up so many views. @param {number} count */
+/**
+ * A shader that adds up so many views.
+ * @param {number} count
+ */
 function addUp(count) {
   const terms = Array.from({ length: count }, (_, i) => `taps[${i}].w * texture(views, vec3(place - taps[${i}].xy, taps[${i}].z))`);
   return `${HEAD}

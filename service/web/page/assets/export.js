@@ -19,7 +19,7 @@ const MESHES = ["mesh", "scene"];
 const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", device: "go", epi: "" });
 const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", display: ".toml" });
 
-/** By the names of `GROUPS`, those with the same start being one group. @type {Record<string, Group>} */
+/** @type {Record<string, Group>} By the names of `GROUPS`, those with the same start being one group. */
 export const EXPORTS = {
   view: { kind: "reconstructions", formats: PICTURES },
   all: {
@@ -48,7 +48,10 @@ const select = find("format", HTMLSelectElement);
 const asked = find("asked", HTMLElement);
 let isMesh = false;
 
-/** Offers the formats that an input can be written in. @param {string} input What it is. */
+/**
+ * Offers the formats that an input can be written in.
+ * @param {string} input What it is.
+ */
 export function offerFormats(input) {
   isMesh = MESHES.includes(input);
   /** @type {Map<string, HTMLOptGroupElement>} */

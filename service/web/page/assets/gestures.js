@@ -17,7 +17,7 @@ const ZOOM_KEYS = /** @type {Record<string, number>} */ ({ "+": STEP, "=": STEP,
 export function followGestures(element, slider, changed = () => {}) {
   /** The share of the picture left of and above what is seen. */
   const start = [0, 0];
-  /** Places of the pointers that are down. @type {Map<number, number[]>} */
+  /** @type {Map<number, number[]>} Places of the pointers that are down. */
   const pointers = new Map();
   let doublings = 0;
 

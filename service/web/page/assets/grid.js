@@ -11,7 +11,9 @@ const KEYS = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [0, -
 const RADIUS = 0.42; // of a lens as it is drawn, in pitches
 const USUAL_PIXELS = 15; // of an elemental image, where nothing is known
 
-/** @import { Cells, Place, RawGrid } from "./lenses.js" */
+/** @typedef {import("./lenses.js").Cells} Cells */
+/** @typedef {import("./lenses.js").Place} Place */
+/** @typedef {import("./lenses.js").RawGrid} RawGrid */
 
 /** A picture with its lens grid. */
 export class LensGrid {
@@ -23,9 +25,9 @@ export class LensGrid {
   constructor(element, image, change) {
     this.element = element;
     this.image = image;
-    /** The lens of the first handle. @type {Place | undefined} */
+    /** @type {Place | undefined} The lens of the first handle. */
     this.anchor = undefined;
-    /** The lens of the second handle, or the corner. @type {Place | undefined} */
+    /** @type {Place | undefined} The lens of the second handle, or the corner. */
     this.end = undefined;
     this.change = change;
     /** @type {Place} */
@@ -63,7 +65,10 @@ export class LensGrid {
     this.#look();
   }
 
-  /** Shows the centre view as the grid maps it. @param {Blob} picture */
+  /**
+   * Shows the centre view as the grid maps it.
+   * @param {Blob} picture
+   */
   async showView(picture) {
     const address = URL.createObjectURL(picture);
     this.view.src = address;
@@ -123,18 +128,27 @@ export class LensGrid {
     this.#placeHandle(this.second, this.#findEnd());
   }
 
-  /** Where the second handle is. @returns {Place} */
+  /**
+   * Where the second handle is.
+   * @returns {Place}
+   */
   #findEnd() {
     const { grid, end = [1, 1] } = this;
     return isRaw(grid) ? findCentre(grid, end) : [end[0] * grid.size[0], end[1] * grid.size[1]];
   }
 
-  /** How many fit into the picture. @param {Cells} cells */
+  /**
+   * How many fit into the picture.
+   * @param {Cells} cells
+   */
   #count({ size }) {
     return this.size.map((side, axis) => Math.round(side / size[axis]));
   }
 
-  /** Moves all lenses. @param {Place} to Of the first handle. */
+  /**
+   * Moves all lenses.
+   * @param {Place} to Of the first handle.
+   */
   #move(to) {
     if (!isRaw(this.grid) || !this.anchor) return;
     const from = findCentre(this.grid, this.anchor);
@@ -142,7 +156,10 @@ export class LensGrid {
     this.#changeRaw({ ...this.grid, offset: [offset[0] + to[0] - from[0], offset[1] + to[1] - from[1]] });
   }
 
-  /** Changes pitch and rotation about the first handle, or the size of elemental images. @param {Place} to Of the second handle. */
+  /**
+   * Changes pitch and rotation about the first handle, or the size of elemental images.
+   * @param {Place} to Of the second handle.
+   */
   #turn(to) {
     const { grid, end = [1, 1] } = this;
     if (!isRaw(grid)) {
@@ -203,7 +220,11 @@ export class LensGrid {
     return handle;
   }
 
-  /** Where the corner is dragged for the next size that divides the picture. @param {[number, number]} way @returns {Place} */
+  /**
+   * Where the corner is dragged for the next size that divides the picture.
+   * @param {[number, number]} way
+   * @returns {Place}
+   */
   #step(way) {
     const { end = [1, 1] } = this;
     return /** @type {Place} */ (

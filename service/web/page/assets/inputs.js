@@ -12,7 +12,7 @@ import { writeZip } from "./zip.js";
  * @property {{name: string, file: File}[]} [parts] The files of one that holds several.
  */
 
-/** @import { RawGrid } from "./lenses.js" */
+/** @typedef {import("./lenses.js").RawGrid} RawGrid */
 /**
  * A lens grid that a picture may have.
  * @typedef {{kind: string, options: Record<string, string>, pixels: number[], lenses?: number[], lens_grid?: RawGrid}} Candidate
@@ -32,7 +32,7 @@ import { writeZip } from "./zip.js";
  */
 export async function joinFiles(files) {
   if (files.length === 1) return { name: files[0].name, file: files[0].file };
-  const sorted = files.toSorted((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
+  const sorted = [...files].sort((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
   const name = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0] ?? sorted[0].name;
   return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted };
 }
@@ -42,7 +42,7 @@ export async function joinFiles(files) {
  * @param {DataTransfer} dropped
  */
 export async function listDropped(dropped) {
-  const entries = [...dropped.items].map((item) => item.webkitGetAsEntry()).filter((entry) => entry !== null);
+  const entries = [...dropped.items].flatMap((item) => item.webkitGetAsEntry() ?? []);
   return (await Promise.all(entries.map(listEntry))).flat();
 }
 

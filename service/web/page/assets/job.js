@@ -4,7 +4,7 @@ import { Job, Problem } from "./client.js";
 import { find, make } from "./dom.js";
 import { SENTENCES, STAGES, TEXTS } from "./texts.js";
 
-/** @import { Status } from "./client.js" */
+/** @typedef {import("./client.js").Status} Status */
 
 const panel = find("job", HTMLElement);
 const bar = find("progress", HTMLProgressElement);
@@ -13,7 +13,7 @@ const problem = find("problem", HTMLElement);
 const details = find("details", HTMLDetailsElement);
 
 let current = new AbortController();
-/** The job at work. @type {Job | null} */
+/** @type {Job | null} The job at work. */
 let job = null;
 
 const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
@@ -45,7 +45,11 @@ export function say(message) {
   find("status", HTMLElement).textContent = message;
 }
 
-/** Begins other work in place of that before. @param {string} name Of what it makes. @returns {AbortSignal} */
+/**
+ * Begins other work in place of that before.
+ * @param {string} name Of what it makes.
+ * @returns {AbortSignal}
+ */
 export function begin(name) {
   stop();
   say(name);
@@ -132,7 +136,7 @@ export function hideProblem() {
 
 /** @param {Status} status */
 function showDetails(status) {
-  const { timings_ms: timings = {}, plan, notes = [] } = status.report ?? {};
+  const { timings_ms: timings = {}, plan, notes } = status.report ?? {};
   const shown = Object.entries(timings).filter(([stage]) => stage in STAGES);
   const stages = shown.map(([stage, time]) => {
     const share = make("i", "", { class: `stage-${stage}` });
@@ -147,7 +151,7 @@ function showDetails(status) {
   );
   const { predicted_ms: predicted } = plan ?? {};
   const estimate = predicted && timings.total ? [SENTENCES.estimate(SENTENCES.time(timings.total), SENTENCES.time(predicted))] : [];
-  const remarks = [...estimate, ...notes, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  const remarks = [...estimate, ...(notes ?? []), ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
   find("remarks", HTMLElement).replaceChildren(...remarks);
   details.hidden = false;
 }

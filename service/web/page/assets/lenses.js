@@ -5,7 +5,10 @@ const ROW_STEP = Math.sqrt(3) / 2; // between rows of a hexagonal grid, in pitch
 /** An offset counts from the centre of a pixel, a place from its corner. */
 export const HALF = 0.5;
 
-/** Places in a picture are [y, x] in pixels from its upper left corner. @typedef {[number, number]} Place */
+/**
+ * Places in a picture are [y, x] in pixels from its upper left corner.
+ * @typedef {[number, number]} Place
+ */
 /** @typedef {{pitch: number, offset: Place, rotation: number, shape: string, stretch?: number}} RawGrid Of a raw picture. */
 /** @typedef {{size: Place, isMosaic?: boolean}} Cells Elemental images, or views of a mosaic, and their size. */
 
@@ -19,16 +22,24 @@ export function sizeOf(grid) {
   return isRaw(grid) ? [grid.pitch, grid.pitch] : grid.size;
 }
 
-/** From row to row, and along every other one, in pitches; and whether they are columns. @param {RawGrid} grid */
+/**
+ * From row to row, and along every other one, in pitches; and whether they are columns.
+ * @param {RawGrid} grid
+ */
 export function readShape({ shape, stretch = 1 }) {
   return { rowStep: shape === "square" ? stretch : ROW_STEP * stretch, shift: shape === "square" ? 0 : 0.5, isTransposed: shape === "hexagonal-columns" };
 }
 
-/** The centre of a lens, as `find_centers` of `renderer/readers/lenslet/grid.py`. @param {RawGrid} grid @param {Place} lens @returns {Place} */
+/**
+ * The centre of a lens, as `find_centers` of `renderer/readers/lenslet/grid.py`.
+ * @param {RawGrid} grid
+ * @param {Place} lens
+ * @returns {Place}
+ */
 export function findCentre(grid, [row, column]) {
   const { rowStep, shift, isTransposed } = readShape(grid);
   const steps = [row * rowStep * grid.pitch, (column + (Math.abs(row) % 2) * shift) * grid.pitch];
-  const [down, right] = isTransposed ? steps.toReversed() : steps;
+  const [down, right] = isTransposed ? steps.reverse() : steps;
   const angle = (grid.rotation * Math.PI) / 180;
   return [
     grid.offset[0] + HALF + down * Math.cos(angle) + right * Math.sin(angle),
@@ -36,12 +47,17 @@ export function findCentre(grid, [row, column]) {
   ];
 }
 
-/** The lens near a place. @param {RawGrid} grid @param {Place} place @returns {Place} */
+/**
+ * The lens near a place.
+ * @param {RawGrid} grid
+ * @param {Place} place
+ * @returns {Place}
+ */
 export function findLens(grid, place) {
   const { rowStep, shift, isTransposed } = readShape(grid);
   const angle = (grid.rotation * Math.PI) / 180, y = place[0] - HALF - grid.offset[0], x = place[1] - HALF - grid.offset[1];
   const steps = [y * Math.cos(angle) - x * Math.sin(angle), x * Math.cos(angle) + y * Math.sin(angle)];
-  const [across, along] = isTransposed ? steps.toReversed() : steps;
+  const [across, along] = isTransposed ? steps.reverse() : steps;
   const row = Math.round(across / grid.pitch / rowStep);
   return [row, Math.round(along / grid.pitch - (Math.abs(row) % 2) * shift)];
 }

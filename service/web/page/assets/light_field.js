@@ -3,13 +3,14 @@
 import { PICTURE_TEXTS } from "./texts.js";
 import { Stage } from "./viewer/page.js";
 
-/** @import { LightField, Tile } from "./viewer/viewer.js" */
+/** @typedef {import("./viewer/viewer.js").LightField} LightField */
+/** @typedef {import("./viewer/viewer.js").Tile} Tile */
 
 const MEMBER = 0x04034b50, DIRECTORY = 0x02014b50; // of a zip (APPNOTE.TXT 6.3.10, sections 4.3.7 and 4.3.12)
 const HEADER = 30; // bytes of a member before its name
 /** The settings in the address that say what is seen of a light field. */
 export const PLACE = ["v", "u", "focus", "aperture"];
-/** What is shown in each element. @type {WeakMap<HTMLElement, Stage>} */
+/** @type {WeakMap<HTMLElement, Stage>} What is shown in each element. */
 const shown = new WeakMap();
 
 /**

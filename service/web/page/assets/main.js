@@ -16,26 +16,27 @@ import { fitSettings, LENSES, listModels, offerGrids, offerModels, readSettings,
 import { readState, writeState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
-/** @import { Input } from "./inputs.js" */
-/** @import { Entry } from "./recent.js" */
+/** @typedef {import("./inputs.js").Input} Input */
+/** @typedef {import("./recent.js").Entry} Entry */
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const frame = find("frame", HTMLElement);
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
-/** What is open. @type {Input | null} */
+/** @type {Input | null} What is open. */
 let input = null;
 let kind = "";
-/** Pictures of what is open, by what they were made with. @type {Map<string, Blob>} */
+/** @type {Map<string, Blob>} Pictures of what is open, by what they were made with. */
 const pictures = new Map();
-/** The lens grid that is shown. @type {LensGrid | undefined} */
+/** @type {LensGrid | undefined} The lens grid that is shown. */
 let lensGrid;
-/** The light field that is shown. @type {import("./viewer/page.js").Stage | undefined} */
+/** @type {import("./viewer/page.js").Stage | undefined} The light field that is shown. */
 let stage;
 
 /**
  * Opens an input: says what it is, and shows it.
  * @param {Promise<Input> | Input} chosen
  * @param {Record<string, string>} settings Of the address.
+ * @returns {Promise<void>}
  */
 async function open(chosen, settings) {
   clear();
@@ -81,7 +82,10 @@ function writeName(named, what) {
   find("kind", HTMLElement).textContent = what;
 }
 
-/** Shows one of the page's parts. @param {"start" | "work"} part */
+/**
+ * Shows one of the page's parts.
+ * @param {"start" | "work"} part
+ */
 function showPart(part) {
   for (const name of ["start", "work"]) find(name, HTMLElement).hidden = name !== part;
   find("close", HTMLElement).hidden = part === "start";
@@ -134,12 +138,18 @@ async function showGrid(settings, isUnknown) {
   /** @type {HTMLInputElement | null} */ (document.querySelector("[name=lenses]"))?.focus();
 }
 
-/** The lens grid of a raw picture, where options leave some of it to be found. @param {Record<string, string>} options */
+/**
+ * The lens grid of a raw picture, where options leave some of it to be found.
+ * @param {Record<string, string>} options
+ */
 async function findGrid(options) {
   return input && (await describe(input, begin(TEXTS.reading), options)).candidates.find((each) => each.lens_grid)?.lens_grid;
 }
 
-/** Puts the input and its settings into the address. @param {Record<string, string>} settings */
+/**
+ * Puts the input and its settings into the address.
+ * @param {Record<string, string>} settings
+ */
 function keepState(settings) {
   const old = Object.keys(readState()).filter((name) => !PLACE.includes(name));
   const source = input?.scene ? { scene: input.scene, file: null } : { scene: null, file: input?.name ?? "" };
@@ -159,7 +169,10 @@ async function makePicture(fields, what, isKept = false) {
   return picture;
 }
 
-/** Shows the centre view as it is made in several ways, and the truth of a mesh. @param {Record<string, string>} settings */
+/**
+ * Shows the centre view as it is made in several ways, and the truth of a mesh.
+ * @param {Record<string, string>} settings
+ */
 async function showCompared(settings) {
   await offered;
   const models = listModels(Number(settings.scale) || 2).filter((name) => name !== "bicubic");
@@ -183,7 +196,10 @@ function makeHolder() {
   return holder;
 }
 
-/** Shows all views: as mapped, until they are upscaled. @param {Record<string, string>} settings */
+/**
+ * Shows all views: as mapped, until they are upscaled.
+ * @param {Record<string, string>} settings
+ */
 async function showAround(settings) {
   const holder = makeHolder();
   const all = { ...settings, views: "all", format: "tiles" };
@@ -232,7 +248,10 @@ async function makeFile(plural, fields, what, isKept = true) {
   return response;
 }
 
-/** Opens a job of the list: a shipped scene with its settings, else its result. @param {Entry} entry */
+/**
+ * Opens a job of the list: a shipped scene with its settings, else its result.
+ * @param {Entry} entry
+ */
 async function reopen(entry) {
   clear();
   try {
@@ -260,7 +279,10 @@ function openAddress() {
   find("again", HTMLElement).textContent = file ? SENTENCES.again(file) : "";
 }
 
-/** Opens files that were chosen, with the settings of the address where it is about a file. @param {{name: string, file: File}[]} files */
+/**
+ * Opens files that were chosen, with the settings of the address where it is about a file.
+ * @param {{name: string, file: File}[]} files
+ */
 function openFiles(files) {
   if (files.length === 0) return;
   const { scene, file, show: _, ...settings } = readState();

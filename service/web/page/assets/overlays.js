@@ -3,7 +3,7 @@
 import { make } from "./dom.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
-/** @import { Stage } from "./viewer/page.js" */
+/** @typedef {import("./viewer/page.js").Stage} Stage */
 
 /**
  * Adds two check boxes to a light field whose views are loaded.

@@ -3,8 +3,8 @@
 import { find, make } from "./dom.js";
 import { stop } from "./job.js";
 
-/** @import { Input } from "./inputs.js" */
-/** @import { Preview } from "./preview.js" */
+/** @typedef {import("./inputs.js").Input} Input */
+/** @typedef {import("./preview.js").Preview} Preview */
 
 const KEYS = /** @type {Record<string, [string, number]>} */ ({
   ArrowLeft: ["yaw", -5], ArrowRight: ["yaw", 5], ArrowUp: ["tilt", -5], ArrowDown: ["tilt", 5],
@@ -17,7 +17,7 @@ const MOST_BYTES = 64e6; // of a file that the browser reads
 
 const panel = find("turn", HTMLElement);
 const form = find("settings", HTMLFormElement);
-/** The settings of the page. @type {() => Record<string, string>} */
+/** @type {() => Record<string, string>} The settings of the page. */
 let read = () => ({});
 /** @type {Preview | undefined} */
 let preview;

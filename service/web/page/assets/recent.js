@@ -19,7 +19,10 @@ export function keepJob(entry) {
   sessionStorage.setItem(KEY, JSON.stringify([entry, ...others].slice(0, MOST)));
 }
 
-/** Lists the jobs. @param {(entry: Entry) => void} open Called with the one that is chosen. */
+/**
+ * Lists the jobs.
+ * @param {(entry: Entry) => void} open Called with the one that is chosen.
+ */
 export function showRecent(open) {
   const entries = read();
   find("recent", HTMLElement).hidden = entries.length === 0;

@@ -4,17 +4,17 @@ import { request } from "./client.js";
 import { find, make } from "./dom.js";
 import { SENTENCES, TEXTS } from "./texts.js";
 
-/** @import { Candidate } from "./inputs.js" */
+/** @typedef {import("./inputs.js").Candidate} Candidate */
 
 /** Options that say where the lenses of a picture are. */
 export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
 const form = find("settings", HTMLFormElement);
-/** Scales of the networks. @type {Map<string, number[]>} */
+/** @type {Map<string, number[]>} Scales of the networks. */
 const scales = new Map([["auto", [2]]]);
-/** Options of the address, or of a lens grid that was found, that have no field. @type {Record<string, string>} */
+/** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field. */
 let others = {};
 const grids = find("grids", HTMLSelectElement);
-/** Lens grids that a picture may have. @type {Candidate[]} */
+/** @type {Candidate[]} Lens grids that a picture may have. */
 let candidates = [];
 
 /** The fields that count for the input that is open. */
@@ -28,7 +28,10 @@ function isDefault(field) {
   return field instanceof HTMLInputElement && field.value.trim() === field.defaultValue;
 }
 
-/** The settings that differ from the defaults. @returns {Record<string, string>} */
+/**
+ * The settings that differ from the defaults.
+ * @returns {Record<string, string>}
+ */
 export function readSettings() {
   const fields = listFields();
   const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, field.value.trim()]);
@@ -71,13 +74,19 @@ export function offerGrids(found, settings) {
   writeSettings(isGiven ? settings : { ...settings, ...found[0]?.options });
 }
 
-/** Replaces the options that say where the lenses are. @param {Record<string, string>} options */
+/**
+ * Replaces the options that say where the lenses are.
+ * @param {Record<string, string>} options
+ */
 export function writeLenses(options) {
   const kept = Object.entries(readSettings()).filter(([name]) => !LENSES.includes(name));
   writeSettings({ ...Object.fromEntries(kept), ...options });
 }
 
-/** Shows the fields for what is open. @param {string} kind Of the input; empty until it is known. */
+/**
+ * Shows the fields for what is open.
+ * @param {string} kind Of the input; empty until it is known.
+ */
 export function fitSettings(kind) {
   find("work", HTMLElement).dataset.kind = kind;
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-for]"))) {
@@ -94,7 +103,10 @@ function offerModel(name, sizes) {
   scales.set(name, sizes);
 }
 
-/** The networks and interpolations that make views so many times larger. @param {number} scale */
+/**
+ * The networks and interpolations that make views so many times larger.
+ * @param {number} scale
+ */
 export function listModels(scale) {
   return [...scales].filter(([name, sizes]) => name !== "auto" && sizes.includes(scale)).map(([name]) => name);
 }

@@ -34,7 +34,10 @@ export async function writeZip(members) {
   return new Blob([...parts, ...directory, end], { type: "application/zip" });
 }
 
-/** Little-endian fields. @param {(number | number[])[]} fields Of 2 bytes, those in brackets of 4. */
+/**
+ * Little-endian fields.
+ * @param {(number | number[])[]} fields Of 2 bytes, those in brackets of 4.
+ */
 function pack(fields) {
   return Uint8Array.from(
     fields.flatMap((field) => {
@@ -44,7 +47,10 @@ function pack(fields) {
   );
 }
 
-/** CRC-32. @param {Uint8Array} bytes */
+/**
+ * CRC-32.
+ * @param {Uint8Array} bytes
+ */
 function computeChecksum(bytes) {
   let sum = 0xffffffff;
   for (const byte of bytes) sum = TABLE[(sum ^ byte) & 0xff] ^ (sum >>> 8);

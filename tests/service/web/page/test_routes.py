@@ -1,4 +1,6 @@
 import re
+import shutil
+import subprocess
 from base64 import b64encode
 from hashlib import sha256
 from pathlib import Path
@@ -7,9 +9,11 @@ import pytest
 
 from ciir.renderer.scenes import SCENES
 from ciir.service.web.page import routes
+from tests.support.paths import ROOT
 from tests.support.web import check_problem, run_app
 
 TYPES = {"css": "text/css", "html": "text/html", "jpg": "image/jpeg", "js": "text/javascript", "svg": "image/svg+xml"}
+TSC = shutil.which("tsc")
 
 
 @pytest.mark.parametrize("path", ["/", "/embed"])
@@ -100,3 +104,10 @@ def test_every_text_of_the_page_stands_in_texts():
         html = re.sub(r"<script.*", "", (assets / page).read_text())
         assert set(re.findall(r'data-text="(\w+)"', html)) <= texts
         assert set(re.findall(r">\s*([^<>\s][^<>]*)<", html)) <= {"ciir", *SCENES}
+
+
+@pytest.mark.skipif(TSC is None, reason="needs tsc, the TypeScript compiler (node-typescript in Debian)")
+def test_the_scripts_have_consistent_types():
+    project = ROOT / "service" / "web" / "page" / "tsconfig.json"
+    done = subprocess.run([TSC, "-p", project], capture_output=True, text=True, check=False)  # noqa: S603
+    assert (done.returncode, done.stdout) == (0, "")
