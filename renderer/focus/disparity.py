@@ -126,7 +126,8 @@ def estimate_disparity(
 
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The map and its confidence; `own`: the view without noise."""
-        sweep = Sweep(views, view, parts=parts, farthest=farthest, blur=min(noise / 16, 1.0), own=own)
+        blur, compared = min(noise / 11, 1.0), 4 if noise else 2
+        sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
         window = 3
         if own is None:
@@ -142,9 +143,10 @@ def estimate_disparity(
     if noise:
         disparity = refine(views, view, disparity, deviation, FIRST)
         found = DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
-        sharper, confidence = look(_focus(views, found))
+        own = _focus(views, found)
+        sharper, confidence = look(own)
         disparity = np.where(_find_moved(disparity, sharper), sharper, disparity)
-        disparity = refine(views, view, disparity, deviation, LAST)
+        disparity = refine(views, view, disparity, deviation, LAST, own=own)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
 
 

@@ -14,9 +14,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy import ndimage, sparse
-from scipy.sparse.linalg import cg
+from scipy import ndimage
 
+from ciir.renderer.focus.conjugate_gradients import solve
 from ciir.renderer.focus.sweep import read_levels
 
 if TYPE_CHECKING:
@@ -43,24 +43,33 @@ class Round(NamedTuple):
     """Whether neighbours agree that differ by the slope around them, in place of those that are equal."""
 
 
-FIRST = Round(1.5, 1000.0, slopes=True), Round(0.8, 1000.0, slopes=True), Round(0.3, 500.0, slopes=True)
+FIRST = tuple(Round(blur, 300.0, slopes=True) for blur in (1.5, 0.8, 0.3))
 """For maps with large errors."""
-LAST = (Round(0.3, 300.0, slopes=False),) * 2
+LAST = Round(0.3, 300.0, slopes=True), Round(0.3, 100.0, slopes=False)
 """For outlines, near which slopes are wrong."""
 STEP = 0.1
 """Pixels between neighbours that lower the smoothness by e."""
 SLOPE = 3.0
 """Standard deviation in pixels of the Gaussian window whose steps are a slope."""
+STEPS = 100
+"""Of conjugate gradients, at most."""
 ROWS = 32
 """Of pixels, that are computed at a time."""
 
 
 def refine(
-    views: NDArray[Any], view: View, disparity: Picture, noise: float, rounds: Iterable[Round] = (*FIRST, *LAST)
+    views: NDArray[Any],
+    view: View,
+    disparity: Picture,
+    noise: float,
+    rounds: Iterable[Round] = (*FIRST, *LAST),
+    *,
+    own: Picture | None = None,
 ) -> Picture:
     """`disparity` `(H, W)` of `view`, corrected with the views `(V, U, H, W, C)` of `select_views`.
 
-    `noise`: its standard deviation, in 8-bit levels.
+    `noise`: its standard deviation, in 8-bit levels. `own`: the view with less noise, `(C, H, W)` in 8-bit levels;
+    views that differ from it count less. Without it those do that differ from the mean of all.
     """
     rows, cols = select_views(views.shape[:2], view)
     places = [(int(v), int(u)) for v in rows for u in cols]
@@ -73,7 +82,8 @@ def refine(
     with ThreadPoolExecutor(2) as pool:
         for one in rounds:
             pictures = list(pool.map(partial(read, blur=one.blur), places))
-            found = list(pool.map(partial(_correct, pictures, offsets, disparity, noise), parts))
+            shown = None if own is None else ndimage.gaussian_filter(own, one.blur, axes=(1, 2))
+            found = list(pool.map(partial(_correct, pictures, offsets, disparity, noise, own=shown), parts))
             error, information = (np.concatenate(some) for some in zip(*found, strict=True))
             disparity = _smooth(disparity, error, information, one)
     return disparity
@@ -91,11 +101,11 @@ def select_views(grid: tuple[int, ...], view: View) -> tuple[NDArray[np.int64], 
 
 
 def _correct(
-    pictures: list[Picture], offsets: Picture, disparity: Picture, noise: float, part: slice
+    pictures: list[Picture], offsets: Picture, disparity: Picture, noise: float, part: slice, *, own: Picture | None
 ) -> tuple[Picture, Picture]:
     """For some rows, `(h, W)` each: the error times the information, and the information, the variance's inverse.
 
-    `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, where they stand from the wanted view.
+    `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, where they stand from the wanted view. `own`: as in `refine`.
     """
     height, width = disparity.shape
     start, stop = max(0, part.start - 1), min(height, part.stop + 1)  # with neighbours, for gradients
@@ -108,9 +118,12 @@ def _correct(
         is_inside[number] = ((at >= 0).all(axis=0)) & (at[0] <= height - 1) & (at[1] <= width - 1)
         for picture, result in zip(pictures[number], looked_up[number], strict=True):
             ndimage.map_coordinates(picture, at, result, order=1, mode="nearest")
-    weights = is_inside
-    for _ in range(2):  # the second mean is of views that agree with the first
-        weights = _weigh(looked_up, weights, is_inside, noise)
+    if own is None:
+        weights = is_inside
+        for _ in range(2):  # the second mean is of views that agree with the first
+            weights = _weigh(looked_up, _average(looked_up, weights)[1], is_inside, noise)
+    else:
+        weights = _weigh(looked_up, own[:, start:stop], is_inside, noise)
     total, mean = _average(looked_up, weights)
     gradient = np.array(np.gradient(mean, axis=(1, 2)))  # (2, C, h, W)
     first = np.einsum("nhw,ni->ihw", weights, offsets)
@@ -124,13 +137,12 @@ def _correct(
     return error[kept] / noise**2, information[kept] / noise**2
 
 
-def _weigh(looked_up: Picture, weights: Picture, is_inside: Picture, noise: float) -> Picture:
-    """Less for pixels that are far from the mean of all views, `(n, h, W)`: something else hides the point there."""
-    mean = _average(looked_up, weights)[1]
-    squares = np.zeros_like(weights)
-    for channel in range(len(mean)):
-        squares += np.square(looked_up[:, channel] - mean[channel])
-    squares = ndimage.uniform_filter(squares / len(mean), 3, axes=(1, 2))
+def _weigh(looked_up: Picture, shown: Picture, is_inside: Picture, noise: float) -> Picture:
+    """Less for pixels that are far from what is shown, `(C, h, W)`: something else hides the point there."""
+    squares = np.zeros_like(is_inside)
+    for channel in range(len(shown)):
+        squares += np.square(looked_up[:, channel] - shown[channel])
+    squares = ndimage.uniform_filter(squares / len(shown), 3, axes=(1, 2))
     usual = (noise / 2) ** 2 + 9  # the blur halves the noise at least; 3 levels for what the map's error does
     result: Picture = is_inside / (1 + np.square(squares / usual))
     return result
@@ -159,12 +171,17 @@ def _smooth(disparity: Picture, error: Picture, information: Picture, one: Round
         diagonal += weight + np.roll(weight, 1, axis)
         known += np.roll(weight * slope, 1, axis) - weight * slope
         weights.append(weight)
-    width = disparity.shape[1]
-    below, beside = -weights[0].ravel()[:-width], -weights[1].ravel()[:-1]
-    matrix = sparse.diags_array([diagonal.ravel(), beside, beside, below, below], offsets=[0, 1, -1, width, -width])
-    inverse = sparse.diags_array(1 / diagonal.ravel())
-    found, _ = cg(matrix.tocsr(), known.ravel(), disparity.ravel(), rtol=1e-6, maxiter=100, M=inverse)
-    result: Picture = found.reshape(disparity.shape).astype(np.float32)
+
+    def apply(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        map_ = x.reshape(disparity.shape)
+        result = diagonal * map_
+        for axis, weight in enumerate(weights):
+            result -= weight * np.roll(map_, -1, axis) + np.roll(weight * map_, 1, axis)
+        return result.ravel()
+
+    wanted = known.ravel() - apply(disparity.ravel().astype(np.float64))
+    change = solve(apply, wanted, diagonal.ravel(), steps=STEPS, tolerance=1e-6)
+    result: Picture = disparity + change.reshape(disparity.shape).astype(np.float32)
     return result
 
 

@@ -56,12 +56,13 @@ class Sweep:
         *,
         parts: int,
         farthest: int,
+        compared: int = 2,
         blur: float = 0.0,
         own: NDArray[np.float32] | None = None,
     ) -> None:
         """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n, planes are whole multiples of 1/n pixels a view.
-        `farthest`: views further away are not compared. `blur`: standard deviation in pixels, against noise.
-        `own`: the view itself with less noise, as `self.own`.
+        `farthest`: views further away are not compared. `compared`: how many are on each side, at most, evenly spread.
+        `blur`: standard deviation in pixels, against noise. `own`: the view itself with less noise, as `self.own`.
         """
         self._parts = parts
         self.own = _blur(read_levels(views[view]), blur) if own is None else own
@@ -73,7 +74,7 @@ class Sweep:
             for sign, reach in ((-1, at), (1, count - 1 - at)):
                 most = min(reach, farthest)
                 side = []
-                for distance in sorted({ceil(most / 2), most} - {0}):
+                for distance in sorted({ceil(most * part / compared) for part in range(1, compared + 1)} - {0}):
                     place = list(view)
                     place[axis - 1] += sign * distance
                     picture = _blur(read_levels(views[tuple(place)]), blur)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from ciir.renderer.backends.embree import PreparedScene, list_rays
+from ciir.renderer.focus.conjugate_gradients import solve
 from ciir.renderer.focus.sweep import read_levels
 
 if TYPE_CHECKING:
@@ -59,16 +60,10 @@ def _solve(matrix: sparse.csr_array, levels: NDArray[np.float32], start: NDArray
     transposed = matrix.T.tocsr()
     own = np.asarray(matrix.power(2).sum(axis=0), np.float32)[:, None]  # (n, 1): the diagonal of the normal equations
     damping = np.float32(DAMPING * own[own > 0].mean()) if own.any() else np.float32(1)
-    x = start.copy()
-    residual = transposed @ (levels - matrix @ x)
-    scaled = residual / (own + damping)
-    direction, size = scaled, (residual * scaled).sum(axis=0)  # (C,)
-    for _ in range(STEPS):
-        image = transposed @ (matrix @ direction) + damping * direction
-        step = size / np.maximum((direction * image).sum(axis=0), np.float32(1e-20))
-        x += step * direction
-        residual = residual - step * image
-        scaled = residual / (own + damping)
-        last, size = size, (residual * scaled).sum(axis=0)
-        direction = scaled + size / np.maximum(last, np.float32(1e-20)) * direction
-    return x
+
+    def apply(x: NDArray[np.float32]) -> NDArray[np.float32]:
+        image: NDArray[np.float32] = transposed @ (matrix @ x) + damping * x
+        return image
+
+    change: NDArray[np.float32] = solve(apply, transposed @ (levels - matrix @ start), own + damping, steps=STEPS)
+    return start + change

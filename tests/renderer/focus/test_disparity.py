@@ -140,6 +140,23 @@ def test_outlines_move_but_errors_beside_them_stay():
     assert not _find_moved(near, sharper)[:, 18:].any()
 
 
+def test_noisy_views_take_outlines_alone_from_the_second_look(monkeypatch):
+    first = np.zeros((32, 32), np.float32)
+    first[:, 16:] = 2
+    second = first.copy()
+    second[:, 14:16] = 2  # the outline
+    expected = second.copy()
+    second[8:16, 24:30] = 1  # no outline of the first map is near
+    maps = [first, second]
+    module = "ciir.renderer.focus.disparity"
+    monkeypatch.setattr(f"{module}.match", lambda cost, guide, planes: (maps.pop(0), np.ones_like(first)))
+    monkeypatch.setattr(f"{module}.refine", lambda views, view, disparity, *others, **own: disparity)
+    noise = np.random.default_rng(0).normal(128, 10, (3, 3, 32, 32, 3))
+    found = estimate_disparity(LightField(noise.round().astype(np.uint8)), limits=(0, 2))
+    assert not maps
+    np.testing.assert_array_equal(found.disparity, expected)
+
+
 @pytest.mark.parametrize("change", ["mirrored", "upside down", "transposed", "reversed", "shifted"])
 def test_changes_with_the_light_field(change):
     light_field, _ = make_light_field()

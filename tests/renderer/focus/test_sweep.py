@@ -45,14 +45,23 @@ def compare_slowly(views, view, disparity, distances):
     return cost
 
 
-@pytest.mark.parametrize(("grid", "view"), [((5, 5), (2, 2)), ((3, 4), (0, 3)), ((1, 2), (0, 0))])
-def test_is_the_slow_sum(monkeypatch, grid, view):
+@pytest.mark.parametrize(
+    ("grid", "view", "compared", "distances"),
+    [
+        ((5, 5), (2, 2), 2, (1, 2)),
+        ((3, 4), (0, 3), 2, (1, 2)),
+        ((1, 2), (0, 0), 2, (1, 2)),
+        ((1, 9), (0, 4), 2, (2, 4)),
+        ((1, 9), (0, 4), 3, (2, 3, 4)),
+    ],
+)
+def test_is_the_slow_sum(monkeypatch, grid, view, compared, distances):
     monkeypatch.setattr(sweep, "MOST_DIFFERENCE", np.float32(1e6))
     views = np.random.default_rng(5).integers(0, 256, (*grid, 9, 12, 3)).astype(np.uint8)
     parts, planes = 4, [-7, -4, 0, 1, 6]
-    cost = Sweep(views, view, parts=parts, farthest=2).compare(planes)
+    cost = Sweep(views, view, parts=parts, farthest=max(distances), compared=compared).compare(planes)
     for plane, found in zip(planes, cost, strict=True):
-        expected = compare_slowly(views.astype(float), view, plane / parts, (1, 2))
+        expected = compare_slowly(views.astype(float), view, plane / parts, distances)
         is_seen = np.isfinite(expected)
         assert is_seen.mean() > 0.3
         np.testing.assert_allclose(found[is_seen], expected[is_seen], rtol=1e-4)  # float32
