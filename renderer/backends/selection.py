@@ -36,7 +36,7 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through
     if is_see_through:
         return _open_once("raytrace"), "raytrace: rays blend the see-through materials in order"
     if _is_cheap_to_cast(rays, triangles):
-        reason = f"raytrace: {rays:,} rays a view are cheap to cast in a scene of {triangles:,} triangles"
+        reason = f"raytrace: {rays:,} rays a view cost less to cast than {triangles:,} triangles to draw"
         return _open_once("raytrace"), reason
     try:
         backend = _open_once("raster")

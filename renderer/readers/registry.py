@@ -229,7 +229,7 @@ def identify(name: str, data: bytes) -> Format:
     if by_content is None:
         what = "text" if _is_text(data) else "binary data"
         if by_name is not None:
-            raise UnsupportedType(f"{clean_text(name)}: {what}, which is no {by_name.name} that is read; save it again")
+            raise UnsupportedType(f"{clean_text(name)}: the content is {what}, not {by_name.name}; save it again")
         raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
     if by_name not in {None, by_content}:
         what = f"the suffix is of {by_name.name if by_name else ''} but the content is of {by_content.name}"

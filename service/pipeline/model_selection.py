@@ -135,9 +135,9 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
         return f"{light_field.name} would need {neighbours} more views rendered, {over:,} samples over the limit", ""
     bound = 1000 * job.neighbour_time
     if not bound:
-        return f"{light_field.name} would need {neighbours} more views rendered, and neighbour time 0 allows none", ""
+        return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
     extra = predict_extra(job, mesh, light_field, single, bound=bound)
-    times = f"it should take about {extra:.0f} ms more than {single.name}, where the neighbour time allows {bound:.0f}"
+    times = f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
     return "", f"; {neighbours} more are rendered around those asked for: {times}"

@@ -77,17 +77,17 @@ def _list_arrangements(periods: Periods, shape: tuple[int, ...], sizes: Sequence
 
 
 def _describe_raw(calibration: Calibration, *, is_lytro: bool) -> Candidate:
-    grid = calibration.known
-    texts = {
-        "lens_pitch": grid.pitch,
-        "lens_offset": grid.offset,
-        "lens_rotation": grid.rotation,
-        "lens_grid": grid.shape,
+    grid = asdict(calibration.known)
+    texts = {  # as exact as the picture shows it
+        "lens_pitch": round(grid["pitch"], 5),
+        "lens_offset": tuple(round(each, 3) for each in grid["offset"]),
+        "lens_rotation": round(grid["rotation"], 4),
+        "lens_grid": grid["shape"],
     }
     fits = fit_pixels(calibration.grid)
     return {
         "kind": "raw",
         "options": {} if is_lytro else write_texts(texts),
         "pixels": (fits, fits),
-        "lens_grid": asdict(grid),
+        "lens_grid": grid,
     }

@@ -52,14 +52,14 @@ def test_a_suffix_of_another_format_is_refused_with_both_formats_named() -> None
 def test_a_text_file_is_refused() -> None:
     for name, message in (
         ("notes", "notes: text of no known format; give one of"),
-        ("notes.obj", r"notes\.obj: text, which is no OBJ that is read; save it again"),
+        ("notes.obj", r"notes\.obj: the content is text, not OBJ; save it again"),
     ):
         with pytest.raises(UnsupportedType, match=message):
             identify(name, b"Dear all,\nthe mesh follows tomorrow.\n")
 
 
 def test_random_bytes_are_refused() -> None:
-    for name, message in (("a", "binary data of no known format"), ("a.glb", "binary data, which is no GLB")):
+    for name, message in (("a", "binary data of no known format"), ("a.glb", "binary data, not GLB")):
         with pytest.raises(UnsupportedType, match=message):
             identify(name, bytes(range(256)))
 

@@ -76,8 +76,8 @@ def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling
     choice = mesh(wanted=[(0, 0)], sampling=sampling)
     assert (choice.model, choice.is_light_field, choice.note) == (LIGHT_FIELD_DEFAULT, True, "")
     assert choice.reasons[0].startswith(
-        "model auto: field, as the 4x5 views help each other; 19 more are rendered around those asked for: it should "
-        "take about 82 ms more than fast, where the neighbour time allows 1000"
+        "model auto: field, as the 4x5 views help each other; 19 more are rendered around those asked for: "
+        "about 82 ms more than fast alone, and neighbour_time allows 1000 ms"
     )
     assert "1 more are rendered" in mesh(wanted=ALL[1:], sampling=sampling).reasons[0]
 
@@ -89,7 +89,7 @@ def test_auto_renders_none_where_that_takes_longer_than_the_neighbour_time(stand
     assert mesh(wanted=[(0, 0)], neighbour_time=1.1).is_light_field
     extra(0.0)
     assert mesh(wanted=[(0, 0)]).is_light_field
-    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "19 more views", "neighbour time 0 allows none")
+    assert goes_one_by_one(mesh(wanted=[(0, 0)], neighbour_time=0.0), "19 more views", "neighbour_time 0 allows none")
     assert mesh(neighbour_time=0.0).is_light_field  # all are wanted
 
 
