@@ -48,7 +48,7 @@ export function followPointer({ canvas, lightField, tour, move }, choose) {
 export function followKeys({ canvas, tour, move }) {
   canvas.addEventListener("keydown", (event) => {
     const step = KEYS[/** @type {keyof typeof KEYS} */ (event.key)];
-    if (!step) return;
+    if (!step || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     tour.checked = false;
     move(step[0], step[1]);
@@ -58,7 +58,7 @@ export function followKeys({ canvas, tour, move }) {
 /**
  * The picture is a window that the device holds: tilting it from where it is when `tilt` is checked moves the viewpoint.
  * @param {Stage} stage
- * @param {() => void} refuse Called where the device or its owner does not say how it is held.
+ * @param {() => void} refuse Called where the user does not permit it.
  */
 export function followDevice({ tilt, tour, stopped, moveFromCentre }, refuse) {
   /** @type {[number, number] | undefined} */

@@ -12,11 +12,11 @@ export const VIEWER_TEXTS = {
   loadingViews: (/** @type {number} */ done, /** @type {number} */ total) => `Loading view ${done} of ${total}`,
   place: (/** @type {string} */ v, /** @type {string} */ u, /** @type {string} */ focus) =>
     `View ${v}, ${u}. Focus ${focus} pixels a view.`,
-  flat: "Nothing there shows its depth; click an edge or a pattern.",
+  flat: "The depth of that spot can't be measured; click an edge or a pattern.",
   noWebgl: "This browser has no WebGL 2; switch on hardware acceleration, or use a newer one.",
   lostWebgl: "WebGL was lost; load the page again.",
   noCanvas: "The browser refused a canvas; close other pages and load this one again.",
-  noTilt: "This device does not say how it is held; drag instead.",
+  noTilt: "This device reports no tilt; drag the picture instead.",
   tooMany: (/** @type {number} */ views, /** @type {number} */ most) =>
     `${views} views; this graphics processor holds ${most}. Write fewer views.`,
 };

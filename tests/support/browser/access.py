@@ -12,7 +12,7 @@ AXE = (Path(__file__).parent / "vendor" / "axe-core-4.14.1" / "axe.min.js").read
 WIDE, NARROW = {"width": 1280, "height": 800}, {"width": 320, "height": 640}
 RUN = """async (rules) => (await axe.run(document, rules.length ? { runOnly: rules } : {})).violations.map(
     ({ id, nodes }) => [id, ...nodes.map(({ html }) => html)])"""
-CONTROLS = "button, select, input, summary, [tabindex]"
+CONTROLS = "button, select, input, summary, [tabindex='0']"
 LIST = f"""() => {{
     const groups = new Set();
     return [...document.querySelectorAll("{CONTROLS}")].filter((each) => {{

@@ -17,7 +17,7 @@ const ENDED = ["done", "failed", "cancelled"];
  */
 /** @typedef {{stage: string, views_done: number, views: number}} Progress */
 
-/** An error with a sentence of the page, what the server said, and its HTTP status: 0 where it did not answer. */
+/** An error with a sentence of the page, the server's detail, and its HTTP status: 0 where it did not answer. */
 export class Problem extends Error {
   /**
    * @param {number} status
@@ -42,6 +42,15 @@ function readKey() {
   } catch {
     return null;
   }
+}
+
+/**
+ * What an error says to the user, with the remedy.
+ * @param {unknown} error
+ */
+export function describeError(error) {
+  if (error instanceof Problem) return [error.message, error.detail].filter((text) => text).join(" ");
+  return error instanceof Error ? error.message : String(error);
 }
 
 /**

@@ -1,28 +1,50 @@
 // @ts-check
 /** The viewer alone, for an iframe: `#job=ID` shows a job of `format=tiles`, `#scene=vase&lenses=50x50` a shipped scene with settings. */
-import { Job, request } from "./client.js";
+import { describeError, Job, Problem, request } from "./client.js";
+import { make } from "./dom.js";
 import { PLACE, showLightField } from "./light_field.js";
-import { PICTURE_TEXTS } from "./texts.js";
+import { PICTURE_TEXTS, SENTENCES, writeTexts } from "./texts.js";
 
 /** What the address says of the picture, not of the light field: of the viewer's place, and of the page. */
 const SHOWN = [...PLACE, "show"];
-const main = /** @type {HTMLElement} */ (document.querySelector("main"));
+const holder = /** @type {HTMLElement} */ (document.querySelector("main > div"));
+
+/** @param {string} text Shown in place of what is there. */
+function show(text) {
+  holder.replaceChildren(make("p", text, { role: "status" }));
+}
+
+/** @param {import("./client.js").Status} status */
+function showProgress({ progress }) {
+  if (progress && progress.views > 1) show(`${PICTURE_TEXTS.making}: ${SENTENCES.views(progress.views_done, progress.views)}`);
+}
+
+/**
+ * The result of a job.
+ * @param {string} id
+ */
+async function fetchResult(id) {
+  return request(`/v1/reconstructions/${encodeURIComponent(id)}/result`).catch((error) => {
+    throw error instanceof Problem && [404, 410].includes(error.status) ? new Error(PICTURE_TEXTS.noJob) : error;
+  });
+}
 
 /** The light field that the address names. */
 async function open() {
   const { job, ...settings } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-  if (job) return request(`/v1/reconstructions/${encodeURIComponent(job)}/result`);
+  if (job) return fetchResult(job);
   if (!settings.scene) throw new Error(PICTURE_TEXTS.nothing);
   const form = new FormData();
   const fields = { model: "none", ...settings, views: "all", format: "tiles" };
   for (const [name, value] of Object.entries(fields)) if (!SHOWN.includes(name)) form.append(name, value);
   const { signal } = new AbortController();
-  return (await Job.post("reconstructions", form, signal)).follow(() => {}, signal);
+  return (await Job.post("reconstructions", form, signal)).follow(showProgress, signal);
 }
 
+writeTexts();
 try {
-  main.textContent = PICTURE_TEXTS.making;
-  await showLightField(main, await open());
+  show(PICTURE_TEXTS.making);
+  await showLightField(holder, await open());
 } catch (error) {
-  main.textContent = error instanceof Error ? error.message : String(error);
+  show(describeError(error));
 }

@@ -1,21 +1,21 @@
 // @ts-check
 /** Downloads in every format that the server writes. */
 import { find, make } from "./dom.js";
-import { GROUPS, TEXTS } from "./texts.js";
+import { FORMATS, GROUPS, TEXTS } from "./texts.js";
 
 /**
  * @typedef {object} Group Formats of one kind of job.
  * @property {string} kind
  * @property {string[]} formats
  * @property {Record<string, string>} [fields] Options that make it.
- * @property {string[]} [asks] Options that the user gives.
+ * @property {string[]} [needs] Options that the user gives.
  * @property {string[]} [only] The kinds of inputs that it is for.
  */
 
 const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
-/** Options that are asked for, with an example; those in FILES are the texts of files. */
+/** Options that some formats need, with an example; those in FILES are the texts of files. */
 const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", device: "go", epi: "" });
 const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", display: ".toml" });
 
@@ -27,13 +27,13 @@ export const EXPORTS = {
     formats: ["zip", "html", "tiles", "npz", "eia", "mosaic", "eslf", "stack", "npy", "mat", "mat73", "hci", ...VIDEOS],
     fields: { views: "all" },
   },
-  "all epi": { kind: "reconstructions", formats: ["epi"], fields: { views: "all" }, asks: ["epi"] },
-  displays: { kind: "displays", formats: ["quilt"], asks: ["device"] },
-  "displays lenticular": { kind: "displays", formats: ["lenticular"], asks: ["calibration"] },
-  "displays panel": { kind: "displays", formats: ["panel"], asks: ["display"] },
+  "all epi": { kind: "reconstructions", formats: ["epi"], fields: { views: "all" }, needs: ["epi"] },
+  displays: { kind: "displays", formats: ["quilt"], needs: ["device"] },
+  "displays lenticular": { kind: "displays", formats: ["lenticular"], needs: ["calibration"] },
+  "displays panel": { kind: "displays", formats: ["panel"], needs: ["display"] },
   elementals: { kind: "elementals", formats: PICTURES, only: MESHES },
-  plane: { kind: "planes", formats: PICTURES, asks: ["disparity"] },
-  stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], asks: ["stack"] },
+  plane: { kind: "planes", formats: PICTURES, needs: ["disparity"] },
+  stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], needs: ["stack"] },
   disparities: { kind: "disparities", formats: ["pfm", "png", "npy", "viridis", "zip", "glb", "ply"] },
 };
 /** Options that a kind of job has no use for, and those that it has none for if the input is a mesh. */
@@ -45,7 +45,7 @@ const USELESS_OF_MESH = /** @type {Record<string, string[]>} */ ({
 
 const form = find("export-form", HTMLFormElement);
 const select = find("format", HTMLSelectElement);
-const asked = find("asked", HTMLElement);
+const needed = find("needed", HTMLElement);
 let isMesh = false;
 
 /**
@@ -60,23 +60,23 @@ export function offerFormats(input) {
     if (only && !only.includes(input)) continue;
     const start = name.split(" ")[0];
     const group = groups.get(start) ?? make("optgroup", "", { label: GROUPS[start] });
-    group.append(...formats.map((format) => make("option", format, { value: `${name}/${format}` })));
+    group.append(...formats.map((format) => make("option", FORMATS[format] ?? format, { value: `${name}/${format}` })));
     groups.set(start, group);
   }
   select.replaceChildren(...groups.values());
-  ask();
+  showFields();
 }
 
 /** Shows the fields that the format needs. */
-function ask() {
-  const { asks = [] } = EXPORTS[select.value.split("/")[0]];
-  const fields = asks.map((name) => {
+function showFields() {
+  const { needs = [] } = EXPORTS[select.value.split("/")[0]];
+  const fields = needs.map((name) => {
     /** @type {Record<string, string>} */
     const field = name in FILES ? { type: "file", accept: FILES[name], required: "" } : { value: EXAMPLES[name] };
     const label = make("span", TEXTS[/** @type {keyof typeof TEXTS} */ (name)]);
     return make("label", [label, make("input", "", { name, ...field })]);
   });
-  asked.replaceChildren(...fields);
+  needed.replaceChildren(...fields);
 }
 
 /**
@@ -87,7 +87,7 @@ function ask() {
  * @param {() => string} name Of what is open.
  */
 export function watchExport(run, fail, name) {
-  select.addEventListener("change", ask);
+  select.addEventListener("change", showFields);
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const [group, format] = select.value.split("/");

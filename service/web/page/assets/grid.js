@@ -46,10 +46,11 @@ export class LensGrid {
     this.slider = make("input", "", { type: "range", min: "0", step: "0.1", value: "0" });
     this.slider.max = String(Math.max(0, Math.log2(Math.max(...this.size) / 32)));
     this.status = make("p", "", { "aria-live": "polite" });
+    this.help = make("span");
     this.view = make("img", "", { class: "view", alt: TEXTS.mapped });
     this.view.hidden = true;
     const zoom = make("label", [make("span", PICTURE_TEXTS.zoom), this.slider]);
-    element.replaceChildren(this.frame, this.view, make("div", [this.status, zoom], { class: "controls" }));
+    element.replaceChildren(this.frame, this.view, make("div", [this.help, this.status, zoom], { class: "controls" }));
     element.classList.add("lens-grid");
     followGestures(this.frame, this.slider, () => this.#look())();
     new ResizeObserver(() => this.#look()).observe(this.frame);
@@ -122,6 +123,7 @@ export class LensGrid {
     this.pattern.replaceChildren(...shapes);
     const lens = isRaw(grid) ? SENTENCES.rawGrid(grid.pitch, grid.rotation) : SENTENCES.grid(this.#count(grid).join("x"), grid.size.join("x"));
     this.status.textContent = step > 1 ? `${lens}. ${SENTENCES.everyLens(step)}` : lens;
+    this.help.textContent = isRaw(grid) ? TEXTS.rawHelp : TEXTS.cellsHelp;
     this.first.hidden = !isRaw(grid) || !this.#isSeen(findCentre(grid, this.anchor ?? [0, 0]));
     this.second.setAttribute("aria-label", isRaw(grid) ? TEXTS.turnGrid : TEXTS.resizeGrid);
     if (isRaw(grid)) this.#placeHandle(this.first, findCentre(grid, this.anchor ?? [0, 0]));

@@ -2,7 +2,7 @@
 /** The form of settings: options of the API by their names, but for three angles that are one, `rotate`. */
 import { request } from "./client.js";
 import { find, make } from "./dom.js";
-import { SENTENCES, TEXTS } from "./texts.js";
+import { MODELS, SENTENCES, TEXTS } from "./texts.js";
 
 /** @typedef {import("./inputs.js").Candidate} Candidate */
 
@@ -56,6 +56,13 @@ export function writeSettings(settings) {
     if (name === "model") offerScales();
   }
   showValues();
+  markGrid();
+}
+
+/** Marks the lens grid that the settings are of, if it is one of those that were found. */
+function markGrid() {
+  const settings = readSettings();
+  grids.selectedIndex = candidates.findIndex(({ options }) => Object.entries(options).every(([name, value]) => settings[name] === value));
 }
 
 /**
@@ -92,6 +99,9 @@ export function fitSettings(kind) {
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-for]"))) {
     part.hidden = !part.dataset.for?.split(" ").includes(kind);
   }
+  for (const field of /** @type {NodeListOf<HTMLInputElement>} */ (form.querySelectorAll("[data-usual]"))) {
+    field.placeholder = kind === "mesh" || kind === "scene" ? (field.dataset.usual ?? "") : "";
+  }
 }
 
 /**
@@ -99,7 +109,7 @@ export function fitSettings(kind) {
  * @param {number[]} sizes
  */
 function offerModel(name, sizes) {
-  if (!scales.has(name)) form.model.append(make("option", name));
+  if (!scales.has(name)) form.model.append(make("option", MODELS[name] ?? name, { value: name }));
   scales.set(name, sizes);
 }
 
@@ -147,9 +157,8 @@ export function watchSettings(changed) {
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("change", (event) => {
     if (event.target === form.model) offerScales();
-    if (event.target === grids) {
-      writeLenses(candidates[Number(grids.value)].options);
-    }
+    if (event.target === grids) writeLenses(candidates[Number(grids.value)].options);
+    else markGrid();
     changed();
   });
 }

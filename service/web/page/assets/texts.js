@@ -17,6 +17,7 @@ export const TEXTS = {
   // what is open
   close: "Another file",
   picture: "Picture",
+  lightField: "Light field",
   mapped: "As mapped",
   upscaled: "Upscaled",
   grid: "Lens grid",
@@ -46,6 +47,8 @@ export const TEXTS = {
   moveGrid: "Place of the lens grid: drag it, or press arrow keys",
   turnGrid: "Pitch and rotation of the lens grid: drag it, or press arrow keys",
   resizeGrid: "Corner of an elemental image: drag it, or press arrow keys",
+  rawHelp: "Drag one ring to move the grid, the other to change its pitch and rotation.",
+  cellsHelp: "Drag the ring to the corner of an elemental image.",
   auto: "Automatic",
   object: "Object",
   turnHelp: "Drag the picture to turn the object, or press arrow keys, + and - there.",
@@ -54,7 +57,7 @@ export const TEXTS = {
   roll: "Roll to the left",
   zoom: "Size",
   place: "Place",
-  placeHelp: "-1 behind the lenses, 1 before them",
+  placeHelp: "-1 behind the lenses, 1 in front of them",
   up: "Axis that points up",
   y: "y",
   z: "z, as in CAD",
@@ -74,8 +77,7 @@ export const TEXTS = {
   export: "Export",
   format: "Format",
   download: "Download",
-  saved: "The download is ready.",
-  device: "Looking Glass",
+  device: "Model of the Looking Glass, such as go or portrait",
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
   stack: "Planes, from : to : count",
@@ -93,8 +95,8 @@ export const PROBLEMS = /** @type {Record<number, string>} */ ({
   408: "The upload took too long. Try a smaller file or a faster connection.",
   409: "The job was cancelled.",
   410: "The server no longer keeps this result. Open the file again.",
-  413: "This is more than the server takes.",
-  415: "This is no file that the server can read.",
+  413: "This is over a limit of the server.",
+  415: "The server can't read this file.",
   422: "The file or a setting does not fit.",
   429: "The server is busy. Try again in a few seconds.",
   500: "The server failed.",
@@ -134,6 +136,52 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   disparities: "Depth",
 });
 
+/** Names of formats, where the format's own does not say what it is. */
+export const FORMATS = /** @type {Record<string, string>} */ ({
+  png: "PNG",
+  tiff: "TIFF",
+  jpeg: "JPEG",
+  webp: "WebP",
+  zip: "Pictures in a zip",
+  html: "Web page with a viewer (HTML)",
+  tiles: "Tiles for the viewer of this page (zip)",
+  npz: "NumPy, with the report (npz)",
+  npy: "NumPy (npy)",
+  eia: "Elemental image array",
+  mosaic: "Views side by side",
+  eslf: "Lytro's ESLF",
+  stack: "TIFF of many pages",
+  mat: "MATLAB 5 (mat)",
+  mat73: "MATLAB 7.3 (mat)",
+  hci: "HCI data set (HDF5)",
+  mp4: "Video (MP4)",
+  webm: "Video (WebM)",
+  gif: "Animation (GIF)",
+  "animated-webp": "Animation (WebP)",
+  epi: "Epipolar plane image (EPI)",
+  quilt: "Quilt for a Looking Glass",
+  lenticular: "Picture for a lenticular display",
+  panel: "Picture for a panel behind lenses",
+  pfm: "Disparity in pixels (PFM)",
+  viridis: "Disparity in colours (PNG)",
+  glb: "Mesh (GLB)",
+  ply: "Mesh (PLY)",
+});
+
+/** Names of networks and interpolations, where their own does not say what they are for. */
+export const MODELS = /** @type {Record<string, string>} */ ({
+  bicubic: "Bicubic",
+  nearest: "Nearest pixel",
+  fast: "fast",
+  "fast-int8": "fast-int8: the quickest",
+  field: "field: uses the views around",
+  "field-int8": "field-int8: quicker",
+  gan: "gan: sharper, with invented detail",
+  paper: "paper: as published",
+  quality: "quality: the sharpest of one view",
+  "quality-int8": "quality-int8: quicker",
+});
+
 /** Sentences with numbers or names in them. */
 export const SENTENCES = {
   /** @param {string} name @param {number} rows @param {number} cols */
@@ -162,7 +210,7 @@ export const SENTENCES = {
 
 /** Texts of the light field, of pictures side by side, and of what is laid over them. */
 export const PICTURE_TEXTS = {
-  noLightField: "This is no light field in tiles. Ask for format=tiles.",
+  noLightField: "The server's response is not a light field in tiles. Ask for format=tiles.",
   broken: "The connection broke before all views were there. Load the light field again.",
   disparity: "Disparity",
   disparityShown: "The disparity of the centre view: what is nearer is brighter.",
@@ -182,6 +230,7 @@ export const PICTURE_TEXTS = {
     quality && Number.isFinite(quality.psnr) ? `${name}: ${quality.psnr.toFixed(2)} dB, SSIM ${quality.ssim.toFixed(3)}` : name,
   making: "Making the views",
   nothing: "The address names no light field: give scene=vase and settings after #.",
+  noJob: "The server no longer has this light field. Run its job again, and give the new id after #job=.",
 };
 
 /** Writes the texts into all elements that name one as `data-text`, or as `data-label` for assistive technology. */

@@ -1,5 +1,7 @@
 """Each state of the page for those who use no mouse, a screen reader, or large text."""
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 
@@ -47,7 +49,7 @@ def show_grid(page):
 def show_problem(page):
     page.expected = ["415"]
     choose(page, (LONG, b"hello\n"))
-    expect(page.get_by_role("alert")).to_contain_text("no file that the server can read")
+    expect(page.get_by_role("alert")).to_contain_text("The server can't read this file")
 
 
 def ask_for_a_key(page):
@@ -59,15 +61,37 @@ def ask_for_a_key(page):
 
 
 def show_progress(page):
-    page.route("**/v1/*/*/events", lambda _: None)  # the job waits as long as nobody answers
+    page.route("**/v1/*/*/events", lambda _: None)  # the job waits as long as no event comes
     go_to(page, "#scene=vase&lenses=90x90&pixels=9x9&show=around")
     expect(page.get_by_role("button", name="Cancel")).to_be_visible()
 
 
-@pytest.mark.parametrize(
-    "show",
-    [show_start, show_upscaled, show_around, show_compared, show_grid, show_problem, ask_for_a_key, show_progress],
-)
+def show_embedded(page):
+    page.goto(f"{page.url}embed{SMALL}")
+    wait_for_rest(page)
+
+
+def show_embedded_problem(page):
+    page.expected = ["422"]
+    page.goto(f"{page.url}embed#scene=nope")
+    expect(page.get_by_role("status")).to_contain_text(re.compile("does not fit. scene: .*vase"))
+
+
+def show_exported(page):
+    form = {"scene": "vase", "lenses": "20x30", "pixels": "3x3", "model": "none", "views": "all", "format": "html"}
+    exported = page.request.post(f"{page.url}v1/reconstructions", multipart=form).body()
+    page.route("**/exported.html", lambda route: route.fulfill(body=exported, content_type="text/html"))
+    page.goto(f"{page.url}exported.html")
+    wait_for_rest(page)
+
+
+STATES = (
+    show_start, show_upscaled, show_around, show_compared, show_grid, show_problem, ask_for_a_key, show_progress,
+    show_embedded, show_embedded_problem, show_exported,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("show", STATES)
 def test_all_can_use_each_state(page, show):
     show(page)
     check_access(page)

@@ -39,6 +39,7 @@ def test_another_page_frames_the_viewer(browser, server, other):
     page.goto(f"{address}/page.html")
     viewer = page.frame_locator("iframe")
     viewer.locator("canvas[aria-busy=false]").wait_for()
+    viewer.locator("canvas").press("Control+ArrowRight")  # the browser's
     viewer.locator("canvas").press("ArrowRight")
     viewer.get_by_role("status").filter(has_text="View 7.0, 6.5").wait_for()
     allowed = viewer.locator("html").evaluate("() => document.featurePolicy.allowedFeatures()")

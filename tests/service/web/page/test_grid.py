@@ -97,7 +97,9 @@ def test_the_grid_of_a_raw_picture_is_found_and_dragged(page, shape):
     expect(page.locator("#kind")).to_have_text("A raw lenslet picture")
     page.get_by_role("radio", name="Lens grid").check()
     expect(page.locator(".view")).to_be_visible()
+    expect(page.locator("[name=lenses]")).to_be_hidden()
     before = {name: read_field(page, name) for name in ("lens_pitch", "lens_offset", "lens_rotation")}
+    assert before["lens_rotation"] == [round(each, 4) for each in before["lens_rotation"]]
     assert before["lens_pitch"][0] == pytest.approx(GRIDS[shape].pitch, abs=0.01)
 
     move = page.get_by_role("button", name="Place of the lens grid")
@@ -123,9 +125,12 @@ def test_the_grid_of_a_raw_picture_is_found_and_dragged(page, shape):
 
 def test_the_grid_of_an_elemental_image_array_is_dragged(page, eia):
     open_grid(page, "eia.png", eia, (60, 60))
-    corner = page.get_by_role("button", name="Corner of an elemental image")
+    corner, found = page.get_by_role("button", name="Corner of an elemental image"), page.locator("#grids")
+    expect(page.locator(".lens-grid")).to_contain_text("Drag the ring")
+    expect(found).to_have_value("0")
     corner.press("ArrowRight")
     expect(page.locator("[name=pixels]")).to_have_value("10x12")
+    expect(found).to_have_value("")  # none of those that were found
     wait_for_view(page, 60, 50)
     corner.press("ArrowUp")
     corner.press("ArrowLeft")
@@ -141,6 +146,7 @@ def test_the_grid_of_an_elemental_image_array_is_dragged(page, eia):
     wait_for_view(page, 600 // int(rows), 60)
     set_field(page, "pixels", "10x10")
     wait_for_view(page, 60, 60)
+    expect(found).to_have_value("0")
     expect(page.locator(".lens-grid p")).to_contain_text("60x60 lenses of 10x10 pixels")
 
 

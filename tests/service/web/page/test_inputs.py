@@ -48,6 +48,8 @@ def test_a_folder_is_one_set_of_views(page, tmp_path, way):
     wait_for_picture(page, 16, 20)
     expect(page.locator("#name")).to_have_text("views")
     expect(page.locator("#kind")).to_have_text("A set of views")
+    for name in ("lenses", "pixels"):
+        expect(page.locator(f"[name={name}]")).to_be_hidden()  # views have their own
 
 
 def test_several_files_are_one_set_of_views(page, tmp_path):

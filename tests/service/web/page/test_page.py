@@ -78,8 +78,8 @@ def test_a_bad_file_is_explained_in_plain_words(page):
     page.expected, name = ["415"], "<img src=x onerror=alert(1)>.obj"
     choose(page, (name, b"hello\n"))
     problem = page.get_by_role("alert")
-    expect(problem).to_contain_text("no file that the server can read")
-    expect(problem).to_contain_text(f"{name}: text, which is no OBJ")
+    expect(problem).to_contain_text("The server can't read this file")
+    expect(problem).to_contain_text(f"{name}: the content is text, not OBJ")
     expect(page.locator("#name")).to_have_text(name)
     assert page.locator("img[src=x]").count() == 0
     expect(page.locator("#kind")).to_be_empty()
