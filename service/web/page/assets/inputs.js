@@ -2,6 +2,7 @@
 /** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
 import { Job } from "./client.js";
 import { make } from "./dom.js";
+import { SENTENCES } from "./texts.js";
 import { writeZip } from "./zip.js";
 
 /**
@@ -26,14 +27,19 @@ import { writeZip } from "./zip.js";
  * @property {string[]} notes
  */
 
+const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // of a mesh
+
 /**
+ * Several files are named after their folder, or the mesh among them.
  * @param {{name: string, file: File}[]} files With their paths as names.
  * @returns {Promise<Input>}
  */
 export async function joinFiles(files) {
   if (files.length === 1) return { name: files[0].name, file: files[0].file };
   const sorted = [...files].sort((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
-  const name = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0] ?? sorted[0].name;
+  const mains = sorted.filter((each) => !COMPANION.test(each.name));
+  const folder = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0];
+  const name = folder ?? (mains.length === 1 ? mains[0].name : SENTENCES.files(sorted.length));
   return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted };
 }
 

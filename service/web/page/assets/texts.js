@@ -202,6 +202,8 @@ export const SENTENCES = {
   done: (time, wasDone) => `Done in ${time}${wasDone ? ", from an earlier run" : ""}`,
   /** @param {string} measured @param {string} predicted */
   estimate: (measured, predicted) => `It took ${measured}, and the estimate was ${predicted}. Stages overlap.`,
+  /** @param {number} count */
+  files: (count) => `${count} files`,
   /** @param {string} name */
   again: (name) => `Choose ${name} again; its settings are kept.`,
   /** @param {string} what @param {string} name */

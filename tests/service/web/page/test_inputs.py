@@ -56,6 +56,7 @@ def test_several_files_are_one_set_of_views(page, tmp_path):
     files = list(make_views(tmp_path / "views").iterdir())
     drop(page, *files)
     wait_for_picture(page, 16, 20)
+    expect(page.locator("#name")).to_have_text("9 files")
     dropped = page.locator("#frame img").screenshot()
     page.get_by_role("button", name="Another file").click()
     choose(page, *((path.name, path.read_bytes()) for path in files))
@@ -89,6 +90,14 @@ def test_names_in_a_mesh_never_become_markup(no_markup):
     wait_for_picture(page, 40, 40)
     page.get_by_text("Where the time went").click()
     expect(page.locator("#remarks")).to_contain_text(f"{MARKUP}.mtl")
+
+
+def test_a_mesh_gives_its_files_their_name(page):
+    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    mesh = CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl")
+    choose(page, ("a.mtl", f"newmtl {MARKUP}\n".encode()), ("cube.obj", mesh.encode()))
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("#name")).to_have_text("cube.obj")
 
 
 def test_names_in_the_address_never_become_markup(no_markup):
