@@ -43,6 +43,11 @@ export class Stage {
     element.style.setProperty("--ratio", String(lightField.width / lightField.height));
     const label = /** @type {HTMLElement} */ (this.tilt.closest("label"));
     label.hidden = !("DeviceOrientationEvent" in window && matchMedia("(any-pointer: coarse)").matches);
+    this.canvas.addEventListener("webglcontextlost", () => {
+      if (this.stopped.signal.aborted) return;
+      this.close();
+      this.status.textContent = VIEWER_TEXTS.lostWebgl;
+    });
     this.isQueued = this.hasBegun = false;
     this.settled = 0;
   }

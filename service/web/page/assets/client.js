@@ -1,5 +1,6 @@
 // @ts-check
 /** Requests to the HTTP API of this server, with the API key if one is set; it is kept as long as the tab. */
+import { keep, read } from "./storage.js";
 import { PROBLEMS, TEXTS } from "./texts.js";
 
 const KEY = "key";
@@ -32,16 +33,15 @@ export class Problem extends Error {
 
 /** @param {string} key Empty to forget it. */
 export function setKey(key) {
-  sessionStorage.setItem(KEY, key);
+  keep(KEY, key);
 }
 
-/** The key; none in a frame of another page, where the browser may refuse the storage. */
-function readKey() {
-  try {
-    return sessionStorage.getItem(KEY);
-  } catch {
-    return null;
-  }
+/**
+ * Whether an error says that the user, or other work, ended what failed.
+ * @param {unknown} error
+ */
+export function isEnded(error) {
+  return error instanceof DOMException && error.name === "AbortError";
 }
 
 /**
@@ -49,6 +49,7 @@ function readKey() {
  * @param {unknown} error
  */
 export function describeError(error) {
+  if (isEnded(error)) return TEXTS.cancelled;
   if (error instanceof Problem) return [error.message, error.detail].filter((text) => text).join(" ");
   return error instanceof Error ? error.message : String(error);
 }
@@ -60,10 +61,10 @@ export function describeError(error) {
  * @throws {Problem}
  */
 export async function request(path, init = {}) {
-  const key = readKey();
+  const key = read(KEY);
   const headers = { ...init.headers, ...(key ? { "X-API-Key": key } : {}) };
   const response = await fetch(path, { ...init, headers }).catch((error) => {
-    throw error.name === "AbortError" ? error : new Problem(0);
+    throw isEnded(error) ? error : new Problem(0);
   });
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
@@ -113,7 +114,7 @@ export class Job {
         if (!(error instanceof Problem) || ![0, 429, 503].includes(error.status)) throw error;
       }
       this.status = await (await request(this.url, { signal })).json();
-      if (!ENDED.includes(this.status.state)) await pause(signal);
+      if (!ENDED.includes(this.status.state)) await new Promise((resolve) => setTimeout(resolve, RETRY_MILLISECONDS));
     }
     if (this.status.problem) throw new Problem(this.status.problem.status, this.status.problem.detail);
     if (this.status.state === "cancelled") throw new Problem(409, TEXTS.cancelledElsewhere);
@@ -124,14 +125,6 @@ export class Job {
   async cancel() {
     await request(this.url, { method: "DELETE" });
   }
-}
-
-/** @param {AbortSignal} signal */
-function pause(signal) {
-  return new Promise((resolve, reject) => {
-    signal.addEventListener("abort", () => reject(signal.reason), { once: true });
-    setTimeout(resolve, RETRY_MILLISECONDS);
-  });
 }
 
 /**
@@ -147,7 +140,7 @@ async function* readEvents(path, last, signal) {
   let text = "";
   for (;;) {
     const { done, value } = await reader.read().catch((error) => {
-      throw error.name === "AbortError" ? error : new Problem(0);
+      throw isEnded(error) ? error : new Problem(0);
     });
     if (done) return;
     const events = (text + value.replaceAll("\r", "")).split("\n\n");

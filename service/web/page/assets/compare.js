@@ -1,5 +1,6 @@
 // @ts-check
 /** Two of several pictures of one view at the same spot, with a divider between them, a common zoom, and what differs from the truth. */
+import { describeError, isEnded } from "./client.js";
 import { make } from "./dom.js";
 import { followGestures } from "./gestures.js";
 import { measureQuality } from "./score.js";
@@ -8,7 +9,7 @@ import { PICTURE_TEXTS } from "./texts.js";
 const FEWEST = 8; // pixels of the largest picture across the frame at the strongest zoom
 const DIFFERENCE = 4; // times which a difference is made brighter
 
-/** @typedef {{name: string, make: () => Promise<Blob>}} Way To make a picture of the view. */
+/** @typedef {{name: string, make: (signal: AbortSignal) => Promise<Blob>}} Way To make a picture of the view. */
 /** @typedef {{picture: HTMLCanvasElement, difference?: HTMLCanvasElement, quality?: {psnr: number, ssim: number}}} Made */
 
 /**
@@ -16,9 +17,11 @@ const DIFFERENCE = 4; // times which a difference is made brighter
  * @param {HTMLElement} element What is in it is replaced.
  * @param {Way[]} ways Those of any sizes are shown in that of the largest. Each is made when it is first shown.
  * @param {[number, number]} shown The ways that are shown first.
- * @param {Blob} [truth] What they should look like: a direct rendering of the mesh.
+ * @param {Blob | undefined} truth What they should look like: a direct rendering of the mesh.
+ * @param {AbortSignal} signal Ends the making of these two.
+ * @param {(action: (signal: AbortSignal) => Promise<void>) => Promise<void>} perform Makes others in place of what is being made.
  */
-export async function showComparison(element, ways, shown, truth) {
+export async function showComparison(element, ways, shown, truth, signal, perform) {
   const ideal = truth && (await readPicture(truth));
   /** @type {Map<string, Made>} */
   const made = new Map();
@@ -43,16 +46,14 @@ export async function showComparison(element, ways, shown, truth) {
 
   const place = followGestures(pictures, zoom);
   const divide = () => frame.style.setProperty("--divider", `${divider.value}%`);
-  const show = async () => {
-    const wanted = choose.map(({ value }) => ways[Number(value)]);
-    try {
-      for (const way of wanted) {
-        if (!made.has(way.name)) made.set(way.name, judge(await readPicture(await way.make()), ideal));
-      }
-    } catch (error) {
-      if (!(error instanceof DOMException && error.name === "AbortError")) status.textContent = error instanceof Error ? error.message : String(error);
-      return;
+  const findWanted = () => choose.map(({ value }) => ways[Number(value)]);
+  const load = async (/** @type {AbortSignal} */ signal) => {
+    for (const way of findWanted()) {
+      if (!made.has(way.name)) made.set(way.name, judge(await readPicture(await way.make(signal)), ideal));
     }
+  };
+  const show = () => {
+    const wanted = findWanted();
     const found = wanted.map(({ name }) => /** @type {Made} */ (made.get(name)));
     const width = Math.max(...found.map(({ picture }) => picture.width)), height = Math.max(...found.map(({ picture }) => picture.height));
     element.style.setProperty("--ratio", String(width / height));
@@ -64,10 +65,19 @@ export async function showComparison(element, ways, shown, truth) {
     }
     status.replaceChildren(...wanted.map(({ name }, side) => make("span", PICTURE_TEXTS.quality(name, found[side].quality))));
   };
-  for (const input of [...choose, difference]) input.addEventListener("input", show);
+  const change = async () => {
+    try {
+      if (!findWanted().every(({ name }) => made.has(name))) await perform(load);
+      show();
+    } catch (error) {
+      if (!isEnded(error)) status.textContent = describeError(error);
+    }
+  };
+  for (const input of [...choose, difference]) input.addEventListener("input", change);
   divider.addEventListener("input", divide);
   divide();
-  await show();
+  await load(signal);
+  show();
 }
 
 /** @param {Blob} blob */

@@ -10,7 +10,7 @@
  */
 export function find(id, type) {
   const found = document.getElementById(id);
-  if (!(found instanceof type)) throw new Error(`The page has no ${type.name} ${id}.`);
+  if (!(found instanceof type)) throw new TypeError(id);
   return found;
 }
 
@@ -28,4 +28,16 @@ export function make(tag, content = "", attributes = {}) {
   else element.append(...content);
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   return element;
+}
+
+/**
+ * An image of a picture, decoded.
+ * @param {Blob} picture
+ * @param {Record<string, string>} [attributes]
+ */
+export async function decodeImage(picture, attributes) {
+  const image = make("img", "", attributes);
+  image.src = URL.createObjectURL(picture);
+  await image.decode().finally(() => URL.revokeObjectURL(image.src));
+  return image;
 }

@@ -81,26 +81,19 @@ function showFields() {
 
 /**
  * Begins to listen.
- * @param {(kind: string, fields: Record<string, string | Blob>) => Promise<Response>} run Makes a file of what is open, with
- *   the settings as they are; `fields` win.
- * @param {(error: unknown) => void} fail
- * @param {() => string} name Of what is open.
+ * @param {(kind: string, fields: Record<string, string | Blob>) => void} save Makes a file of what is open, with the settings as
+ *   they are, over which `fields` win, and downloads it.
  */
-export function watchExport(run, fail, name) {
+export function watchExport(save) {
   select.addEventListener("change", showFields);
-  form.addEventListener("submit", async (event) => {
+  form.addEventListener("submit", (event) => {
     event.preventDefault();
     const [group, format] = select.value.split("/");
     const { kind, fields = {} } = EXPORTS[group];
     const given = /** @type {Record<string, string | Blob>} */ (Object.fromEntries(new FormData(form)));
     const useless = [...(USELESS[kind] ?? []), ...((isMesh && USELESS_OF_MESH[kind]) || [])];
     const empty = Object.fromEntries(useless.map((option) => [option, ""]));
-    try {
-      const response = await run(kind, { ...empty, ...fields, ...given, format });
-      await saveResponse(response, name());
-    } catch (error) {
-      fail(error);
-    }
+    save(kind, { ...empty, ...fields, ...given, format });
   });
 }
 

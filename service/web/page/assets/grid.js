@@ -47,8 +47,7 @@ export class LensGrid {
     this.slider.max = String(Math.max(0, Math.log2(Math.max(...this.size) / 32)));
     this.status = make("p", "", { "aria-live": "polite" });
     this.help = make("span");
-    this.view = make("img", "", { class: "view", alt: TEXTS.mapped });
-    this.view.hidden = true;
+    this.view = make("img", "", { hidden: "" });
     const zoom = make("label", [make("span", PICTURE_TEXTS.zoom), this.slider]);
     element.replaceChildren(this.frame, this.view, make("div", [this.help, this.status, zoom], { class: "controls" }));
     element.classList.add("lens-grid");
@@ -68,14 +67,12 @@ export class LensGrid {
 
   /**
    * Shows the centre view as the grid maps it.
-   * @param {Blob} picture
+   * @param {HTMLImageElement} view
    */
-  async showView(picture) {
-    const address = URL.createObjectURL(picture);
-    this.view.src = address;
-    this.view.hidden = false;
-    await this.view.decode();
-    URL.revokeObjectURL(address);
+  showView(view) {
+    view.className = "view";
+    this.view.replaceWith(view);
+    this.view = view;
   }
 
   /** Pixels of the screen for one of the picture. */

@@ -1,13 +1,14 @@
 // @ts-check
 /** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
 import { Job } from "./client.js";
-import { make } from "./dom.js";
-import { SENTENCES } from "./texts.js";
+import { decodeImage } from "./dom.js";
+import { SENTENCES, TEXTS } from "./texts.js";
 import { writeZip } from "./zip.js";
 
 /**
  * @typedef {object} Input
  * @property {string} name As the user knows it.
+ * @property {string} [kind] What it is, a name in `KINDS`, once that is known.
  * @property {string} [scene] A shipped scene, in place of a file.
  * @property {File} [file]
  * @property {{name: string, file: File}[]} [parts] The files of one that holds several.
@@ -35,12 +36,21 @@ const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)
  * @returns {Promise<Input>}
  */
 export async function joinFiles(files) {
+  if (files.length === 0) throw new Error(TEXTS.noFiles);
   if (files.length === 1) return { name: files[0].name, file: files[0].file };
   const sorted = [...files].sort((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
   const mains = sorted.filter((each) => !COMPANION.test(each.name));
   const folder = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0];
   const name = folder ?? (mains.length === 1 ? mains[0].name : SENTENCES.files(sorted.length));
   return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted };
+}
+
+/**
+ * The name of an input as the page shows it.
+ * @param {Input} input
+ */
+export function nameInput(input) {
+  return input.scene ? (TEXTS[/** @type {"vase"} */ (input.scene)] ?? input.scene) : input.name;
 }
 
 /**
@@ -100,7 +110,9 @@ export function makeForm(input, fields) {
 export async function describe(input, signal, options = {}) {
   if (input.scene) return { kind: "scene", candidates: [], notes: [] };
   const job = await Job.post("inspections", makeForm(input, options), signal);
-  return (await job.follow(() => {}, signal)).json();
+  const description = await (await job.follow(() => {}, signal)).json();
+  signal.throwIfAborted();
+  return description;
 }
 
 /**
@@ -109,11 +121,5 @@ export async function describe(input, signal, options = {}) {
  * @param {() => Promise<Blob>} read Gives it where the browser doesn't read the file.
  */
 export async function readImage(file, read) {
-  const image = make("img");
-  const load = async (/** @type {Blob} */ blob) => {
-    image.src = URL.createObjectURL(blob);
-    await image.decode().finally(() => URL.revokeObjectURL(image.src));
-  };
-  await (file ? load(file) : Promise.reject()).catch(async () => load(await read()));
-  return image;
+  return (file ? decodeImage(file) : Promise.reject()).catch(async () => decodeImage(await read()));
 }

@@ -1,6 +1,6 @@
 // @ts-check
-/** A job on the page: its progress with the time left, cancelling, what failed, and what was done in how much time. */
-import { Job, Problem } from "./client.js";
+/** What the page works on, one thing at a time: the progress of its job, cancelling, what failed, and where the time went. */
+import { isEnded, Job, Problem } from "./client.js";
 import { find, make } from "./dom.js";
 import { SENTENCES, STAGES, TEXTS } from "./texts.js";
 
@@ -10,32 +10,57 @@ const panel = find("job", HTMLElement);
 const bar = find("progress", HTMLProgressElement);
 const text = find("progress-text", HTMLElement);
 const problem = find("problem", HTMLElement);
+const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
 
-let current = new AbortController();
-/** @type {Job | null} The job at work. */
-let job = null;
-
 const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
+const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
+
+let work = new AbortController();
+/** @type {Job | null} The job of the work, while it runs. */
+let job = null;
 let started = 0;
+let wasDone = false; // before the work asked for it
 
 find("cancel", HTMLButtonElement).addEventListener("click", () => {
   started = -LONG;
-  stop();
+  stop(CANCELLED);
   say(TEXTS.cancelled);
 });
 
-/** Ends the job at work: here, and on the server if it is a long one. */
-export function stop() {
-  current.abort();
-  if (performance.now() - started > LONG) job?.cancel().catch(() => {}); // it may have ended
-  job = null;
-  panel.hidden = true;
+/**
+ * Does work in place of that before, and says how long it took.
+ * @template T
+ * @param {(signal: AbortSignal) => Promise<T>} action It takes the signal to each job, and checks it after each wait.
+ * @returns {Promise<T>} Rejects with an `AbortError` where other work took its place, or the user cancelled it.
+ */
+export async function perform(action) {
+  stop();
+  work = new AbortController();
+  const { signal } = work;
+  const begun = performance.now();
+  wasDone = false;
+  const result = await action(signal);
+  signal.throwIfAborted();
+  say(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
+  return result;
 }
 
-/** Forgets the last job, before something else is opened. */
+/**
+ * Ends the work: here, and its job on the server if that is a long one.
+ * @param {DOMException} [reason]
+ */
+export function stop(reason) {
+  work.abort(reason);
+  if (performance.now() - started > LONG) job?.cancel().catch(() => {}); // it may have ended
+  job = null;
+  panel.hidden = restart.hidden = true;
+}
+
+/** Ends the work and forgets what it reported. */
 export function clear() {
   stop();
+  say("");
   hideProblem();
   details.hidden = true;
 }
@@ -46,26 +71,16 @@ export function say(message) {
 }
 
 /**
- * Begins other work in place of that before.
- * @param {string} name Of what it makes.
- * @returns {AbortSignal}
- */
-export function begin(name) {
-  stop();
-  say(name);
-  current = new AbortController();
-  return current.signal;
-}
-
-/**
- * Runs a job in place of the one at work.
+ * Runs a job of the work.
  * @param {string} kind Such as `reconstructions`.
  * @param {FormData} form
  * @param {string} name Of what it makes.
- * @returns {Promise<{job: Job, response: Response}>} Rejects with an `AbortError` where another one took its place.
+ * @param {AbortSignal} signal Of the work.
+ * @returns {Promise<{job: Job, response: Response}>}
  */
-export async function run(kind, form, name) {
-  const signal = begin(name);
+export async function run(kind, form, name, signal) {
+  signal.throwIfAborted();
+  say(name);
   hideProblem();
   panel.hidden = false;
   const begun = (started = performance.now());
@@ -73,11 +88,11 @@ export async function run(kind, form, name) {
   report(null);
   try {
     const mine = await Job.post(kind, form, signal);
-    const wasDone = mine.status.state === "done";
     job = mine;
+    wasDone = mine.status.state === "done";
     const response = await mine.follow(report, signal);
+    signal.throwIfAborted();
     showDetails(mine.status);
-    say(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
     return { job: mine, response };
   } finally {
     if (!signal.aborted) {
@@ -104,13 +119,17 @@ function showProgress(status, begun) {
 }
 
 /**
- * Shows what failed, and what helps.
+ * Shows what failed, and what helps; after Cancel, a button to start again.
  * @param {unknown} error
  * @param {string} name Of what is open.
  * @param {() => void} retry
  */
 export function showProblem(error, name, retry) {
-  if (error instanceof DOMException && error.name === "AbortError") return;
+  if (isEnded(error)) {
+    restart.hidden = work.signal.reason !== CANCELLED;
+    restart.onclick = retry;
+    return;
+  }
   const message = error instanceof Error ? error.message : String(error);
   const { status, detail } = error instanceof Problem ? error : { status: -1, detail: "" };
   say("");
@@ -124,8 +143,8 @@ export function showProblem(error, name, retry) {
     retry();
   };
   problem.hidden = false;
-  const field = document.querySelector(`#settings [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`);
-  if (field) field.setAttribute("aria-invalid", "true");
+  problem.scrollIntoView({ block: "nearest" });
+  document.querySelector(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`)?.setAttribute("aria-invalid", "true");
 }
 
 /** Hides what failed. */

@@ -18,41 +18,52 @@ const shown = new WeakMap();
  * unless a light field of another size was there. One of the same size goes into the viewer that is there.
  * @param {HTMLElement} element
  * @param {Response} response
- * @param {number} scale By how many times larger these views are shown, until the larger ones follow.
+ * @param {object} options
+ * @param {number} [options.scale] By how many times larger these views are shown, until the larger ones follow.
+ * @param {AbortSignal} [options.signal] Ends the loading.
+ * @param {(stage: Stage) => void} [options.place] Called with a new viewer when it has something to show; the caller closes it.
  * @returns {Promise<Stage>} When all views are there.
  * @throws {Error} For what is no light field, without WebGL 2, and where the connection breaks.
  */
-export async function showLightField(element, response, scale = 1) {
+export async function showLightField(element, response, { scale = 1, signal, place } = {}) {
   const previous = shown.get(element);
   /** @type {Stage | undefined} */
   let stage;
   /** @type {Tile[]} */
   let tiles = [];
-  for await (const { name, bytes } of readMembers(response)) {
-    if (stage?.stopped.signal.aborted) return stage; // another light field took its place
-    const tile = tiles.find(({ file }) => file === name);
-    if (name === "light_field.json") {
-      const { depth_sense: depthSense, tiles: planned, width, height, ...grid } = JSON.parse(new TextDecoder().decode(bytes));
-      tiles = planned;
-      const size = { ...grid, width: scale * width, height: scale * height };
-      if (previous && !previous.stopped.signal.aborted && hasSize(previous.lightField, size)) {
-        stage = previous;
-        continue;
+  try {
+    for await (const { name, bytes } of readMembers(response)) {
+      signal?.throwIfAborted();
+      const tile = tiles.find(({ file }) => file === name);
+      if (name === "light_field.json") {
+        const { depth_sense: depthSense, tiles: planned, width, height, ...grid } = JSON.parse(new TextDecoder().decode(bytes));
+        tiles = planned;
+        const size = { ...grid, width: scale * width, height: scale * height };
+        if (previous && !previous.stopped.signal.aborted && hasSize(previous.lightField, size)) {
+          stage = previous;
+          continue;
+        }
+        previous?.close();
+        if (previous && !hasSize(previous.lightField, size)) forgetPlace();
+        stage = new Stage(element, { ...size, depthSense });
+        shown.set(element, stage);
+      } else if (stage && tile) {
+        const mosaic = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
+        await stage.viewer.setTile(tile, mosaic);
+        mosaic.close();
+        signal?.throwIfAborted();
+        if (!stage.hasBegun) {
+          stage.begin();
+          place?.(stage);
+        } else stage.show();
       }
-      previous?.close();
-      if (previous && !hasSize(previous.lightField, size)) forgetPlace();
-      stage = new Stage(element, { ...size, depthSense });
-      shown.set(element, stage);
-    } else if (stage && tile) {
-      const mosaic = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
-      await stage.viewer.setTile(tile, mosaic);
-      mosaic.close();
-      if (stage.hasBegun) stage.show();
-      else stage.begin();
     }
+    if (!stage?.hasBegun) throw new Error(PICTURE_TEXTS.noLightField);
+    return stage;
+  } catch (error) {
+    if (!stage?.hasBegun) stage?.close();
+    throw error;
   }
-  if (!stage) throw new Error(PICTURE_TEXTS.noLightField);
-  return stage;
 }
 
 /**

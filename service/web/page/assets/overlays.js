@@ -1,5 +1,6 @@
 // @ts-check
 /** What is laid over a light field: its disparity in colours, and the epipolar plane image (EPI) of a row of pixels. */
+import { describeError } from "./client.js";
 import { make } from "./dom.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
@@ -23,11 +24,13 @@ export function addOverlays(stage, requestDisparity) {
         stage.status.textContent = PICTURE_TEXTS.disparityShown;
       } catch (error) {
         box.checked = false;
-        stage.status.textContent = error instanceof Error ? error.message : String(error);
+        stage.status.textContent = describeError(error);
       }
     }
-    if (box.checked) picture.append(disparity);
-    else disparity.remove();
+    if (!box.checked) return disparity.remove();
+    stage.tour.checked = false;
+    stage.moveFromCentre(0, 0); // the view whose disparity it is
+    picture.append(disparity);
   };
   const epi = makeEpi(stage, picture);
   const showEpi = (/** @type {HTMLInputElement} */ box) => (box.checked ? epi.show() : epi.hide());

@@ -56,7 +56,7 @@ export class Preview {
    */
   constructor(canvas) {
     const context = canvas.getContext("webgl2", { antialias: true });
-    if (!context) throw new Error("This browser has no WebGL 2.");
+    if (!context) throw new Error();
     this.renderer = new WebGLRenderer({ canvas, context });
     this.scene = new Scene();
     const light = new DirectionalLight(0xffffff, DIFFUSE);
@@ -68,14 +68,14 @@ export class Preview {
   }
 
   /**
-   * Reads a mesh in place of the one before.
+   * Reads a mesh.
    * @param {Named[]} files The mesh, and those that it names.
    * @throws {Error} For a mesh that three.js doesn't read, or that it would show otherwise than the server.
    */
   async open(files) {
     const suffixes = files.map(({ name }) => name.toLowerCase().split(".").at(-1) ?? "");
     const main = suffixes.findIndex((suffix) => suffix in READERS);
-    if (main < 0) throw new Error("This mesh is shown by the server alone.");
+    if (main < 0) throw new Error();
     const manager = new LoadingManager();
     /** @type {Map<string, string>} */
     const addresses = new Map(files.map(({ name, file }) => [name.split("/").at(-1) ?? "", URL.createObjectURL(file)]));
@@ -86,7 +86,6 @@ export class Preview {
       const object = await READERS[suffixes[main]](manager, await files[main].file.arrayBuffer());
       const meshes = prepare(object);
       this.points = collectPoints(meshes);
-      this.holder.clear();
       this.holder.add(object);
     } finally {
       for (const address of addresses.values()) URL.revokeObjectURL(address);
@@ -123,7 +122,7 @@ function prepare(object) {
   const meshes = [];
   object.updateMatrixWorld(true);
   object.traverse((/** @type {any} */ node) => {
-    if (node.isInstancedMesh) throw new Error("Copies of a mesh are shown by the server alone.");
+    if (node.isInstancedMesh) throw new Error();
     if (node.isPoints || node.isLine) node.visible = false;
     if (!node.isMesh) return;
     if (!node.geometry.hasAttribute("normal")) node.geometry.computeVertexNormals();
@@ -131,7 +130,7 @@ function prepare(object) {
     node.frustumCulled = false;
     meshes.push(node);
   });
-  if (meshes.length === 0) throw new Error("This mesh has no triangles.");
+  if (meshes.length === 0) throw new Error();
   return meshes;
 }
 

@@ -1,30 +1,40 @@
 // @ts-check
 /** The jobs of this tab, newest first. */
 import { find, make } from "./dom.js";
+import { keep, read } from "./storage.js";
 import { SENTENCES } from "./texts.js";
 
 const KEY = "recent";
 const MOST = 8;
 
+/** @type {(entry: Entry) => void} */
+let open = () => {};
+
 /** @typedef {{name: string, what: string, url: string, hash: string}} Entry Of what, the job's path, and the page's settings. */
 
 /** @returns {Entry[]} */
-function read() {
-  return JSON.parse(sessionStorage.getItem(KEY) ?? "[]");
+function readJobs() {
+  return JSON.parse(read(KEY) ?? "[]");
 }
 
 /** @param {Entry} entry */
 export function keepJob(entry) {
-  const others = read().filter(({ url }) => url !== entry.url);
-  sessionStorage.setItem(KEY, JSON.stringify([entry, ...others].slice(0, MOST)));
+  const others = readJobs().filter(({ url }) => url !== entry.url);
+  keep(KEY, JSON.stringify([entry, ...others].slice(0, MOST)));
+  showJobs();
 }
 
 /**
  * Lists the jobs.
- * @param {(entry: Entry) => void} open Called with the one that is chosen.
+ * @param {(entry: Entry) => void} chosen Called with the one that is chosen.
  */
-export function showRecent(open) {
-  const entries = read();
+export function watchRecent(chosen) {
+  open = chosen;
+  showJobs();
+}
+
+function showJobs() {
+  const entries = readJobs();
   find("recent", HTMLElement).hidden = entries.length === 0;
   const items = entries.map((entry) => {
     const button = make("button", SENTENCES.job(entry.what, entry.name), { type: "button" });

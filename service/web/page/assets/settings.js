@@ -13,6 +13,8 @@ const form = find("settings", HTMLFormElement);
 const scales = new Map([["auto", [2]]]);
 /** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field. */
 let others = {};
+/** Done when the networks are listed. */
+let offered = Promise.resolve();
 const grids = find("grids", HTMLSelectElement);
 /** @type {Candidate[]} Lens grids that a picture may have. */
 let candidates = [];
@@ -85,9 +87,18 @@ export function offerGrids(found, settings) {
  * Replaces the options that say where the lenses are.
  * @param {Record<string, string>} options
  */
-export function writeLenses(options) {
+function writeLenses(options) {
   const kept = Object.entries(readSettings()).filter(([name]) => !LENSES.includes(name));
   writeSettings({ ...Object.fromEntries(kept), ...options });
+}
+
+/**
+ * Replaces the options that say where the lenses are, as the user does.
+ * @param {Record<string, string>} options
+ */
+export function changeLenses(options) {
+  writeLenses(options);
+  form.dispatchEvent(new Event("change"));
 }
 
 /**
@@ -117,7 +128,8 @@ function offerModel(name, sizes) {
  * The networks and interpolations that make views so many times larger.
  * @param {number} scale
  */
-export function listModels(scale) {
+export async function listModels(scale) {
+  await offered;
   return [...scales].filter(([name, sizes]) => name !== "auto" && sizes.includes(scale)).map(([name]) => name);
 }
 
@@ -141,9 +153,12 @@ function showValues() {
 }
 
 /** Offers the networks of the server. */
-export async function offerModels() {
-  for (const { name, scales: sizes } of await (await request("/v1/models")).json()) offerModel(name, sizes);
-  offerScales();
+export function offerModels() {
+  const offer = async () => {
+    for (const { name, scales: sizes } of await (await request("/v1/models")).json()) offerModel(name, sizes);
+    offerScales();
+  };
+  offered = offer().catch(() => {}); // without the list, the network is selected automatically
 }
 
 /**

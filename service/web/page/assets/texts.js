@@ -27,6 +27,7 @@ export const TEXTS = {
   truth: "Rendered at the larger size",
   depth: "Disparity",
   waiting: "The picture appears here.",
+  noFiles: "There are no files in it. Choose a folder that has some.",
   needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50.",
   reading: "Reading the file",
   packing: "Packing the files",

@@ -56,7 +56,7 @@ def ask_for_a_key(page):
     page.expected = ["401"]
     refusal = {"status": 401, "content_type": "application/problem+json", "body": '{"detail": "no key"}'}
     page.route("**/v1/**", lambda route: route.fulfill(**refusal))
-    page.get_by_role("button", name="Vase").click()
+    page.get_by_role("link", name="Vase").click()
     expect(page.get_by_label("Key of this server")).to_be_visible()
 
 

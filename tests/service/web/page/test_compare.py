@@ -46,7 +46,9 @@ def comparison(page):
           window.made = [];
           const ways = Object.entries(pictures).map(
             ([name, text]) => ({ name, make: async () => (made.push(name), read(text)) }));
-          await showComparison(document.querySelector("main"), ways, [0, 2], read(truth));
+          const { signal } = new AbortController();
+          const element = document.querySelector("main");
+          await showComparison(element, ways, [0, 2], read(truth), signal, (load) => load(signal));
         }""",
         [{name: encode_text(picture) for name, picture in PICTURES.items()}, encode_text(TRUTH)],
     )
@@ -181,8 +183,10 @@ def test_disparity_and_epi_lie_over_a_light_field(page, tmp_path):
     disparity.dispatch_event("click")  # `check` would find it unchecked again
     page.get_by_text("The server is busy.").wait_for()
     assert not disparity.is_checked()
+    page.locator(".picture canvas").press("ArrowRight")
     disparity.check()
     page.get_by_alt_text("The disparity of the centre view").wait_for()
+    page.get_by_text("View 1.0, 2.0").wait_for()  # the centre
     page.get_by_label("EPI", exact=True).check()
     page.locator("[name=epi]").press("Tab")
     page.get_by_label("Row of the EPI").fill("10")

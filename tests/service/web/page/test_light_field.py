@@ -92,8 +92,10 @@ def test_views_as_mapped_stand_for_those_that_are_upscaled(page, tmp_path):
     mapped, _ = make_tiles(tmp_path / "a.zip", small)
     larger, ends = make_tiles(tmp_path / "b.zip")
     load = """([text, scale]) => import("/assets/light_field.js").then(({ showLightField }) => showLightField(
-        document.querySelector("main"), new Response(Uint8Array.from(atob(text), (each) => each.charCodeAt(0))), scale)
-    ).then(() => "shown", (error) => error.message)"""
+        document.querySelector("main"),
+        new Response(Uint8Array.from(atob(text), (each) => each.charCodeAt(0))),
+        { scale },
+    )).then(() => "shown", (error) => error.message)"""
     assert page.evaluate(load, [b64encode(mapped).decode(), 2]) == "shown"
     wait_for_rest(page)
     canvas = page.locator("canvas").element_handle()
@@ -141,12 +143,26 @@ def test_the_place_is_forgotten_for_a_light_field_of_another_size(page, tmp_path
     assert not page.url.endswith("focus=0&aperture=0")
 
 
+def test_lost_webgl_is_reported(page, tmp_path):
+    push(page, make_tiles(tmp_path / "a.zip")[0])
+    page.evaluate("shown")
+    wait_for_rest(page)
+    page.evaluate(
+        "document.querySelector('canvas').getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()"
+    )
+    status = page.locator("[role=status]", has_text="WebGL was lost")
+    status.wait_for()
+    page.locator("canvas").press("ArrowDown")
+    page.evaluate("() => new Promise(requestAnimationFrame)")
+    assert status.is_visible()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda content: b"<html>" + content, "no light field"),
+        (lambda content: b"<html>" + content, "not a light field"),
         (lambda content: content[:100], "connection broke"),
-        (lambda content: content[:8] + b"\x08" + content[9:], "no light field"),  # deflated
+        (lambda content: content[:8] + b"\x08" + content[9:], "not a light field"),  # deflated
     ],
 )
 def test_what_is_no_light_field_is_refused(page, tmp_path, change, message):

@@ -20,7 +20,7 @@ TSC = shutil.which("tsc")
 def test_a_page_loads_files_of_this_server_alone(client, path):
     response = client.get(path)
     assert response.headers["content-type"] == "text/html; charset=utf-8"
-    names = re.findall(r'(?:src|href)="([^"]*)"', response.text)
+    names = re.findall(r'(?:src|href)="([^"#][^"]*)"', response.text)
     assert names
     for name in names:
         assert name.startswith("/assets/")
@@ -99,11 +99,21 @@ def test_the_page_is_for_the_hosts_of_the_server(tmp_path):
 
 def test_every_text_of_the_page_stands_in_texts():
     assets = Path(routes.FILES["index.html"]).parent
-    texts = set(re.findall(r"^  (\w+):", (assets / "texts.js").read_text(), re.MULTILINE))
+    written = (assets / "texts.js").read_text()
+    texts = set(re.findall(r"^  (\w+):", written, re.MULTILINE))
     for page in ("index.html", "embed.html"):
         html = re.sub(r"<script.*", "", (assets / page).read_text())
         assert set(re.findall(r'data-text="(\w+)"', html)) <= texts
         assert set(re.findall(r">\s*([^<>\s][^<>]*)<", html)) <= {"ciir", *SCENES}
+    others = [path for path in assets.iterdir() if path.suffix in {".js", ".html"} and path.name != "texts.js"]
+    for path in others:
+        code = re.sub(r"/\*[\s\S]*?\*/|//.*", "", path.read_text())
+        assert not re.findall(r"""["'`][A-Z][a-z]+ [a-z][^"'`]*""", code), path.name
+    code = "".join(path.read_text() for path in others)
+    for block in re.findall(r"const (?:PICTURE_)?(?:TEXTS|SENTENCES) = {.*?^}", written, re.DOTALL | re.MULTILINE):
+        names = re.findall(r"^  (\w+):", block, re.MULTILINE)
+        used = r'(?:TEXTS|SENTENCES)\.{0}\b|"{0}"'
+        assert [name for name in names if not re.search(used.format(name), code)] == []
 
 
 @pytest.mark.skipif(TSC is None, reason="needs tsc, the TypeScript compiler (node-typescript in Debian)")
