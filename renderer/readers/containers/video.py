@@ -37,6 +37,7 @@ CODECS = frozenset({
 })  # fmt: skip
 """FFmpeg's names of the decoders that untrusted bytes reach."""
 MOVES_RIGHT = "frames are taken as views of a camera that moves from left to right; flip u where it moves to the left"
+ONE_ROW = "frames are taken as one row of views; give pixels ROWSxCOLUMNS (of views) where they are a grid, row by row"
 
 
 def read_mp4(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
@@ -71,7 +72,8 @@ def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits
     with av.open(io.BytesIO(data), "r", format=container) as file:
         stream = _open_stream(file, name, limits)
         views = _read_views(_decode(file, stream), (rows, columns), name, limits)
-    return LightField(views, (MOVES_RIGHT, *_note_arrays(views[0, 0])), depth_sense="cameras")
+    notes = (MOVES_RIGHT,) if layout.pixels else (MOVES_RIGHT, ONE_ROW)
+    return LightField(views, (*notes, *_note_arrays(views[0, 0])), depth_sense="cameras")
 
 
 def list_times(data: bytes, container: str, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:

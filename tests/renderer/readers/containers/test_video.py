@@ -49,6 +49,7 @@ def test_frames_fill_a_grid_row_by_row():
     found = read(make(), pixels=(2, 3))
     for v, u in np.ndindex(2, 3):
         np.testing.assert_array_equal(found.view(v, u), FRAMES[3 * v + u])
+    assert found.notes == (video.MOVES_RIGHT,)  # no word of one row
 
 
 def test_a_frame_as_an_elemental_image_array():
@@ -174,8 +175,8 @@ def test_a_frame_is_read_as_a_picture_of_all_views_is(arrays):
 def test_frames_that_look_like_elemental_image_arrays_are_noted(arrays):
     _, data = arrays
     with_note, without = read(data).notes, read(make()).notes
-    assert without == (video.MOVES_RIGHT,)
-    assert with_note[1].startswith("frames: each repeats about every ")
-    assert "if they are such, give arrangement eia and pixels 8x8" in with_note[1]
+    assert without == (video.MOVES_RIGHT, video.ONE_ROW)
+    assert with_note[2].startswith("frames: each repeats about every ")
+    assert "if they are such, give arrangement eia and pixels 8x8" in with_note[2]
     with pytest.raises(InvalidOption, match="arrangement eia reads a frame as an elemental image array"):
         read(data, pixels=(8, 8))
