@@ -45,7 +45,7 @@ def test_reconstruct_a_mesh(cube_file, tmp_path, capsys):
     assert names == ["report.json"] + [f"view_{v:02d}_{u:02d}.png" for v, u in [(0, 2), (1, 0), (1, 2), (1, 4), (2, 2)]]
     assert read(out / "view_01_02.png").shape == (24, 20, 3)
     assert json.loads((out / "report.json").read_text()) == json.loads(report.read_text())
-    assert "5 views of 20x24" in capsys.readouterr().out
+    assert "5 views of 24x20" in capsys.readouterr().out
 
 
 def test_reconstruct_into_one_file(cube_file, tmp_path):
