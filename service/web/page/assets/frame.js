@@ -211,8 +211,6 @@ export async function showPicture(picture, what, signal) {
 export async function makeFile(input, plural, fields, what, signal, isKept = true) {
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
   const { job, response } = await run(plural, makeForm(input, fields), what, signal);
-  if (isKept) {
-    keepJob({ name: nameInput(input), what, url: job.url, hash: location.hash });
-  }
+  if (isKept) keepJob({ name: nameInput(input), what, url: job.url, hash: location.hash }, fields);
   return response;
 }

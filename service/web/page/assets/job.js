@@ -128,6 +128,7 @@ export function showProblem(error, name, retry) {
   if (isEnded(error)) {
     restart.hidden = work.signal.reason !== CANCELLED;
     restart.onclick = retry;
+    if (!restart.hidden) restart.focus(); // in place of Cancel
     return;
   }
   const message = error instanceof Error ? error.message : String(error);

@@ -1,6 +1,6 @@
 // @ts-check
 /** The page: what is opened is shown as mapped at once, then as the user chose. */
-import { isEnded, Job, request, setKey } from "./client.js";
+import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
@@ -8,7 +8,7 @@ import { describe, joinFiles, listChosen, listDropped, nameInput } from "./input
 import { clear, perform, say, showProblem } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
-import { watchRecent } from "./recent.js";
+import { forgetJob, watchRecent } from "./recent.js";
 import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, writeState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
@@ -89,8 +89,11 @@ function writeName(name, what) {
  * @param {"start" | "work"} part
  */
 function showPart(part) {
+  const focused = document.activeElement;
   for (const name of ["start", "work"]) find(name, HTMLElement).hidden = name !== part;
   find("close", HTMLElement).hidden = part === "start";
+  const isLost = focused !== document.body && focused?.getClientRects().length === 0;
+  if (isLost) find(part === "start" ? "files" : "name", HTMLElement).focus();
 }
 
 /** Shows what is open as the user chose, unless it is still being read. */
@@ -127,8 +130,14 @@ function keepState(settings) {
  * @param {Entry} entry
  */
 function reopen(entry) {
-  const fetchResult = async (/** @type {AbortSignal} */ signal) =>
-    new Job(entry.url, await (await request(entry.url, { signal })).json()).follow(() => {}, signal);
+  const fetchResult = async (/** @type {AbortSignal} */ signal) => {
+    try {
+      return await new Job(entry.url, await (await request(entry.url, { signal })).json()).follow(() => {}, signal);
+    } catch (error) {
+      if (error instanceof Problem && [404, 410].includes(error.status)) forgetJob(entry.url);
+      throw error;
+    }
+  };
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
   if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name), entry.name);

@@ -1,27 +1,45 @@
 // @ts-check
-/** The jobs of this tab, newest first. */
+/** The last jobs of this browser, newest first. */
 import { find, make } from "./dom.js";
 import { keep, read } from "./storage.js";
-import { SENTENCES } from "./texts.js";
+import { FORMATS, GROUPS, SENTENCES, TEXTS } from "./texts.js";
 
-const KEY = "recent";
-const MOST = 8;
+const KEY = "recent", PLACE = "localStorage";
+const MOST = 20;
+const UNLISTED = /^(views|format|arrangement|lens_.*)$/; // settings that say little
 
 /** @type {(entry: Entry) => void} */
 let open = () => {};
 
-/** @typedef {{name: string, what: string, url: string, hash: string}} Entry Of what, the job's path, and the page's settings. */
+/** @typedef {{name: string, what: string, url: string, hash: string}} Made What a job made of what, its path, and the page's settings. */
+/** @typedef {Made & {details: string[], time: number}} Entry When it was made, and what tells it from others. */
 
 /** @returns {Entry[]} */
 function readJobs() {
-  return JSON.parse(read(KEY) ?? "[]");
+  return JSON.parse(read(KEY, PLACE) ?? "[]");
 }
 
-/** @param {Entry} entry */
-export function keepJob(entry) {
-  const others = readJobs().filter(({ url }) => url !== entry.url);
-  keep(KEY, JSON.stringify([entry, ...others].slice(0, MOST)));
+/** @param {Entry[]} entries */
+function keepJobs(entries) {
+  keep(KEY, JSON.stringify(entries.slice(0, MOST)), PLACE);
   showJobs();
+}
+
+/**
+ * @param {Made} made
+ * @param {Record<string, string | Blob>} fields Of its form.
+ */
+export function keepJob(made, fields) {
+  const format = String(fields.format);
+  const file = made.what === TEXTS.export ? [FORMATS[format] ?? format, ...(fields.views === "all" ? [GROUPS.all] : [])] : [];
+  const settings = Object.entries(fields).filter(([name, value]) => value && typeof value === "string" && !UNLISTED.test(name));
+  const details = [...file, ...settings.map(([name, value]) => SENTENCES.setting(name, String(value)))].filter((text) => text);
+  keepJobs([{ ...made, details, time: Date.now() }, ...readJobs().filter(({ url }) => url !== made.url)]);
+}
+
+/** @param {string} url Of a job that the server no longer has. */
+export function forgetJob(url) {
+  keepJobs(readJobs().filter((entry) => entry.url !== url));
 }
 
 /**
@@ -30,6 +48,8 @@ export function keepJob(entry) {
  */
 export function watchRecent(chosen) {
   open = chosen;
+  find("forget", HTMLButtonElement).addEventListener("click", () => keepJobs([]));
+  addEventListener("storage", showJobs); // another tab has changed them
   showJobs();
 }
 
@@ -37,8 +57,13 @@ function showJobs() {
   const entries = readJobs();
   find("recent", HTMLElement).hidden = entries.length === 0;
   const items = entries.map((entry) => {
-    const button = make("button", SENTENCES.job(entry.what, entry.name), { type: "button" });
-    button.addEventListener("click", () => open(entry));
+    const text = [SENTENCES.job(entry.what, entry.name), ...entry.details].join(", ");
+    const time = make("time", SENTENCES.date(entry.time), { datetime: new Date(entry.time).toISOString(), class: "muted" });
+    const button = make("button", [make("span", text), time], { type: "button" });
+    button.addEventListener("click", () => {
+      open(entry);
+      find("name", HTMLElement).focus(); // the list is made again
+    });
     return make("li", [button]);
   });
   find("recent-list", HTMLElement).replaceChildren(...items);

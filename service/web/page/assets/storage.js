@@ -1,16 +1,19 @@
 // @ts-check
-/** Texts that this tab keeps: in its storage, or in memory where the browser refuses that. */
+/** Texts that the browser keeps, for the tab or longer; in memory where it refuses that. */
+
+/** @typedef {"sessionStorage" | "localStorage"} Place As long as the tab, or until it is removed. */
 
 /** @type {Map<string, string>} */
 const memory = new Map();
 
 /**
  * @param {string} name
+ * @param {Place} [place]
  * @returns {string | null}
  */
-export function read(name) {
+export function read(name, place = "sessionStorage") {
   try {
-    return sessionStorage.getItem(name);
+    return window[place].getItem(name);
   } catch {
     return memory.get(name) ?? null;
   }
@@ -19,10 +22,11 @@ export function read(name) {
 /**
  * @param {string} name
  * @param {string} text
+ * @param {Place} [place]
  */
-export function keep(name, text) {
+export function keep(name, text, place = "sessionStorage") {
   try {
-    sessionStorage.setItem(name, text);
+    window[place].setItem(name, text);
   } catch {
     memory.set(name, text);
   }

@@ -14,6 +14,7 @@ export const TEXTS = {
   hamburger: "Hamburger",
   local: "Files go to this server only.",
   recent: "Recent jobs",
+  forget: "Forget these",
   // what is open
   close: "Another file",
   picture: "Picture",
@@ -183,6 +184,16 @@ export const MODELS = /** @type {Record<string, string>} */ ({
   "quality-int8": "quality-int8: quicker",
 });
 
+/** What settings say of a job, by their names; nothing where they are as usual. */
+const SETTINGS = /** @type {Record<string, (value: string) => string>} */ ({
+  lenses: (value) => `${value} lenses`,
+  pixels: (value) => `${value} pixels`,
+  rotate: (value) => `turned by ${value.replaceAll(",", "°, ")}°`,
+  zoom: (value) => `size ${value}`,
+  model: (value) => ({ auto: "", none: "not upscaled" }[value] ?? value),
+  scale: (value) => (value === "2" ? "" : `${value} times larger`),
+});
+
 /** Sentences with numbers or names in them. */
 export const SENTENCES = {
   /** @param {string} name @param {number} rows @param {number} cols */
@@ -203,6 +214,13 @@ export const SENTENCES = {
   done: (time, wasDone) => `Done in ${time}${wasDone ? ", from an earlier run" : ""}`,
   /** @param {string} measured @param {string} predicted */
   estimate: (measured, predicted) => `It took ${measured}, and the estimate was ${predicted}. Stages overlap.`,
+  /**
+   * @param {string} name
+   * @param {string} value
+   */
+  setting: (name, value) => SETTINGS[name]?.(value) ?? `${name} ${value}`,
+  /** @param {number} time */
+  date: (time) => new Date(time).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }),
   /** @param {number} count */
   files: (count) => `${count} files`,
   /** @param {string} name */

@@ -243,6 +243,7 @@ def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
     expect(page.get_by_role("heading", name="cube.off")).to_be_visible()
     page.get_by_role("button", name="Another file").click()
     expect(page.get_by_role("heading", name="Look around")).to_be_visible()
+    expect(page.locator("#recent")).to_be_hidden()  # the list no longer has it
 
 
 def test_the_page_works_where_the_browser_refuses_storage(page):

@@ -143,9 +143,33 @@ def test_recent_jobs_are_listed_and_opened(page):
     open_scene(page)
     page.get_by_role("button", name="Another file").click()
     expect(page.get_by_role("heading", name="Look around")).to_be_visible()
-    page.get_by_role("button", name="Vase: upscaled").click()
+    expect(page.locator("#files")).to_be_focused()
+    page.get_by_role("button", name="Vase: upscaled, 20x30 lenses, 5x5 pixels").click()
     wait_for_picture(page, 40, 60)
-    assert page.evaluate("localStorage.length") == 0
+    expect(page.locator("#name")).to_be_focused()
+
+
+def test_recent_jobs_outlive_the_tab_until_they_are_forgotten(page):
+    open_scene(page)
+    for name in ("view/webp", "view/jpeg"):
+        page.locator("#format").select_option(name)
+        with page.expect_download():
+            page.get_by_role("button", name="Download").click()
+    other = page.context.new_page()
+    page.close()
+    other.goto(page.url.partition("#")[0])
+    listed = other.locator("#recent-list button span")
+    details = "20x30 lenses, 5x5 pixels"
+    expect(listed).to_have_text(
+        [f"Vase: export, JPEG, {details}", f"Vase: export, WebP, {details}", f"Vase: upscaled, {details}"]
+    )
+    with other.expect_download() as download:
+        listed.first.click()
+    assert download.value.suggested_filename == "Vase.jpg"
+    other.get_by_role("button", name="Forget these").click()
+    expect(other.locator("#recent")).to_be_hidden()
+    other.reload()
+    expect(other.locator("#recent")).to_be_hidden()
 
 
 def tab_to(page, target):
