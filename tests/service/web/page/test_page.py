@@ -26,7 +26,7 @@ def test_a_shipped_scene_is_one_click_away(page):
     page.get_by_role("link", name="Vase").click()
     page.locator("#frame canvas").wait_for()
     assert page.evaluate("sizes") == [100]  # the centre view as mapped first
-    expect(page.get_by_role("heading", name="Vase")).to_be_visible()
+    expect(page.get_by_role("heading", name="Vase")).to_be_focused()
     page.get_by_role("radio", name="Upscaled").check()
     wait_for_picture(page, 200, 200)
     expect(page.get_by_role("status")).to_contain_text("Done in")

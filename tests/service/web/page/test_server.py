@@ -63,6 +63,7 @@ def test_a_job_is_followed_over_a_break_of_the_server_and_cancelled(browser, ser
     with page.expect_response(lambda response: response.request.method == "DELETE") as deleted:
         page.get_by_role("button", name="Cancel").press("Enter")
     assert page.request.get(deleted.value.url).json()["state"] == "cancelled"
+    expect(page.locator("#restart")).to_be_focused()
     expect(page.locator("#job")).to_be_hidden()
     expect(page.get_by_role("status")).to_have_text("Cancelled.")
     page.context.close()
