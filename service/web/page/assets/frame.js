@@ -4,7 +4,7 @@ import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
 import { LensGrid } from "./grid.js";
 import { describe, makeForm, nameInput, readImage } from "./inputs.js";
-import { perform, run, say } from "./job.js";
+import { perform, run, showStatus } from "./job.js";
 import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
@@ -95,7 +95,7 @@ async function showGrid(input, settings, isUnknown, signal) {
  * @param {AbortSignal} signal
  */
 async function findGrid(input, options, signal) {
-  say(TEXTS.reading);
+  showStatus(TEXTS.reading);
   return (await describe(input, signal, options)).candidates.find((each) => each.lens_grid)?.lens_grid;
 }
 

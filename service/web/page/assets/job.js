@@ -25,7 +25,7 @@ let wasDone = false; // before the work asked for it
 find("cancel", HTMLButtonElement).addEventListener("click", () => {
   started = -LONG;
   stop(CANCELLED);
-  say(TEXTS.cancelled);
+  showStatus(TEXTS.cancelled);
 });
 
 /**
@@ -42,7 +42,7 @@ export async function perform(action) {
   wasDone = false;
   const result = await action(signal);
   signal.throwIfAborted();
-  say(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
+  showStatus(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
   return result;
 }
 
@@ -60,13 +60,13 @@ export function stop(reason) {
 /** Ends the work and forgets what it reported. */
 export function clear() {
   stop();
-  say("");
+  showStatus("");
   hideProblem();
   details.hidden = true;
 }
 
 /** @param {string} message For all to read, and for screen readers. */
-export function say(message) {
+export function showStatus(message) {
   find("status", HTMLElement).textContent = message;
 }
 
@@ -80,7 +80,7 @@ export function say(message) {
  */
 export async function run(kind, form, name, signal) {
   signal.throwIfAborted();
-  say(name);
+  showStatus(name);
   hideProblem();
   panel.hidden = false;
   const begun = (started = performance.now());
@@ -133,7 +133,7 @@ export function showProblem(error, name, retry) {
   }
   const message = error instanceof Error ? error.message : String(error);
   const { status, detail } = error instanceof Problem ? error : { status: -1, detail: "" };
-  say("");
+  showStatus("");
   find("problem-text", HTMLElement).textContent = message;
   find("problem-detail", HTMLElement).textContent = detail.replace(/\bupload(\.\w+)?/, () => name);
   find("key-form", HTMLFormElement).hidden = status !== 401;

@@ -5,7 +5,7 @@ import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
 import { describe, joinFiles, listChosen, listDropped, nameInput } from "./inputs.js";
-import { clear, perform, say, showProblem } from "./job.js";
+import { clear, perform, showProblem, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, watchRecent } from "./recent.js";
@@ -41,7 +41,7 @@ async function attempt(action, name = "") {
   const heading = find("name", HTMLElement);
   try {
     const message = await perform(action);
-    if (message) say(message);
+    if (message) showStatus(message);
   } catch (error) {
     if (!isEnded(error)) showPart("work"); // where problems are shown
     heading.textContent ||= name;
@@ -58,11 +58,11 @@ function open(chosen, settings) {
   leave();
   showPart("work");
   return attempt(async (signal) => {
-    say(TEXTS.packing);
+    showStatus(TEXTS.packing);
     const given = await chosen;
     signal.throwIfAborted();
     writeName(nameInput(given), "");
-    say(TEXTS.reading);
+    showStatus(TEXTS.reading);
     const { kind, candidates } = await describe(given, signal);
     writeName(nameInput(given), KINDS[kind] ?? "");
     fitSettings(kind);
