@@ -241,7 +241,6 @@ class Pool:
         if worker is not None:
             worker.end()
             line = worker.last_line
-        self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
         cause = f"{error}{f': {line}' if line else ''}"
         with self._lock:
             is_new, self._start_cause = cause != self._start_cause, cause
@@ -250,6 +249,7 @@ class Pool:
         traceback = error if is_new and not isinstance(error, WorkerExitedError) else None
         text = "a worker process can't be started: %s; the next attempt is in %g s"
         _log.error(text, cause, pause, exc_info=traceback)
+        self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
 
     def _wait_until_ready(self, worker: Worker) -> None:
         """Waits until a worker has loaded the models and adds it to the idle ones. Raises `WorkerExitedError`."""

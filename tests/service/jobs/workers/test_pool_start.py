@@ -43,12 +43,12 @@ def test_the_traceback_of_a_worker_that_cannot_start_is_logged_once(open_pool, m
 
 
 def test_a_worker_that_does_not_get_ready_is_ended(open_pool, monkeypatch, caplog):
-    monkeypatch.setattr(module, "START_SECONDS", 1.0)
+    monkeypatch.setattr(module, "START_SECONDS", 3.0)
     monkeypatch.setenv("PYTHON_SLEEP", "1000")
     pool = open_pool()
     assert not pool.is_ready()
     wait_until(lambda: pool.start_error)
-    assert "it was not ready after 1 s: it sleeps" in caplog.text
+    assert "it was not ready after 3 s: it sleeps" in caplog.text
     assert "worker process" in caplog.text
 
 
