@@ -1,5 +1,6 @@
 // @ts-check
 /** Shows a light field that arrives as `format=tiles`: small views first, then rows of views from the middle outwards. */
+import { isEnded } from "./client.js";
 import { PICTURE_TEXTS } from "./texts.js";
 import { Stage } from "./viewer/page.js";
 
@@ -96,7 +97,9 @@ function readExactly(reader) {
     const bytes = new Uint8Array(count);
     for (let filled = 0; filled < count; ) {
       if (left.length === 0) {
-        const { done, value } = await reader.read();
+        const { done, value } = await reader.read().catch((error) => {
+          throw isEnded(error) ? error : new Error(PICTURE_TEXTS.broken);
+        });
         if (done) throw new Error(PICTURE_TEXTS.broken);
         left = new Uint8Array(value);
       }

@@ -143,6 +143,11 @@ def test_the_place_is_forgotten_for_a_light_field_of_another_size(page, tmp_path
     assert not page.url.endswith("focus=0&aperture=0")
 
 
+def test_a_network_error_is_reported_in_plain_words(page):
+    page.evaluate("stream.error(new TypeError('network error'))")
+    assert "connection broke" in page.evaluate("shown")
+
+
 def test_lost_webgl_is_reported(page, tmp_path):
     push(page, make_tiles(tmp_path / "a.zip")[0])
     page.evaluate("shown")
