@@ -232,9 +232,8 @@ def test_progress_and_errors_of_a_download_are_in_sight(page, size):
 
 def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
     page.expected = ["404"]
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")  # one job
     choose(page, ("cube.off", CUBE))
-    expect(page.locator("#kind")).to_have_text("A mesh")
-    set_field(page, "lenses", "20x20")
     wait_for_picture(page, 40, 40)
     page.get_by_role("button", name="Another file").click()
     page.route("**/v1/reconstructions/*", lambda route: route.fulfill(status=404, json={"detail": "no such job"}))
