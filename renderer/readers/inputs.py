@@ -84,7 +84,7 @@ def open_input(
     name = clean_text(bundle.name)
     if layout.frame and (found is None or found[0].name not in VIDEOS or not layout.selects_frame):
         raise InvalidOption(
-            f"frame: this is for a video of elemental image arrays, with lenses; leave it out of {name}"
+            f"frame: this is for a video of elemental image arrays (lenses or arrangement eia); leave it out of {name}"
         )
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
         layout = replace(layout, lens_grid=Known())
@@ -188,7 +188,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     if len(containers) > 1:
         raise Unreadable(
             f"{name}: holds {len(containers)} files that may be light fields ({_list_some(containers)}); give one of "
-            "its files"
+            "them"
         )
     pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
     if containers:

@@ -66,7 +66,10 @@ def select_views(views: Pixels) -> LightField:
     if views.shape[4] == 4:
         weight, views = views[..., 3:], views[..., :3]
         notes += ("the fourth channel of ESLF is a weight, not alpha: it is left out",)
-    kept = _find_full_grid(_sum_views(views if weight is None else weight))
+    sums = _sum_views(views)
+    if weight is not None:  # it may be opaque everywhere
+        sums[_sum_views(weight) == 0] = 0
+    kept = _find_full_grid(sums)
     count_v, count_u = views.shape[:2]
     views = views[kept]
     if views.shape[:2] != (count_v, count_u):

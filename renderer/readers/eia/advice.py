@@ -40,6 +40,10 @@ def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement
 def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: Pair) -> str:
     """The numbers that divide the picture where `given` don't, and the option for the margins that these may leave."""
     size = picture.shape[:2]
+    is_period = given == layout.pixels == periods.find() and layout.arrangement != "mosaic"
+    if is_period and not _find_other_lenses(picture, max(given), given):
+        repeats = f"but it repeats every {given[0]}x{given[1]} pixels, so it has margins"
+        return f"{repeats}; give them as crop TOP,LEFT,BOTTOM,RIGHT"
     fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
     words = f"the nearest that does is {fitting[0]}x{fitting[1]}"
     if all(0 < count <= length for count, length in zip(given, size, strict=True)):

@@ -53,7 +53,8 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     for option in ("lenses", "arrangement", "crop"):
         if getattr(layout, option) != getattr(Layout, option):
             raise InvalidOption(
-                f"{option}: this is for elemental image arrays, and lens_pitch says that {name} is none"
+                f"{option}: this is for elemental image arrays, and lens_pitch says that {name} is none; "
+                "leave one of them out"
             )
     raw = _load(bundle, key, known)
     grid, in_columns = raw.calibration.grid, raw.calibration.in_columns

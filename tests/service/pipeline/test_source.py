@@ -63,7 +63,10 @@ def containers(tmp_path_factory):
         ({"pickup": "optical"}, "pickup: this is for elemental image arrays and {} holds views; leave it out"),
         ({"crop": (0, 0, 1, 0)}, "crop: this is for elemental image arrays and {} holds views; leave it out"),
         ({"arrangement": "eia"}, "arrangement: this is for elemental image arrays and {} holds views; leave it out"),
-        ({"frame": 1}, "frame: this is for a video of elemental image arrays, with lenses; leave it out of {}"),
+        (
+            {"frame": 1},
+            "frame: this is for a video of elemental image arrays (lenses or arrangement eia); leave it out of {}",
+        ),
     ],
 )
 def test_what_views_in_a_file_ignore_is_refused(containers, name, options, message):

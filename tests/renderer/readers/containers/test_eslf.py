@@ -59,6 +59,12 @@ def test_the_weight_is_left_out_and_says_which_views_are_empty():
     assert "weight, not alpha" in found.notes[0]
 
 
+def test_views_without_light_are_empty_although_their_weight_is_not():
+    picture = make((4, 12, 4, 12), channels=4, weight=0)
+    picture[..., 3] = 65535
+    assert read(picture).views.shape == (8, 8, *LENSES, 3)
+
+
 def test_the_last_lenses_may_lack_pixels():
     found = read(make((3, 11, 3, 11))[:-2, :-1])
     assert found.views.shape == (8, 8, *LENSES, 3)

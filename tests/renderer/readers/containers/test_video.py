@@ -70,7 +70,7 @@ def test_a_frame_is_of_elemental_image_arrays():
     from ciir.renderer.readers import inputs
     from ciir.renderer.readers.bundle import Bundle
 
-    with pytest.raises(InvalidOption, match="frame: this is for a video of elemental image arrays, with lenses"):
+    with pytest.raises(InvalidOption, match="frame: this is for a video of elemental image arrays"):
         inputs.read(Bundle.from_upload("a.mkv", make()), Layout(frame=3))
 
 

@@ -111,6 +111,15 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     assert "3x4 lenses of 5x7 pixels do not make" in message(EIA, lenses=(3, 4), pixels=(5, 7))
 
 
+def test_right_numbers_of_a_picture_with_margins_are_confirmed():
+    array = np.tile(np.random.default_rng(0).integers(0, 255, (15, 15, 3), np.uint8), (20, 20, 1))
+    text = message(np.pad(array, ((4, 7), (2, 0), (0, 0))), pixels=(15, 15))
+    assert text == (
+        "pixels: 15x15 does not divide the picture of 311x302 pixels (rows x columns); but it repeats every 15x15 "
+        "pixels, so it has margins; give them as crop TOP,LEFT,BOTTOM,RIGHT"
+    )
+
+
 def test_without_numbers_the_period_of_the_picture_is_named(vase):
     text = message(vase)
     assert "as in pixels 15x15; the picture repeats about every 8x9 pixels, which doesn't divide it as" in text
