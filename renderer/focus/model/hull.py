@@ -24,6 +24,8 @@ VIEWS = 9
 """Views along v and along u that count, at most."""
 SHARE = 0.2
 """Share of those views in which a triangle may lie before the background: disparities are not exact."""
+COVERED = 0.25
+"""Coverage of a view, between its pixels, below which it sees background: with half, triangles at outlines are lost."""
 
 
 def find_shown(field: LightField) -> NDArray[np.bool_]:
@@ -50,15 +52,17 @@ def find_share(is_shown: NDArray[np.bool_], view: View, disparity: float) -> NDA
     return share / np.float32(max(len(views), 1))
 
 
-def lies_in_hull(points: NDArray[np.float64], is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
-    """Whether few enough views see background where the points `(n, 3)` lie, `(n,)`."""
+def lies_in_hull(points: NDArray[np.float64], coverage: NDArray[np.float32], array: LensArray) -> NDArray[np.bool_]:
+    """Whether few enough views see background where the points `(n, 3)` lie, `(n,)`.
+
+    `coverage`, `(V, U, H, W)`: how much of each pixel shows no background, from 0 to 1.
+    """
     before = np.zeros(len(points))
-    views = list(_list_views(is_shown))
+    views = list(_list_views(coverage > 0))
     for v, u in views:
         x = (points[:, 0] + array.tangent_x()[u] * points[:, 2]) / array.pitch + (array.cols - 1) / 2
         y = (array.rows - 1) / 2 - (points[:, 1] + array.tangent_y()[v] * points[:, 2]) / array.pitch
-        share = ndimage.map_coordinates(is_shown[v, u].astype(np.float32), [y, x], order=1, mode="nearest")
-        before += share < 0.5
+        before += ndimage.map_coordinates(coverage[v, u], [y, x], order=1, mode="nearest") < COVERED
     is_inside: NDArray[np.bool_] = before <= SHARE * len(views)
     return is_inside
 

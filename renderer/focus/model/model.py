@@ -95,6 +95,7 @@ def make_model(
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
     has_background = not is_shown.all()
+    coverage = _find_coverage(field, is_shown)
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
@@ -121,7 +122,7 @@ def make_model(
         if has_background:
             both, faces = subdivide(np.concatenate([vertices, colors], axis=1), faces)
             vertices, colors = both[:, :3], both[:, 3:]
-            faces = faces[lies_in_hull(vertices[faces].mean(axis=1), is_shown, array)]
+            faces = faces[lies_in_hull(vertices[faces].mean(axis=1), coverage, array)]
         found = Model(vertices, (colors + 0.5).astype(np.uint8), faces.astype(np.int32), array)
         model = found if model is None else _join(model, found)
     if model is not None and len(model.faces) and has_background:
@@ -151,6 +152,15 @@ def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDA
     nearest = ndimage.distance_transform_edt(~is_inner, return_distances=False, return_indices=True)
     cleared: NDArray[np.float64] = np.maximum(picture, picture[tuple(nearest)])
     return cleared
+
+
+def _find_coverage(field: LightField, is_shown: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """How much of each pixel shows no background, `(V, U, H, W)`: its light as a share of that of `_clear_rim`."""
+    coverage = is_shown.astype(np.float32)
+    for view in np.ndindex(is_shown.shape[:2]):
+        picture = _read_picture(field.views[view])
+        coverage[view] *= picture.max(axis=2) / np.maximum(_clear_rim(picture, is_shown[view]).max(axis=2), 1)
+    return coverage
 
 
 def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:

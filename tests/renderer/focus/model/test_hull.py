@@ -45,11 +45,19 @@ def test_where_a_square_is_no_view_sees_background_behind_it(disparity):
 
 @pytest.mark.parametrize("disparity", [-1, 0, 1])
 def test_points_of_a_square_lie_in_its_hull(disparity):
-    shown = find_shown(make_field(disparity))
+    shown = find_shown(make_field(disparity)).astype(np.float32)
     points = make_square(disparity, 2, 5).vertices
     assert lies_in_hull(points, shown, ARRAY).all()
     assert not lies_in_hull(points * [1, 1, 1] + [0, 0, 2], shown, ARRAY).any()
     assert not lies_in_hull(points * [2, 2, 1], shown, ARRAY).any()
+
+
+def test_pixels_that_are_barely_covered_are_no_part_of_the_hull():
+    coverage = np.zeros((3, 3, 8, 8), np.float32)
+    coverage[..., 2:6, 2:6] = 1
+    coverage[..., 1, 2:6] = 0.2
+    points = make_square(0, 1, 5).vertices * [0.5, 1, 1]  # in rows 1 and 5
+    assert lies_in_hull(points, coverage, ARRAY).tolist() == [False, False, True, True]
 
 
 def test_triangles_stay_where_views_show_their_colour():
