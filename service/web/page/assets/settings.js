@@ -25,18 +25,31 @@ function listFields() {
   return [...all].filter((field) => field.closest("[hidden]") === null);
 }
 
+/** @type {{field: EventTarget | null, value: string} | null} The text field that has the focus, as it was before what is typed. */
+let typed = null;
+
+/** @param {Event} event */
+function keepTyped({ target }) {
+  typed = target instanceof HTMLInputElement && target.type === "text" ? { field: target, value: target.value } : null;
+}
+
+/** @param {HTMLInputElement | HTMLSelectElement} field */
+function readField(field) {
+  return (typed?.field === field ? typed.value : field.value).trim();
+}
+
 /** @param {HTMLInputElement | HTMLSelectElement} field */
 function isDefault(field) {
-  return field instanceof HTMLInputElement && field.value.trim() === field.defaultValue;
+  return field instanceof HTMLInputElement && readField(field) === field.defaultValue;
 }
 
 /**
- * The settings that differ from the defaults.
+ * The settings that differ from the defaults, without what is still being typed.
  * @returns {Record<string, string>}
  */
 export function readSettings() {
   const fields = listFields();
-  const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, field.value.trim()]);
+  const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, readField(field)]);
   const { yaw = "0", tilt = "0", roll = "0", ...settings } = Object.fromEntries(changed);
   const rotate = [yaw, tilt, roll].join(",");
   return { ...others, ...settings, ...(rotate === "0,0,0" ? {} : { rotate }) };
@@ -48,6 +61,7 @@ export function readSettings() {
  */
 export function writeSettings(settings) {
   form.reset();
+  typed = null;
   others = {};
   const [yaw, tilt, roll] = (settings.rotate ?? "0,0,0").split(",");
   if (settings.model && !scales.has(settings.model)) offerModel(settings.model, [Number(settings.scale) || 2]);
@@ -170,7 +184,10 @@ export function watchSettings(changed) {
   offerScales();
   form.addEventListener("input", showValues);
   form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("focusin", keepTyped);
+  form.addEventListener("focusout", () => (typed = null));
   form.addEventListener("change", (event) => {
+    keepTyped(event);
     if (event.target === form.model) offerScales();
     if (event.target === grids) writeLenses(candidates[Number(grids.value)].options);
     else markGrid();

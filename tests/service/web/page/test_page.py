@@ -47,6 +47,17 @@ def test_a_mesh_is_shown_and_turned(page):
     assert page.locator("#frame img").screenshot() != before
 
 
+def test_what_is_being_typed_is_not_taken(page):
+    choose(page, ("cube.off", CUBE))
+    expect(page.locator("#kind")).to_have_text("A mesh")
+    page.locator("[name=lenses]").fill("20x30")
+    page.locator("[name=pixels]").press_sequentially("5")  # no number of pixels: the server would refuse it
+    wait_for_picture(page, 40, 60)
+    page.keyboard.type("x5")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**pixels=5x5**")
+
+
 def test_an_elemental_image_array_asks_for_its_lenses(page):
     choose(page, ("eia.png", EIA_PNG))
     expect(page.get_by_role("status")).to_contain_text("How many lenses")
