@@ -95,7 +95,7 @@ def make_model(
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
     has_background = not is_shown.all()
-    coverage = _find_coverage(field, is_shown)
+    coverage = _find_coverage(field, is_shown) if has_background else None
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
@@ -119,7 +119,7 @@ def make_model(
         patch = make_patch(picture, mapped.disparity, is_used, most)
         vertices = _place(patch.x, patch.y, patch.disparity, array, view)
         colors, faces = patch.colors, patch.faces
-        if has_background:
+        if coverage is not None:
             both, faces = subdivide(np.concatenate([vertices, colors], axis=1), faces)
             vertices, colors = both[:, :3], both[:, 3:]
             faces = faces[lies_in_hull(vertices[faces].mean(axis=1), coverage, array)]
