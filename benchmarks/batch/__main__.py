@@ -1,14 +1,16 @@
 """Measures `ciir batch`, each part alone or all of them:
 
-    python -m ciir.benchmarks.batch [speed] [kills] [--arrays 200] [--meshes 50] [-o DIR]
+    python -m ciir.benchmarks.batch [speed] [kills] [scale] [--arrays 200] [--meshes 50] [--tasks 100000] [-o DIR]
 
 `speed`: two processes against one, in turn, and whether the pictures are equal; `kills`: workers killed every 5 s and
-the scheduler once.
+the scheduler once; `scale`: the scheduler's own time for each task, with 256 simulated workers, whose tasks take the
+times that `speed` recorded, scaled to a mean of 100 ms.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import statistics
 import subprocess
@@ -20,10 +22,12 @@ from typing import Any
 
 from ciir.benchmarks.batch.inputs import write_inputs
 from ciir.benchmarks.batch.kills import run_with_kills
+from ciir.benchmarks.batch.simulation import simulate
 
-LENSES, PIXELS = 100, 9
+LENSES, PIXELS, WORKERS = 100, 9, 256
 OPTIONS = ["--lenses", f"{LENSES}x{LENSES}", "--pixels", f"{PIXELS}x{PIXELS}"]
-PARTS = ("speed", "kills")
+PARTS = ("speed", "kills", "scale")
+MEAN_SECONDS = 0.1
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -32,6 +36,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("parts", nargs="*", metavar="PART", default=PARTS)
     parser.add_argument("--arrays", type=int, default=200)
     parser.add_argument("--meshes", type=int, default=50)
+    parser.add_argument("--tasks", type=int, default=100_000)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("-o", "--out", type=Path)
     args = parser.parse_args(argv)
@@ -42,6 +47,8 @@ def main(argv: list[str] | None = None) -> None:
             _measure_speed(out, args.rounds)
         if "kills" in args.parts:
             _measure_kills(out)
+        if "scale" in args.parts:
+            _measure_scale(out, args.tasks)
 
 
 def _run(out: Path, name: str, workers: int) -> float:
@@ -67,6 +74,18 @@ def _measure_kills(out: Path) -> None:
     summary: dict[str, Any] = found.pop("summary")
     counts = {key: summary[key] for key in ("inputs", "done", "kept", "failed", "not_done", "seconds")}
     print(f"kills: {found | counts}; {_compare(out, 'killed')} pictures differ", flush=True)
+
+
+def _measure_scale(out: Path, tasks: int) -> None:
+    rows = json.loads((out / "one" / "summary.json").read_bytes())["results"]
+    recorded = [row["seconds"] for row in rows if row["status"] == "done"]
+    scale = MEAN_SECONDS / statistics.mean(recorded)
+    found = simulate(tasks, WORKERS, [scale * length for length in recorded])
+    print(f"scale: {found}")
+    for seconds in (0.01, 0.1, 1.0):
+        print(
+            f"scale: one scheduler feeds {found.count_workers(seconds):,} workers with tasks of {1000 * seconds:g} ms"
+        )
 
 
 def _compare(out: Path, name: str) -> int:
