@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import list_required_views
@@ -15,18 +15,6 @@ if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
-
-Tier = Literal["single", "light field"]
-"""The default network of single pictures, or the default light-field network."""
-
-TIERS: dict[str, dict[int, Tier]] = {
-    # at least so many views along the shorter side of the grid
-    "pictures": {3: "light field", 5: "light field"},
-    "pinhole": {3: "light field", 5: "light field"},
-    "lenslet": {3: "light field", 5: "light field"},
-}
-"""The networks that `auto` takes for views of each kind, as measured (docs/accuracy.md): of pictures, or of a mesh seen
-through pinholes or lenslets. Smaller grids are upscaled view by view."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +34,9 @@ class Selection:
 def select_model(job: Job) -> Selection:
     """The model for `job`.
 
-    `auto` takes the default light-field network where `TIERS` says so and nothing speaks against it, elsewhere the
-    default network of single pictures; both are int8 networks where the processor supports them. For a light-field
+    `auto` takes the default light-field network, which is the more accurate one on all grids that it takes
+    (docs/accuracy.md), unless something speaks against it, else the default network of single pictures; both are int8
+    networks where the processor supports them. For a light-field
     network a mesh's neighbouring views are rendered: `auto` has that done where the whole job is predicted to take at
     most `job.neighbour_time` longer. Where views can't help each other, the default of single pictures replaces a
     light-field network.
@@ -157,6 +146,4 @@ def _reason_against(name: str, network: Entry | None, job: Job) -> str:
         return reason
     if job.scale not in network.scales:
         return f"{name} upscales by {', '.join(map(str, network.scales))} only"
-    kind = "pictures" if job.mesh is None else job.sampling
-    least = max(side for side in TIERS[kind] if side <= min(job.grid))
-    return "" if TIERS[kind][least] == "light field" else f"{name} is not more accurate for {_views(job)}"
+    return ""

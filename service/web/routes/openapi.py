@@ -18,8 +18,6 @@ Responses = dict[int | str, dict[str, Any]]
 
 _PROBLEM = {problems.MEDIA_TYPE: {"schema": schemas.refer("Problem")}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
-_CONTENTS = {"json": {"schema": schemas.refer("InspectionReport")}}
-"""By the formats of results that are no files of their own."""
 _ERRORS = {
     400: "the request is malformed",
     401: "the server has API keys, and the request has none of them",

@@ -100,15 +100,6 @@ def test_auto_keeps_to_the_limit_on_samples(stand_in, extra):
     assert goes_one_by_one(mesh(**limit | {"max_pixels": 1999}), "19 more views", "1 samples over the limit")
 
 
-def test_the_table_says_which_grids_and_kinds_have_a_light_field_network(stand_in, extra, monkeypatch):
-    extra(0.0)
-    monkeypatch.setitem(model_selection.TIERS, "pinhole", {3: "single", 5: "light field"})
-    assert goes_one_by_one(mesh(grid=(9, 4), wanted=[(0, 0)]), "not more accurate for the 9x4 views")
-    assert mesh(grid=(9, 5), wanted=[(0, 0)]).is_light_field
-    assert mesh(grid=(9, 4), wanted=[(0, 0)], sampling="lenslet").is_light_field
-    assert pictures().is_light_field
-
-
 @pytest.mark.parametrize("order", ORDERS)
 def test_views_in_a_wrong_order_go_one_by_one(stand_in, order):
     views = put_in(order, make_views())

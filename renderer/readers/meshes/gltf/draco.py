@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import Unreadable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,14 +17,10 @@ if TYPE_CHECKING:
 def decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
     """A Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses.
 
-    Raises `Unreadable` where it is corrupt; `UnsupportedType` where the decoder is not installed.
+    Raises `Unreadable` where it is corrupt.
     """
-    try:
-        import DracoPy
-    except ImportError as error:
-        raise UnsupportedType(
-            f"{document.name}: is Draco-compressed and DracoPy is not installed; install it, or export without Draco"
-        ) from error
+    import DracoPy
+
     try:
         mesh = DracoPy.decode(bytes(document.view(extension["bufferView"])))
     except (DracoPy.FileTypeException, RuntimeError, ValueError) as error:
