@@ -77,7 +77,7 @@ def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray
     return np.asarray((shifts == shift)[rows[:, None], cols])
 
 
-def _compare_tiles(view: Pixels, neighbours: Mapping[tuple[int, int], Pixels], largest: int) -> NDArray[np.int64]:
+def _compare_tiles(view: Pixels, neighbours: Mapping[tuple[int, int], Pixels], largest: int) -> NDArray[np.uint16]:
     """Sums of absolute differences between a view and its neighbours, moved back by -largest to largest pixels, by
     tile: `(2*largest + 1, rows of tiles, columns of tiles)`.
 
@@ -85,35 +85,51 @@ def _compare_tiles(view: Pixels, neighbours: Mapping[tuple[int, int], Pixels], l
     """
     height, width, _ = view.shape
     down, across, count = -(-height // SHIFT_TILE), -(-width // SHIFT_TILE), 2 * largest + 1
-    cols, in_tile = np.minimum(np.arange(across * SHIFT_TILE), width - 1), SHIFT_TILE // SAMPLED_ROWS
-    result = np.empty((count, down, across), np.int64)
-    step = max(1, STRIP_VALUES // (count * in_tile * len(cols)))
+    in_tile = SHIFT_TILE // SAMPLED_ROWS
+    result = np.empty((count, down, across), np.uint16)  # which a tile's sum fits
+    step = max(1, STRIP_VALUES // (count * in_tile * width))
     for first in range(0, down, step):
         last = min(first + step, down)
         rows = np.arange(first * SHIFT_TILE + SAMPLED_ROWS // 2, last * SHIFT_TILE, SAMPLED_ROWS)
         rows = np.minimum(rows, height - 1)
-        here = _crop_levels(view, rows)[:, None, cols]
-        total = np.zeros((len(rows), count, len(cols)), np.uint16)  # a tile's sum has 16 bits too
+        here = _crop_levels(view, rows)[:, None]
+        total = np.zeros((len(rows), count, across * SHIFT_TILE // 2), np.uint16)  # of two columns each
+        differences = np.empty((len(rows), count, across * SHIFT_TILE), np.uint8)
         for (by_row, by_col), other in neighbours.items():
             if by_row:
                 moved = _move(rows, by_row * largest, height)
                 top = int(moved.min())
-                there = _crop_levels(other, slice(top, int(moved.max()) + 1))[:, cols][moved.T - top]
+                there = _crop_levels(other, slice(top, int(moved.max()) + 1))[moved - top]
             else:
-                there = _crop_levels(other, rows)[:, _move(cols, by_col * largest, width)]
-            total += np.maximum(there, here) - np.minimum(there, here)
-        sums = total.reshape(last - first, in_tile, count, -1).sum(axis=1, dtype=np.uint16)
-        sums = sum((sums[..., col::SHIFT_TILE] for col in range(1, SHIFT_TILE)), start=sums[..., ::SHIFT_TILE])
-        result[:, first:last] = sums.transpose(1, 0, 2)
+                there = _move_columns(_crop_levels(other, rows), by_col * largest)
+            np.subtract(np.maximum(there, here), np.minimum(there, here), out=differences[..., :width])
+            differences[..., width:] = differences[..., width - 1 : width]
+            pairs = differences.view(np.uint16)
+            total += (pairs & 255) + (pairs >> 8)
+        tiles = total.reshape(last - first, in_tile, count, across, SHIFT_TILE // 2)
+        parts = [tiles[:, row, ..., col] for row in range(in_tile) for col in range(SHIFT_TILE // 2)]
+        result[:, first:last] = sum(parts[1:], start=parts[0]).transpose(1, 0, 2)
     return result
 
 
-def _move(places: NDArray[np.int64], by: int, length: int) -> NDArray[np.int64]:
-    """Rows or columns moved by `-by` to `by`, `(2*abs(by) + 1, n)`; not moved where they would leave `length` pixels,
-    so that nothing beyond a view speaks for a shift.
+def _move(rows: NDArray[np.int64], by: int, height: int) -> NDArray[np.int64]:
+    """Rows moved by `-by` to `by`, `(n, 2*abs(by) + 1)`; not moved where they would leave `height` pixels, so that
+    nothing beyond a view speaks for a shift.
     """
-    moved = places + np.linspace(-by, by, 2 * abs(by) + 1, dtype=np.int64)[:, None]
-    return np.where((moved >= 0) & (moved < length), moved, places)
+    moved = rows[:, None] + np.arange(-abs(by), abs(by) + 1) * (1 if by > 0 else -1)
+    return np.where((moved >= 0) & (moved < height), moved, rows[:, None])
+
+
+def _move_columns(levels: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
+    """The columns of `(n, W)` moved as `_move` does rows, `(n, 2*abs(by) + 1, W)`."""
+    most, width = abs(by), levels.shape[1]
+    padded = np.zeros((len(levels), width + 2 * most), np.uint8)
+    padded[:, most:-most] = levels
+    moved: NDArray[np.uint8] = sliding_window_view(padded, width, axis=1).copy()
+    is_outside = np.tri(most, dtype=np.bool_)
+    np.copyto(moved[:, :most, :most], levels[:, None, :most], where=is_outside[::-1])
+    np.copyto(moved[:, -most:, -most:], levels[:, None, -most:], where=is_outside[:, ::-1])
+    return moved if by > 0 else moved[:, ::-1]
 
 
 def _crop_levels(picture: Pixels, rows: NDArray[np.int64] | slice) -> NDArray[np.uint8]:
@@ -121,13 +137,16 @@ def _crop_levels(picture: Pixels, rows: NDArray[np.int64] | slice) -> NDArray[np
     return (crop_luma(picture[rows]) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
-def _blur_tiles(cost: NDArray[np.int64]) -> NDArray[np.int64]:
+def _blur_tiles(cost: NDArray[np.uint16]) -> NDArray[np.int32]:
     """`(shifts, R, C)` with a half of the tiles to each side added along rows and columns, times four."""
+    blurred = cost.astype(np.int32)
     for axis in (1, 2):
-        width = [(1, 1) if axis == other else (0, 0) for other in range(3)]
-        padded, count = np.pad(cost, width, mode="edge"), cost.shape[axis]
-        cost = padded.take(range(count), axis) + 2 * cost + padded.take(range(2, count + 2), axis)
-    return cost
+        near = np.moveaxis(blurred, axis, 0)
+        own = _add_beside(near)
+        near += own
+        near[0] += own[0]
+        near[-1] += own[-1]
+    return blurred
 
 
 def _vote(shifts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -135,10 +154,20 @@ def _vote(shifts: NDArray[np.int64]) -> NDArray[np.int64]:
     present = np.array(sorted(set(shifts.ravel().tolist())))  # not by np.unique, which imports np.ma
     if len(present) == 1:
         return shifts
-    is_own = (shifts == present[:, None, None]).astype(np.int64)
-    padded = np.pad(is_own, ((0, 0), (1, 1), (1, 1)))
-    votes = sliding_window_view(padded, (3, 3), axis=(1, 2)).sum(axis=(3, 4)) + (OWN_VOTES - 1) * is_own
+    is_own = shifts == present[:, None, None]
+    votes = is_own.astype(np.int32)
+    for axis in (1, 2):
+        _add_beside(np.moveaxis(votes, axis, 0))
+    votes += (OWN_VOTES - 1) * is_own
     return np.asarray(present[votes.argmax(axis=0)])
+
+
+def _add_beside(tiles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Adds to each of `tiles` those before and behind it along the first axis; returns what they were."""
+    own = tiles.copy("K")  # not transposed in memory
+    tiles[1:] += own[:-1]
+    tiles[:-1] += own[1:]
+    return own
 
 
 def crop_luma(picture: Pixels, part: Span | None = None, shift: int = 0) -> Plane:

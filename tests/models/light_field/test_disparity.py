@@ -5,9 +5,12 @@ from hypothesis import strategies as st
 
 from ciir.models.light_field.disparity import (
     MAXIMUM_DISPARITY,
+    NEIGHBOURS,
+    SAMPLED_ROWS,
     SHIFT_STEP,
     SHIFT_TILE,
     UNSHIFTED_DISPARITY,
+    _compare_tiles,
     crop_luma,
     crop_with_margin,
     measure_shifts,
@@ -74,6 +77,28 @@ def test_large_views_are_compared_in_strips(monkeypatch):
     whole = measure_shifts(views, (1, 1), (3, 3))
     monkeypatch.setattr("ciir.models.light_field.disparity.STRIP_VALUES", 1)
     np.testing.assert_array_equal(measure_shifts(views, (1, 1), (3, 3)), whole)
+
+
+def move(places, by, length):
+    return np.where((places + by >= 0) & (places + by < length), places + by, places)
+
+
+@pytest.mark.parametrize("shape", [(16, 24), (23, 17), (9, 41)])
+@pytest.mark.parametrize("count", [1, 4])
+def test_tiles_are_compared_as_one_difference_after_the_other_would_be(shape, count):
+    height, width = shape
+    view, *others = np.random.default_rng(2).integers(0, 256, (5, height, width, 1)).astype(np.uint8)
+    neighbours = dict(zip(NEIGHBOURS[-count:], others, strict=False))
+    down, across = -(-height // SHIFT_TILE), -(-width // SHIFT_TILE)
+    rows = np.minimum(np.arange(SAMPLED_ROWS // 2, down * SHIFT_TILE, SAMPLED_ROWS), height - 1)
+    cols = np.minimum(np.arange(across * SHIFT_TILE), width - 1)
+    want = np.zeros((5, down, across))
+    for number, by in enumerate(range(-2, 3)):
+        for (by_row, by_col), other in neighbours.items():
+            there = other[move(rows, by * by_row, height)[:, None], move(cols, by * by_col, width), 0]
+            difference = np.abs(there.astype(int) - view[rows[:, None], cols, 0])
+            want[number] += difference.reshape(down, -1, across, SHIFT_TILE).sum(axis=(1, 3))
+    np.testing.assert_array_equal(_compare_tiles(view, neighbours, 2), want)
 
 
 def test_each_pixel_of_a_part_has_the_shift_of_its_tile():
