@@ -26,7 +26,7 @@ FEW_VIEWS = 5
 leaves fewer triangles to remove."""
 MIN_TRIANGLES_PER_RAY = {"raytrace": 2, "raster": 8}
 """Least triangles for each ray, by backend, for culling to be done: Embree takes longer for a triangle than OpenGL
-(docs/skipping.md)."""
+(`python -m ciir.benchmarks.skipping --only culling`)."""
 SNAP = 1 / 32
 """How far OpenGL may move a vertex, in samples: to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS >= 4)."""
 ROUNDING = 16

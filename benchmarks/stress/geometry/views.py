@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
-from ciir.benchmarks.stress.geometry import planes, shapes, surfaces
+from ciir.benchmarks.stress.geometry import disparity, pixel_mapping, planes, shapes, surfaces
 from ciir.benchmarks.stress.geometry.agreement import compare_backends, open_backends
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
@@ -102,7 +102,9 @@ def slivers(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 CASES: tuple[Case, ...] = (
+    *pixel_mapping.CASES,
     *planes.CASES,
+    *disparity.CASES,
     framed,
     change_units,
     slivers,
