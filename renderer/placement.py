@@ -47,7 +47,7 @@ class Placement:
 
     def rotation(self) -> NDArray[np.float64]:
         """The rotation from the mesh's own axes to those of the array, `(3, 3)`."""
-        yaw, pitch, roll = (_rotate_about(axis, degrees) for axis, degrees in zip((1, 0, 2), self.rotate, strict=True))
+        yaw, pitch, roll = (make_rotation(axis, degrees) for axis, degrees in zip((1, 0, 2), self.rotate, strict=True))
         return roll @ pitch @ yaw @ _UPRIGHT[self.up]
 
     def light_direction(self) -> NDArray[np.float64]:
@@ -65,8 +65,8 @@ AS_GIVEN = Placement()
 """The object as its file has it, behind the array."""
 
 
-def _rotate_about(axis: int, degrees: float) -> NDArray[np.float64]:
-    """The rotation about a coordinate axis, counter-clockwise as seen from its positive end."""
+def make_rotation(axis: int, degrees: float) -> NDArray[np.float64]:
+    """The rotation about a coordinate axis, `(3, 3)`, counter-clockwise as seen from its positive end."""
     angle, matrix = np.radians(degrees), np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix[i, i] = matrix[j, j] = np.cos(angle)

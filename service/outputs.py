@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 
-def write_file(source: Source, options: Options, path: Path, *, progress: Progress | None = None) -> Report:
-    """Writes the views in the format of the suffix; raises as `service.pipeline.run.reconstruct`."""
+def write_file(
+    source: Source, options: Options, path: Path, name: str = "", *, progress: Progress | None = None
+) -> Report:
+    """Writes the views in the format `name`, by default that of the suffix; raises as
+    `service.pipeline.run.reconstruct`.
+    """
     suffix = path.suffix.lower()
     formats = BY_SUFFIX_OF_TIMES if len(options.time or ()) > 1 else BY_SUFFIX
-    given = formats[suffix].name, options.make_writer_options(suffix)
+    given = name or formats[suffix].name, options.make_writer_options(suffix)
     with replacing(path) as file, FileWriter(file, *given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.renderer.placement import make_rotation
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -80,12 +82,7 @@ def make_torus(
 
 def rotate_vertices(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
     """Vertices rotated about a coordinate axis, counter-clockwise as seen from its positive end."""
-    angle = np.radians(degrees)
-    matrix = np.eye(3)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    matrix[i, i] = matrix[j, j] = np.cos(angle)
-    matrix[i, j], matrix[j, i] = -np.sin(angle), np.sin(angle)
-    return vertices @ matrix.T
+    return vertices @ make_rotation(axis, degrees).T
 
 
 def blend(

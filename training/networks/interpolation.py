@@ -6,8 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-CUBIC = -0.5
-"""Keys' parameter, as in MATLAB's imresize."""
+from ciir.models.single.interpolation import keys_kernel
 
 
 class Bicubic(nn.Module):
@@ -21,7 +20,7 @@ class Bicubic(nn.Module):
         """`colours`: C, the image's channels."""
         super().__init__()
         shift = (torch.arange(scale) + 0.5) / scale - 0.5
-        taps = _keys(torch.arange(-2, 3) - shift[:, None])  # (scale, 5)
+        taps = torch.from_numpy(keys_kernel((torch.arange(-2, 3) - shift[:, None]).numpy()))  # (scale, 5)
         kernel = torch.einsum("ay,bx->abyx", taps, taps).reshape(scale**2, 1, 5, 5)
         self.convolution = nn.Conv2d(colours, colours * scale**2, kernel_size=5, groups=colours, bias=False)
         self.convolution.weight = nn.Parameter(kernel.repeat(colours, 1, 1, 1), requires_grad=False)
@@ -32,14 +31,6 @@ class Bicubic(nn.Module):
         with torch.autocast(image.device.type, enabled=False):
             output: Tensor = self.convolution(functional.pad(image, (2, 2, 2, 2), mode="replicate"))
         return output
-
-
-def _keys(distance: Tensor) -> Tensor:
-    """Keys' cubic kernel (Keys 1981, equation 15) at `distance` in samples."""
-    d = distance.abs()
-    near = (CUBIC + 2) * d**3 - (CUBIC + 3) * d**2 + 1
-    far = CUBIC * (d**3 - 5 * d**2 + 8 * d - 4)
-    return torch.where(d <= 1, near, torch.where(d < 2, far, torch.zeros_like(d)))
 
 
 def count_doublings(scale: int) -> int:

@@ -49,24 +49,15 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         if mosaic is not None and "LF" not in shapes:
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
         stored = DataSet.open(file, find_light_field(shapes, name, NEEDED), data, name)
-        if HCI_ATTRIBUTE in file.attrs:
-            return _read_hci(stored, limits)
-        shape = stored.shape
+        is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u.
         is_matlab = "MATLAB_class" in stored.handle.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
-        return _read_matlab(stored, limits) if is_matlab else _read_plain(stored, limits)
+        return _read_matlab(stored, limits) if is_matlab and not is_hci else _read_plain(stored, limits, is_hci)
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
     """`(V, U, H, W, C)` without the weight of the Light Field Toolbox, and a note where there is one."""
     return (views[..., :3], (WEIGHT,)) if views.shape[4] == 4 else (views, ())
-
-
-def _read_hci(stored: DataSet, limits: Limits) -> LightField:
-    shape = (*stored.shape, 1)[:5]
-    check_array(stored.name, shape, stored.dtype, limits)
-    views, notes = convert_samples(stored.read().reshape(shape), stored.name)
-    return LightField(views[:, ::-1], notes, depth_sense="cameras")
 
 
 def _read_matlab(stored: DataSet, limits: Limits) -> LightField:
@@ -77,12 +68,12 @@ def _read_matlab(stored: DataSet, limits: Limits) -> LightField:
     return LightField(views, weighted + notes, depth_sense="cameras")
 
 
-def _read_plain(stored: DataSet, limits: Limits) -> LightField:
-    """`LF[v, u, y, x, c]`, as h5py writes an array."""
+def _read_plain(stored: DataSet, limits: Limits, is_hci: bool) -> LightField:
+    """`LF[v, u, y, x, c]`, as h5py writes an array; in files of the old HCI data set u counts from the right."""
     shape = (*stored.shape, 1)[:5]
     check_array(stored.name, shape, stored.dtype, limits)
     views, notes = convert_samples(stored.read().reshape(shape), stored.name)
-    return LightField(views, notes, depth_sense="cameras")
+    return LightField(views[:, ::-1] if is_hci else views, notes, depth_sense="cameras")
 
 
 def _read_mosaic(stored: DataSet, layout: Layout, limits: Limits) -> LightField:

@@ -7,20 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, FileWriter, check_options, find_whole_format
+from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, find_whole_format
+from ciir.service import outputs
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_pictures import find_display, write_picture
-from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import NO_MODEL
 
 if TYPE_CHECKING:
     import argparse
-
-    from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.report import Report
-    from ciir.service.pipeline.source import Source
 
 
 def run(args: argparse.Namespace) -> None:
@@ -41,9 +35,11 @@ def run(args: argparse.Namespace) -> None:
     common.check_report(args.report, path)
     options = replace(options, views="all", model=NO_MODEL)
     source = common.open_input(args, options)
-    report = (
-        _to_folder(source, options, path, Path(args.input)) if name is None else _to_file(source, options, path, name)
-    )
+    with common.progress_bar("view") as progress:
+        if name is None:
+            report = outputs.write_folder(source, options, path, given=Path(args.input), progress=progress)
+        else:
+            report = outputs.write_file(source, options, path, name, progress=progress)
     common.write_report(report, args.report)
     array = report["lens_array"]
     grid, size = f"{array['pixels_v']}x{array['pixels_u']}", f"{array['rows']}x{array['cols']}"
@@ -57,15 +53,3 @@ def _find_format(wanted: str | None, out: str) -> str | None:
         is_file = output_path.names_file(out, list(WHOLE_BY_SUFFIX), what="a light field")
         return WHOLE_BY_SUFFIX[Path(out).suffix.lower()].name if is_file else None
     return find_whole_format(wanted, Path(out)).name
-
-
-def _to_file(source: Source, options: Options, path: Path, name: str) -> Report:
-    given = options.make_writer_options(path.suffix.lower())
-    with replacing(path) as file, FileWriter(file, name, given) as writer, common.progress_bar("view") as progress:
-        return pipeline.reconstruct(source, options, writer, progress=progress)
-
-
-def _to_folder(source: Source, options: Options, path: Path, given: Path) -> Report:
-    check_options(options.make_writer_options(), (), "a folder of views")
-    with FolderWriter(path, given) as writer, common.progress_bar("view") as progress:
-        return pipeline.reconstruct(source, options, writer, progress=progress)
