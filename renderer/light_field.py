@@ -41,9 +41,9 @@ Arrangement = Literal["auto", "eia", "mosaic"]
 """What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.
 """
 
-OrderCheck = Literal["auto", "given", "rows", "columns"]
+OrderCheck = Literal["auto", "given", "rows", "columns", "serpentine"]
 """What is row and what is column: what the names and the pictures show; what the names show; the first number or index
-is the row; or it is the column.
+is the row; or it is the column; or as the names show, but every other row from right to left.
 """
 
 Flip = Literal["none", "u", "v", "uv"]

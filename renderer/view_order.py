@@ -1,4 +1,5 @@
-"""The order of a light field's views, from the pictures: right, with one axis reversed, transposed, or both.
+"""The order of a light field's views, from the pictures: right, with one axis reversed, transposed, or both; and with
+every other row reversed, as a gantry takes them that moves to and fro.
 
 Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
 In a wrong order no disparity explains all views around the centre view at once, so a small plane sweep on textured
@@ -15,6 +16,8 @@ import numpy as np
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Plane = NDArray[np.float32]
@@ -74,6 +77,13 @@ class OrderEstimate:
     """Tiles that vote for it."""
     of: int
     """Tiles that vote."""
+    is_serpentine: bool = False
+    """Whether every other row of views is reversed; `order` is then what they are in once that is put right."""
+
+    def __str__(self) -> str:
+        if not self.is_serpentine:
+            return self.order
+        return "reversed in every other row" + (f" and {self.order}" if self.order != ORDERS[0] else "")
 
     @property
     def is_certain(self) -> bool:
@@ -88,7 +98,7 @@ class OrderEstimate:
     @property
     def is_wrong(self) -> bool:
         """Whether the views are certainly in another order than they should be."""
-        return self.is_certain and self.order != ORDERS[0]
+        return self.is_certain and (self.is_serpentine or self.order != ORDERS[0])
 
 
 def estimate_order(views: Views) -> OrderEstimate:
@@ -99,24 +109,31 @@ def estimate_order(views: Views) -> OrderEstimate:
     """
     largest = (min(views.shape[:2]) - 1) // 2
     rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
-    votes = np.zeros(len(ORDERS), np.intp)
+    votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
     for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
-        if largest and not _sum_up(votes).is_certain:
-            votes += _count_votes(views, (rows, cols), factor, step)
-    return _sum_up(votes)
+        is_settled = _sum_up(votes).is_certain and (factor, step) != (1, 1)  # two rows away none is reversed
+        if largest and not is_settled:
+            counted = _count_votes(views, (rows, cols), factor, step)
+            votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
+    unwound = _sum_up(votes_unwound)
+    return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
 
 
 def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
     best = int(np.argmax(votes))
-    return OrderEstimate(ORDERS[best], int(votes[best]), int(votes.sum()))
+    is_serpentine, order = divmod(best, len(ORDERS))
+    return OrderEstimate(ORDERS[order], int(votes[best]), int(votes.sum()), bool(is_serpentine))
 
 
 def _count_votes(views: Views, crop: tuple[slice, slice], factor: int, step: int) -> NDArray[np.intp]:
-    """Tiles that vote for each of `ORDERS`: in views downscaled by `factor`, those around `step` from the centre."""
+    """Tiles that vote for each of `ORDERS` alone, and for each of them without and then with every other row reversed,
+    `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no row is.
+    """
     v, u = center_view(*views.shape[:2])
     places = _find_tiles(_make_luma(views[v, u][crop], factor))
+    votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
     if not places:
-        return np.zeros(len(ORDERS), np.intp)
+        return votes
 
     def cut(view: Pixels, margin: int) -> Plane:
         view = view[crop]
@@ -124,13 +141,29 @@ def _count_votes(views: Views, crop: tuple[slice, slice], factor: int, step: int
         pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
         return _make_luma(pictures, factor)
 
-    around = [cut(views[v + step * down, u + step * right], REACH) for down, right in _AROUND]
-    explained = _sweep(_correlate(cut(views[v, u], 0), np.stack(around, axis=1)))
+    center = cut(views[v, u], 0)
+
+    def explain(around: Sequence[tuple[int, int]]) -> Plane:
+        return _sweep(_correlate(center, np.stack([cut(views[view], REACH) for view in around], axis=1)))
+
+    given = explain([(v + step * down, u + step * right) for down, right in _AROUND])
+    votes[0] = _vote(given)
+    if step % 2:
+        mirror = views.shape[1] - 1
+        at = mirror - u if v % 2 else u  # where the centre view is once every other row is reversed
+        places_around = [(v + step * down, at + step * right) for down, right in _AROUND]
+        unwound = explain([(row, mirror - column if row % 2 else column) for row, column in places_around])
+        votes[1] = _vote(np.concatenate([given, unwound], axis=1))
+    return votes
+
+
+def _vote(explained: Plane) -> NDArray[np.intp]:
+    """How many tiles `(T, orders)` clearly vote for each order, `(8,)`."""
     residuals = np.maximum(1 - explained, LEAST_RESIDUAL)
     ranked = np.argsort(residuals, axis=1)
     best, second = np.take_along_axis(residuals, ranked[:, :2], axis=1).T
     is_clear = (best <= 1 - LEAST_CORRELATION) & (best <= CLEAR * second)
-    return np.bincount(ranked[is_clear, 0], minlength=len(ORDERS))
+    return np.bincount(ranked[is_clear, 0], minlength=2 * len(ORDERS))
 
 
 def _find_tiles(luma: Plane) -> list[tuple[int, int]]:

@@ -103,7 +103,7 @@ def _describe_wrong_order(job: Job) -> str:
     if order is None or not order.is_wrong:
         return ""
     return (
-        f"the views seem to be {order.order}, which fits {order.votes} of {order.of} textured tiles, and views in a "
+        f"the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles, and views in a "
         "wrong order can't help each other; put them in order, or give order given (in Python is_ordered=True)"
     )
 

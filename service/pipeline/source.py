@@ -14,7 +14,7 @@ from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, MeshFormat, PictureFormat, is_picture
-from ciir.renderer.readers.view_set.order import reorient
+from ciir.renderer.readers.view_set.order import reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
@@ -124,8 +124,7 @@ class Input:
             raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, and {self.name} is none; leave it out")
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
-            field = self._source.transpose() if options.order == "columns" else self._source
-            field = reorient(field, make_layout(options))
+            field = reorient(take_order(self._source, options.order), make_layout(options))
             return replace(field, is_ordered=field.is_ordered or options.order == "given")
         pose = _make_pose(options)
         if not isinstance(self._source, Bundle) and pose != AS_STORED:

@@ -8,7 +8,7 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set import reader as view_set
 from ciir.renderer.readers.view_set.order import correct
 from ciir.renderer.view_order import ORDERS, estimate_order
-from tests.support.light_fields import is_same_light_field, make_views, put_in
+from tests.support.light_fields import is_same_light_field, make_views, put_in, wind
 from tests.support.paths import SHARED
 
 CAPTURED = SHARED / "data" / "lightfields"
@@ -27,11 +27,15 @@ def test_each_order_is_found_and_put_right(order, options):
     views = make_views(**options)
     given = put_in(order, views)
     found = estimate_order(given)
-    assert (found.order, found.is_certain, found.is_likely) == (order, True, True)
+    assert (str(found), found.is_certain, found.is_likely) == (order, True, True)
     assert found.is_wrong == (order != "as given")
-    right = correct(LightField(given), found.order).views
+    right = correct(LightField(given), found).views
     assert is_same_light_field(right, views)
     assert np.shares_memory(right, given)
+    wound = wind(given)
+    found = estimate_order(wound)
+    assert (found.order, found.is_serpentine, found.is_certain, found.is_wrong) == (order, True, True, True)
+    assert is_same_light_field(correct(LightField(wound), found).views, views)
 
 
 def test_one_axis_reversed_is_the_same_for_both_axes():
@@ -52,8 +56,9 @@ def test_one_axis_reversed_is_the_same_for_both_axes():
 )  # fmt: skip
 def test_where_nothing_shows_the_order_none_is_wrong(views):
     for order in ORDERS:
-        found = estimate_order(put_in(order, views))
-        assert (found.order, found.is_likely) == ("as given", False)
+        for given in (put_in(order, views), wind(put_in(order, views))):
+            found = estimate_order(given)
+            assert (str(found), found.is_likely) == ("as given", False)
 
 
 def test_frames_of_a_film_are_no_light_field_in_another_order():
@@ -85,7 +90,9 @@ def test_captured_light_fields(folder, pattern, grid):
     for pictures in (right, np.clip(right + noise, 0, 255).astype(np.uint8)):
         for order in ORDERS:
             found = estimate_order(put_in(order, pictures))
-            assert (found.order, found.is_certain) == (order, True)
+            assert (str(found), found.is_certain) == (order, True)
+            found = estimate_order(wind(put_in(order, pictures)))
+            assert (found.order, found.is_serpentine, found.is_likely) == (order, True, True)
 
 
 def test_rendered_light_fields():
@@ -93,6 +100,6 @@ def test_rendered_light_fields():
 
     for name in ("vase", "globe", "hamburger"):
         views = ciir.render(f"scene:{name}", pixels=(5, 5), backend="raytrace").views
-        assert {order: estimate_order(put_in(order, views)).order for order in ORDERS} == {
+        assert {order: str(estimate_order(put_in(order, views))) for order in ORDERS} == {
             order: order for order in ORDERS
         }

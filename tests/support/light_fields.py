@@ -35,6 +35,11 @@ def put_in(order, views):
     return turned.transpose(1, 0, 2, 3, 4) if order.startswith("transposed") else turned
 
 
+def wind(views):
+    """`views` with every other row reversed, as a gantry takes them that moves to and fro."""
+    return np.stack([row[::-1] if v % 2 else row for v, row in enumerate(views)])
+
+
 def is_same_light_field(one, other):
     """Whether the views are equal, or all of them in the opposite order."""
     return np.array_equal(one, other) or np.array_equal(one, other[::-1, ::-1])

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.view_order import estimate_order
 
 if TYPE_CHECKING:
-    from ciir.renderer.readers.layout import Layout
-    from ciir.renderer.view_order import Order, OrderEstimate
+    from ciir.renderer.light_field import OrderCheck
+    from ciir.renderer.view_order import OrderEstimate
 
 Views = TypeVar("Views", LightField, ViewFiles)
 
@@ -21,8 +22,30 @@ def is_automatic(layout: Layout) -> bool:
     return layout.order == "auto" and layout.flip == "none" and not layout.transpose
 
 
-ASKED = ("given", "rows", "columns")
+ASKED = ("given", "rows", "columns", "serpentine")
 """Orders with which the pictures aren't looked at."""
+
+
+def unwind(views: Views) -> Views:
+    """The views with every other row reversed, the second one first: as a gantry takes them that moves to and fro."""
+    grid = views.files if isinstance(views, ViewFiles) else views.views
+    turned = grid.copy()
+    turned[1::2] = grid[1::2, ::-1]
+    return replace(views, files=turned) if isinstance(views, ViewFiles) else replace(views, views=turned)
+
+
+def take_order(views: Views, order: OrderCheck) -> Views:
+    """Views whose first index is the row, or the column where `order` is columns, with rows first, from the left."""
+    return views.transpose() if order == "columns" else unwind(views) if order == "serpentine" else views
+
+
+def estimate(views: Views, layout: Layout) -> OrderEstimate:
+    """The order that `views` are in after what `layout` asks for, or, with every other row reversed, before that."""
+    found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    if found.is_serpentine or is_automatic(layout):
+        return found
+    views = reorient(views, layout)
+    return estimate_order(views if isinstance(views, ViewFiles) else views.views)
 
 
 def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> Views:
@@ -30,15 +53,14 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
     where `corrects`, one that is certainly in a wrong order is put right, with a note; else a note names the options
     that would.
     """
-    if layout.order == "columns":
-        views = views.transpose()
-    views = reorient(views, layout)
+    views = take_order(views, layout.order)
     if layout.order in ASKED:
-        return replace(views, is_ordered=True)
-    found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+        return replace(reorient(views, layout), is_ordered=True)
+    found = estimate(views, layout)
+    views = reorient(views, layout)
     if found.is_wrong and corrects and is_automatic(layout):
         note = f"order: {describe_correction(found)}; order given keeps the order as it was"
-        return replace(correct(views, found.order), notes=(*views.notes, note), is_ordered=True)
+        return replace(correct(views, found), notes=(*views.notes, note), is_ordered=True)
     return add_note(views, found, layout)
 
 
@@ -51,46 +73,48 @@ def reorient(views: Views, layout: Layout) -> Views:
     return replace(found, depth_sense=layout.depth_sense or views.depth_sense)
 
 
-def correct(views: Views, order: Order) -> Views:
-    """Views that are in `order`, in the right one. Where one axis is reversed, the pictures don't show which: rows."""
-    turned = views.transpose() if order.startswith("transposed") else views
-    return turned.flip("v") if order.endswith("axis") else turned
+def correct(views: Views, found: OrderEstimate) -> Views:
+    """Views in the order `found`, in the right one. Where one axis is reversed, the pictures don't show which: rows."""
+    views = unwind(views) if found.is_serpentine else views
+    turned = views.transpose() if found.order.startswith("transposed") else views
+    return turned.flip("v") if found.order.endswith("axis") else turned
 
 
 def describe_correction(found: OrderEstimate) -> str:
     """What `correct` does, and why; where one axis is reversed, what else it may be."""
     done = {
+        "as given": "",
         "reversed along one axis": "rows of views are taken from the bottom up",
         "transposed": "the first index is taken as the column",
         "transposed and reversed along one axis": "the first index is taken as the column, the second as the row from "
         "the bottom up",
     }[found.order]
-    return f"{done}, which fits {_count_tiles(found)}{describe_other_axis(found.order)}"
+    done = ", ".join(filter(None, (done, "every other line of views reversed" if found.is_serpentine else "")))
+    return f"{done}, which fits {_count_tiles(found)}{describe_other_axis(found)}"
 
 
-def describe_other_axis(order: Order) -> str:
+def describe_other_axis(found: OrderEstimate) -> str:
     """What views may be instead where `correct` reverses the rows: the pictures show that one axis is reversed, and the
     other reading inverts depth. Empty elsewhere.
     """
-    if not order.endswith("axis"):
+    if not found.order.endswith("axis"):
         return ""
-    options = "transpose and flip u" if order.startswith("transposed") else "flip u"
     return (
         f"; columns counted from right to left fit as well, with depth inverted: if near and far are exchanged, "
-        f"give {options}"
+        f"give {_name_options(found, Layout(), 'u')}"
     )
 
 
 def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:
     """The views as they are; with a note on the options that would put them right, where they may be wrong."""
-    if not found.is_likely or found.order == "as given":
+    if not found.is_likely or str(found) == "as given":
         return replace(views, is_ordered=True)
     verb = "seem to be" if found.is_wrong else "may be"
-    options = _name_options(found.order, layout)
+    options = _name_options(found, layout)
     if found.order.endswith("axis"):
-        options += f", or {_name_options(found.order, layout, 'u')} with depth inverted,"
+        options += f", or {_name_options(found, layout, 'u')} with depth inverted,"
     note = (
-        f"order: the views {verb} {found.order}, as {_count_tiles(found)} show; they are left as they are: "
+        f"order: the views {verb} {found}, as {_count_tiles(found)} show; they are left as they are: "
         f"{options} would put them right, order given keeps them without this note"
     )
     return replace(views, notes=(*views.notes, note), is_ordered=not found.is_wrong)
@@ -100,16 +124,20 @@ def _count_tiles(found: OrderEstimate) -> str:
     return f"{found.votes} of {found.of} textured tiles"
 
 
-def _name_options(order: Order, layout: Layout, axis: Literal["v", "u"] = "v") -> str:
-    """The options that do what `layout` asks for and then put views that are in `order` right, by reversing `axis`
-    where one is reversed.
+def _name_options(found: OrderEstimate, layout: Layout, axis: Literal["v", "u"] = "v") -> str:
+    """The options that do what `layout` asks for and then put views that are in the order `found` right, by reversing
+    `axis` where one is reversed. Where every other row is reversed, no options of `layout` are among them.
     """
-    axes = [each in layout.flip for each in ("v", "u")] if layout.flip != "none" else [False, False]
-    is_transposed = layout.transpose
-    if order.startswith("transposed"):
+    kept = Layout() if found.is_serpentine else layout
+    axes = [each in kept.flip for each in ("v", "u")] if kept.flip != "none" else [False, False]
+    is_transposed = kept.transpose
+    if found.order.startswith("transposed"):
         axes.reverse()
         is_transposed = not is_transposed
-    axes["vu".index(axis)] ^= order.endswith("axis")
+    axes["vu".index(axis)] ^= found.order.endswith("axis")
     flip = "".join(each for each, is_reversed in zip("uv", axes[::-1], strict=True) if is_reversed)
-    options = [*(["transpose"] if is_transposed else []), *([f"flip {flip}"] if flip else [])]
-    return " and ".join(options) or "no flip and no transpose"
+    options = [*(["order serpentine"] if found.is_serpentine else []), *(["transpose"] if is_transposed else [])]
+    options += [f"flip {flip}"] if flip else []
+    if not (is_transposed or flip) and not is_automatic(layout):
+        options.append("no flip and no transpose")
+    return " and ".join(options)

@@ -17,7 +17,16 @@ from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
-from ciir.renderer.readers.view_set.order import ASKED, add_note, correct, describe_other_axis, is_automatic, reorient
+from ciir.renderer.readers.view_set.order import (
+    ASKED,
+    add_note,
+    correct,
+    describe_other_axis,
+    estimate,
+    is_automatic,
+    reorient,
+    unwind,
+)
 from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
 from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import center_view, parse_views
@@ -119,26 +128,34 @@ def _select_by_pictures(
 
 
 def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool) -> ViewFiles:
-    views = reorient(views, layout)
-    rows, cols = views.files.shape
-    said = f"views: {rows}x{cols}, rows x columns"
+    if layout.order == "serpentine":
+        views = unwind(views)
+    turned = reorient(views, layout)
+    rows, cols = turned.files.shape
     change = "rows" if layout.order == "columns" else "columns"
-    naming = f"{said}: {grid.naming}; order {change} takes them the other way"
-    notes = (*views.notes, *([naming] if grid.naming and not is_own else []))
+    naming = f"views: {rows}x{cols}, rows x columns: {grid.naming}{_describe_turns(layout.order == 'serpentine')}"
+    notes = (
+        *views.notes,
+        *([f"{naming}; order {change} takes them the other way"] if grid.naming and not is_own else []),
+    )
     if layout.order in ASKED:
-        return replace(views, notes=notes, is_ordered=True)
-    found = estimate_order(views)
+        return replace(turned, notes=notes, is_ordered=True)
+    found = estimate(views, layout)
     if not (found.is_wrong and is_automatic(layout)):
-        return add_note(replace(views, notes=notes), found, layout)
-    is_transposed = found.order.startswith("transposed")
-    views = correct(views, found.order)
+        return add_note(replace(turned, notes=notes), found, layout)
+    views = correct(views, found)
     upwards = ", rows counted from the bottom up" if found.order.endswith("axis") else ""
     note = (
         f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "
-        f"{grid.transposed_naming if is_transposed else grid.naming}{upwards}, which fits {found.votes} of {found.of} "
-        f"textured tiles{describe_other_axis(found.order)}; order given keeps the order of the names"
+        f"{grid.transposed_naming if found.order.startswith('transposed') else grid.naming}"
+        f"{_describe_turns(found.is_serpentine)}{upwards}, which fits {found.votes} of {found.of} "
+        f"textured tiles{describe_other_axis(found)}; order given keeps the order of the names"
     )
     return replace(views, notes=(*views.notes, note), is_ordered=True)
+
+
+def _describe_turns(is_serpentine: bool) -> str:
+    return ", every other line of them reversed" if is_serpentine else ""
 
 
 def is_side_file(file: str) -> bool:

@@ -62,7 +62,8 @@ READING = {
     "order": Option(
         "NAME",
         "auto: put a set of views right whose order is certainly wrong; given: keep the order; rows, columns: the "
-        "first number in the names of views, or the first index, is the row or the column (default auto)",
+        "first number in the names of views, or the first index, is the row or the column; serpentine: every other row "
+        "of views is from right to left (default auto)",
         make_name(get_args(OrderCheck)),
         "columns",
     ),

@@ -12,7 +12,7 @@ from ciir.renderer.readers.view_set.order import settle_order
 from ciir.renderer.readers.view_set.view_files import Decoder
 from ciir.renderer.view_order import ORDERS
 from ciir.renderer.writers.pictures import encode_png
-from tests.support.light_fields import make_views, put_in, write_views
+from tests.support.light_fields import make_views, put_in, wind, write_views
 
 
 def read(files, main=None, **layout):
@@ -164,3 +164,46 @@ def test_a_shape_that_the_pictures_do_not_have_is_noted():
     assert note in field.notes
     assert read(files, pixels=(5, 3), order="given").shape[:2] == (5, 3)
     assert not [note for note in read(files, pixels=(3, 5)).notes if note.startswith("pixels: ")]
+
+
+@pytest.mark.parametrize("is_transposed", [False, True])
+@pytest.mark.parametrize("shape", [(5, 5), (4, 6)])
+def test_views_of_a_gantry_that_moves_to_and_fro_are_put_right(shape, is_transposed):
+    views = make_views(shape, channels=3)
+    taken = wind(views.swapaxes(0, 1) if is_transposed else views).reshape(-1, *views.shape[2:])
+    files = {f"IMG_{1000 + number}.png": encode_png(picture) for number, picture in enumerate(taken)}
+    field = read(files)
+    assert np.array_equal(field.views, views)
+    (note,) = field.notes
+    line = "columns" if is_transposed else "rows"
+    last = 999 + (shape[0] if is_transposed else shape[1])
+    assert f"the names fill {line}, IMG_{last}.png ends the first, every other line of them reversed, which " in note
+    assert "; order given keeps the order of the names" in note
+    asked = read(files, pixels=shape[::-1] if is_transposed else shape, order="serpentine")
+    assert np.array_equal(asked.views, views.swapaxes(0, 1) if is_transposed else views)
+    assert [note.split(":")[0] for note in asked.notes] == ["views"]
+
+
+def test_the_note_on_a_gantry_that_starts_at_the_right_names_the_options():
+    views = make_views(channels=3)
+    files = write_views(wind(views[:, ::-1]), lambda v, u: f"{5 * v + u}.png")
+    options = read(files).notes[0].split("near and far are exchanged, give ")[1].split(";")[0]
+    assert options == "order serpentine and flip u"
+    assert np.array_equal(read(files, order="serpentine", flip="u").views, views)
+    (_, note) = read(files, flip="u").notes
+    assert ": order serpentine and flip v, or order serpentine and flip u with depth inverted, would put " in note
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_arrays_with_every_other_row_reversed_are_put_right_or_noted(order):
+    views = make_views(channels=3)
+    given = LightField(wind(put_in(order, views)))
+    right = settle_order(given, Layout())
+    assert np.array_equal(right.views, views)
+    assert "every other line of views reversed, which fits " in right.notes[0]
+    noted = settle_order(given, Layout(), corrects=False)
+    assert np.array_equal(noted.views, given.views)
+    options = noted.notes[0].split(" as they are: ")[1].split(" would put")[0].split(", or ")[0].split(" and ")
+    layout = Layout(order="serpentine", flip="v" if "flip v" in options else "none", transpose="transpose" in options)
+    assert options[0] == "order serpentine"
+    assert np.array_equal(settle_order(given, layout).views, views)
