@@ -182,12 +182,24 @@ def check_format(name: str) -> None:
         raise InvalidOption(f"format: {name[:40]!r} is not known; give {', '.join(FORMATS)}")
 
 
-def find_whole_format(name: str, path: PurePath) -> Format:
-    """The format `name`. Raises `InvalidOption` where it can't hold a light field, or `path` has another suffix."""
+FOLDER = "folder"
+"""The name of the format of a folder of views, which is no file."""
+
+
+def find_whole_format(name: str, path: PurePath) -> Format | None:
+    """The format `name`; None for a folder of views. Raises `InvalidOption` where it can't hold a light field, or
+    `path` has another suffix.
+    """
+    suffix = path.suffix.lower()
+    if name == FOLDER:
+        if suffix in WHOLE_BY_SUFFIX:
+            raise InvalidOption(f"{path}: a folder of views has no suffix; leave {path.suffix} out, or the format")
+        return None
     found = WHOLE.get(name)
     if found is None:
-        raise InvalidOption(f"format: {name[:40]!r} holds no light field; give {', '.join(WHOLE)}")
-    if path.suffix.lower() not in found.suffixes:
+        what = "is one picture, without the other views" if name in FORMATS else "is not known"
+        raise InvalidOption(f"format: {name[:40]!r} {what}; give {', '.join([FOLDER, *WHOLE])}")
+    if suffix not in found.suffixes:
         raise InvalidOption(f"{path}: {name} is written as {' or '.join(found.suffixes)}; end the name with that")
     return found
 

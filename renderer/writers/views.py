@@ -49,7 +49,10 @@ def save_light_field(
     contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
     options = options or WriterOptions()
     name = name or find_display(path, options)
-    formats = WHOLE_BY_SUFFIX if name is None else {path.suffix.lower(): find_whole_format(name, path)}
+    formats: Mapping[str, Format] | None = WHOLE_BY_SUFFIX
+    if name is not None:
+        found = find_whole_format(name, path)
+        formats = None if found is None else {path.suffix.lower(): found}
     with _open(path, formats, options) as writer:
         notes = _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents)
     for suffix, data in writer.beside.items():
@@ -81,15 +84,15 @@ def save_views(
 
 
 @contextmanager
-def _open(path: Path, formats: Mapping[str, Format], options: WriterOptions) -> Iterator[Writer]:
-    """A writer to `path`, of the format that its suffix has in `formats`, or of a folder."""
+def _open(path: Path, formats: Mapping[str, Format] | None, options: WriterOptions) -> Iterator[Writer]:
+    """A writer to `path`, of the format that its suffix has in `formats`, or of a folder; None: of a folder."""
     suffix = path.suffix.lower()
     with _named_errors(path):
-        if suffix in formats:
+        if formats is not None and suffix in formats:
             options = replace(options, suffix=suffix, name=path.name)
             with replacing(path) as file, formats[suffix].make_writer(file, options) as writer:
                 yield writer
-        elif suffix and not path.is_dir():
+        elif formats is not None and suffix and not path.is_dir():
             known = ", ".join(formats)
             raise InvalidOption(
                 f"{path}: {suffix} can't be written; end the name with {known}, or with none for a folder"

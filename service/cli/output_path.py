@@ -33,7 +33,7 @@ def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     if text.endswith("/") or path.is_dir():
         return False
     if suffix not in suffixes and _FILES.fullmatch(suffix):
-        ends = ", ".join([*suffixes, "or / for a folder"])
+        ends = f"{', '.join(suffixes)}, or / for a folder" if suffixes else "/ for a folder"
         raise InvalidOption(f"{text}: {what} can't be written as {suffix}; end the name with {ends}")
     return suffix in suffixes
 

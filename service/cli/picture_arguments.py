@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ciir.renderer.writers.depth import maps
-from ciir.renderer.writers.formats import WHOLE, WHOLE_BY_SUFFIX
+from ciir.renderer.writers.formats import FOLDER, WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.renderer.writers.stacks import PLANE_BY_SUFFIX, STACK_BY_SUFFIX
 from ciir.service.pipeline.options import (
@@ -139,7 +139,9 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "-o", "--out", required=True, metavar="OUT", help=f"a folder of views, or a file: {', '.join(WHOLE_BY_SUFFIX)}"
     )
     command.add_argument(
-        "--to", metavar="FORMAT", help=f"one of {', '.join(WHOLE)} (default: what the name of OUT asks for)"
+        "--to",
+        metavar="FORMAT",
+        help=f"one of {', '.join([FOLDER, *WHOLE])} (default: what the name of OUT asks for)",
     )
     add_options(command, CONVERSION)
     _add_raw_files(command)

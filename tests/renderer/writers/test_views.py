@@ -26,10 +26,10 @@ def test_a_picture_is_the_elemental_image_array(tmp_path, name, channels, dtype)
     np.testing.assert_array_equal(read(tmp_path / name, lenses=(6, 5)).views, field.views)
 
 
-@pytest.mark.parametrize("name", ["views", "views.zip"])
-def test_views_are_read_again(tmp_path, name):
+@pytest.mark.parametrize(("name", "format_"), [("views", None), ("views.zip", None), ("views.v1", "folder")])
+def test_views_are_read_again(tmp_path, name, format_):
     field = light_field()
-    field.save(tmp_path / name)
+    field.save(tmp_path / name, format_)
     np.testing.assert_array_equal(read(tmp_path / name).views, field.views)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX, find_whole_format
+from ciir.renderer.writers.formats import FOLDER, WHOLE_BY_SUFFIX, find_whole_format
 from ciir.service import outputs
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_pictures import find_display, write_picture
@@ -52,4 +52,8 @@ def _find_format(wanted: str | None, out: str) -> str | None:
     if wanted is None:
         is_file = output_path.names_file(out, list(WHOLE_BY_SUFFIX), what="a light field")
         return WHOLE_BY_SUFFIX[Path(out).suffix.lower()].name if is_file else None
-    return find_whole_format(wanted, Path(out)).name
+    if wanted == FOLDER:
+        output_path.resolve_folder(out, what="a folder of views")
+        return None
+    found = find_whole_format(wanted, Path(out))
+    return None if found is None else found.name

@@ -46,6 +46,11 @@ def test_an_epi_and_the_report(given, tmp_path):
     assert report["options"]["epi"] == "y=5,v=2"
 
 
+def test_a_folder_by_its_name(given, tmp_path):
+    assert main(["convert", str(given), "--to", "folder", "-o", str(tmp_path / "views.v1")]) == 0
+    assert len(list((tmp_path / "views.v1").glob("view_*.png"))) == FIELD.views.shape[0] * FIELD.views.shape[1]
+
+
 def test_a_mesh_is_rendered(tmp_path):
     words = ["convert", "scene:vase", "--lenses", "8x9", "--pixels", "2x3", "--backend", "raytrace"]
     assert main([*words, "-o", str(tmp_path / "vase.npy")]) == 0
@@ -56,7 +61,9 @@ def test_a_mesh_is_rendered(tmp_path):
     ("words", "message"),
     [
         (["-o", "a.exr"], "a.exr: a light field can't be written as .exr; end the name with .zip, .npz"),
-        (["-o", "a.png", "--to", "exr"], "format: 'exr' holds no light field; give zip, npz"),
+        (["-o", "a.png", "--to", "exr"], "format: 'exr' is not known; give folder, zip, npz"),
+        (["-o", "a.png", "--to", "png"], "format: 'png' is one picture, without the other views; give folder, zip, np"),
+        (["-o", "a.zip", "--to", "folder"], "a.zip: a folder of views can't be written as .zip; end the name with / f"),
         (["-o", "a.png", "--to", "npy"], "a.png: npy is written as .npy; end the name with that"),
         (["-o", "a.png", "--to", "epi", "--epi", "y=9"], "epi: there is no y=9; give 0 to 5"),
         (["-o", "a.png", "--views", "all"], "unrecognized arguments: --views all"),
