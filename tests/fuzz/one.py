@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import atheris
 
@@ -23,6 +25,7 @@ OURS = [
     "ciir.service.web",
 ]
 with atheris.instrument_imports(include=OURS):
+    from ciir.renderer import readers
     from tests.fuzz.guard import Guard
     from tests.fuzz.targets import TARGETS, BrokenPromise
 
@@ -34,7 +37,9 @@ def main() -> None:
     target, folder = TARGETS[sys.argv[1]], Path(sys.argv[2])
     corpus = folder / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
-    with atheris.instrument_imports(include=OURS):  # readers are imported when they are first used
+    with atheris.instrument_imports(include=OURS):  # readers are imported when they are first used: now
+        for module in walk_packages(readers.__path__, f"{readers.__name__}."):
+            import_module(module.name)
         for number, seed in enumerate(target.seeds()):
             (corpus / f"seed-{number}").write_bytes(seed)
             target(seed)

@@ -18,6 +18,7 @@ SAME_PITCH = 0.003
 """Of the pitch: of 200 lenses the last would be off by 0.6 of its pixels."""
 USUAL_PIXELS = 15
 """Along each side of an elemental image; how many lenses are looked at follows from it."""
+PLAIN = "an ordinary photo is enlarged by upscale, not by reconstruct"
 RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
 
 
@@ -34,7 +35,8 @@ def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement
         return f"a mosaic is read by its rows and columns of views; give them, as in pixels 9x9{seen}"
     wanted = "give the number of lenses, as in lenses 50x50 (rows x columns), or of pixels of each, as in pixels 15x15"
     found = _describe_lenses(periods, picture, USUAL_PIXELS, wanted)
-    return f"a picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}"
+    plain = f"; {PLAIN}" if found == wanted else ""
+    return f"a picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}{plain}"
 
 
 def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: Pair) -> str:
@@ -93,10 +95,11 @@ def note_period(periods: Periods, grid: Pair, *, fits: bool) -> tuple[str, ...]:
     if fits and not periods.repeats_within(grid):
         return ()
     seen = _describe_period(periods, "auto").removeprefix("; ")
+    plain = "" if seen else f"; {PLAIN}"
     seen = f"but {seen}" if seen else "which the picture doesn't show clearly"
     note = (
         f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
-        "give arrangement mosaic for views side by side"
+        f"give arrangement mosaic for views side by side{plain}"
     )
     return (note,)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate, detect_grid
 from ciir.renderer.readers.lenslet.drawing import draw_grid
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _SAME = 0.01
 """Of the pitch: a quick look at some lenses finds it to less."""
+_WHOLE = 0.003
+"""Of the pitch: one this close to whole pixels may be an elemental image array's."""
 _SETTLED = 0.05
 """Pixels over all lenses: a pitch that is less certain is noted as such."""
 
@@ -112,13 +115,25 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
         white = None if white is None else subtract_dark(white, dark)
     camera = find_camera(bundle.files[key], name)
     shown = picture if white is None else white
-    calibration = _calibrate(shown, known, camera, name)
+    try:
+        calibration = _calibrate(shown, known, camera, name)
+    except Unreadable as error:
+        if frames or camera is not None:
+            raise
+        raise Unreadable(f"{error}; {_describe_elemental_images(picture)}") from error
     other = None if known.pitch is None else _find_other_pitch(shown, known.pitch)
     if white is not None:
         picture = divide_by_white(picture, white)
     if calibration.in_columns:
         picture = picture.swapaxes(0, 1)
     return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None, other_pitch=other)
+
+
+def _describe_elemental_images(picture: Pixels) -> str:
+    """What to give instead for a picture without a lens grid."""
+    sizes = " or ".join("{}x{}".format(*size) for size in Periods(picture).rank_sizes())
+    seen = f" (by its period {sizes})" if sizes else ""
+    return f"if it is an elemental image array, leave lens_pitch out and give its pixels{seen}, or its lenses"
 
 
 def _find_other_pitch(picture: Pixels, given: float) -> float | None:
@@ -164,6 +179,9 @@ def _describe_grid(found: Calibration) -> str:
         text += f", which settles the pitch times all lenses to {found.uncertainty:.2f} pixels (standard error)"
     if found.cue == "edges":
         text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
+        pixels = round(found.grid.pitch)
+        if abs(found.grid.pitch - pixels) < _WHOLE * pixels:
+            text += f"; if it is an elemental image array, leave lens_pitch out and give pixels {pixels}x{pixels}"
     elif found.uncertainty > _SETTLED:
         text += "; a white picture would settle it"
     return text

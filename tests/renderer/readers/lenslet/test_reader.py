@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ciir.errors import InvalidOption, TooLarge
+import ciir
+from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import find_main, read
@@ -114,6 +115,28 @@ def test_a_raw_picture_that_is_read_as_elemental_images_is_noted(pitch, shape, n
     notes = " ".join(read(make_bundle(raw=picture), Layout(pixels=(15, 15))).notes)
     assert noted in notes if noted else "lenses are" not in notes
     assert "lenses are" not in " ".join(read(make_bundle(raw=RAW), Layout(pixels=(5, 5), arrangement="eia")).notes)
+
+
+def test_lenses_that_keep_most_of_their_light_at_the_border_are_noted_too():
+    """What repeats in their picture is its content, after 12x12 pixels."""
+    grid = LensGrid(14.37, (5.3, 8.8), 0.8, "square")
+    picture = take_picture(make_camera("vase", grid, (361, 391)), edge=0.8)
+    with pytest.raises(InvalidOption, match=r"; its lenses are 14\.\d\d pixels apart: give lens_pitch auto"):
+        read(make_bundle(raw=picture), Layout(pixels=(14, 14)))
+
+
+@pytest.mark.parametrize(("scene", "words"), [("vase", r"pixels \(by its period 9x9 or .*"), (None, "pixels")])
+def test_an_elemental_image_array_without_a_grid_of_lenses_is_called_one(scene, words):
+    picture = np.zeros((90, 90, 3), np.uint8)
+    if scene:
+        picture = ciir.render(f"scene:{scene}", lenses=(100, 100), pixels=(9, 9), backend="raytrace").eia()
+    with pytest.raises(
+        Unreadable,
+        match="shows no lens grid .*; if it is an elemental image array, leave lens_pitch out and give its "
+        + words
+        + ", or its lenses$",
+    ):
+        read(make_bundle(raw=picture), Layout(lens_grid=Known()))
 
 
 @pytest.mark.parametrize(
