@@ -56,7 +56,7 @@ class OnnxNetwork:
         doesn't matter. The first call with each number opens a session, which takes 5 to 200 ms. The outputs don't
         depend on it.
         """
-        kept = {name: np.where(np.abs(part) < SMALLEST, np.float32(0), part) for name, part in inputs.items()}
+        kept = {name: _clear_denormals(part) for name, part in inputs.items()}
         names = [self.card.output.name, *(tensor.name for tensor in self.card.extra_outputs)]
         session = self._get_session(self.threads if cores is None else cores)
         return [np.asarray(output) for output in session.run(names, kept)]
@@ -67,6 +67,14 @@ class OnnxNetwork:
             if cores not in self._sessions:
                 self._sessions[cores] = open_session(self._network, cores)
             return self._sessions[cores]
+
+
+def _clear_denormals(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`values`, copied only where some are smaller than `SMALLEST` and not zero."""
+    is_small = values != 0
+    is_small &= values < SMALLEST
+    is_small &= values > -SMALLEST
+    return np.where(is_small, np.float32(0), values) if is_small.any() else values
 
 
 def _check_processor(card: cards.Card) -> None:

@@ -173,7 +173,8 @@ def _add_beside(tiles: NDArray[np.int32]) -> NDArray[np.int32]:
 def crop_luma(picture: Pixels, part: Span | None = None, shift: int = 0) -> Plane:
     """Luma in [0, 1] of a picture `(H, W, C)`, or of a part of it as `crop_with_margin` takes it."""
     picture = picture if part is None else crop_with_margin(picture, part, shift)
-    return np.minimum(compute_luma(picture, np.iinfo(picture.dtype).max), 1)
+    luma = compute_luma(picture, np.iinfo(picture.dtype).max)
+    return np.minimum(luma, 1, out=luma)
 
 
 def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:

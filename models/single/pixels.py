@@ -102,14 +102,16 @@ def _upscale_whole(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Dept
         good_rows, good_cols = tile.kept_in_tile(scale)
         for first in range(0, count, batch):
             part = slice(first, first + batch)
-            large = _upscale_block(upscaler, pictures[part, rows, cols])
-            result[part, top, left] = large[:, good_rows, good_cols]
+            large = _upscale_block(upscaler, pictures[part, rows, cols])  # (n, C, h, w)
+            for channel in range(channels):  # several times as fast as all at once
+                result[part, top, left, channel] = large[:, channel, good_rows, good_cols]
     return result
 
 
 def _upscale_block(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Depth]:
+    """Upscales `(n, h, w, C)` to `(n, C, scale*h, scale*w)`."""
     peak = np.float32(np.iinfo(pictures.dtype).max)
-    planes = np.moveaxis(pictures, 3, 1).astype(np.float32)  # (N, C, H, W)
+    planes = np.moveaxis(pictures, 3, 1).astype(np.float32, order="C")  # (N, C, H, W)
     planes /= peak
     has_alpha = pictures.shape[3] in (2, 4)
     colour = planes[:, :-1] if has_alpha else planes
@@ -127,7 +129,7 @@ def _upscale_block(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Dept
         large = np.concatenate((large_colour, large_alpha), axis=1)
     large *= peak
     large += 0.5
-    return np.moveaxis(large.astype(pictures.dtype), 1, 3)
+    return large.astype(pictures.dtype)
 
 
 def _upscale_colour(upscaler: Upscaler, colour: NDArray[np.float32]) -> NDArray[np.float32]:
