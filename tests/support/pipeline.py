@@ -1,11 +1,19 @@
-"""Jobs of the pipeline without files."""
+"""Jobs of the pipeline without files, and runs of it."""
+
+import json
 
 import numpy as np
 
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scenes import load_scene
+from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.run import reconstruct
+
+SMALL = {"lenses": (12, 10), "pixels": (3, 5), "backend": "raytrace"}
 
 
 def make_mesh_job(*, grid=(15, 15), wanted=None, name="vase", max_pixels=None, **options):
@@ -21,3 +29,34 @@ def make_light_field_job(*, grid=(2, 9), is_transparent=False, is_ordered=False,
     return resolve_job(
         "a.png", LightField(views, is_ordered=is_ordered), Options(**{"views": "0,0"} | options), max_views=10_000
     )
+
+
+class Recorder(MemoryWriter):
+    """Keeps pixels, how many views were announced, and the report."""
+
+    begun = None
+    report = None
+
+    def begin(self, contents):
+        self.begun = contents
+
+    def finish(self, report):
+        self.report = report
+
+
+def run(source, **options):
+    """The views as {(v, u): pixels}, and the report."""
+    writer = Recorder()
+    report = reconstruct(source, Options(**options), writer)
+    assert writer.report == report
+    assert len(writer.views) == len(report["views"])
+    assert writer.begun.views == tuple(writer.views)
+    for picture in writer.views.values():
+        assert picture.shape == (writer.begun.height, writer.begun.width, writer.begun.channels)
+        assert picture.dtype == writer.begun.dtype
+    json.dumps(report, allow_nan=False)
+    return writer.views, report
+
+
+def eia_bundle(eia):
+    return Bundle.from_upload("eia.png", encode_png(eia))

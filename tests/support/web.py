@@ -21,6 +21,8 @@ from ciir.service.web.app import create_app
 from ciir.service.web.server import DrainingServer
 from tests.support.waiting import wait_until
 
+POST = "/v1/reconstructions"
+
 
 class ThreadPool:
     """Does the work in the calling thread."""
@@ -119,4 +121,4 @@ def check_problem(response, status, *parts):
 
 def post_file(client, name="eia.png", data=b"", headers=None, **fields):
     """The response to a reconstruction of one file, with the form's `fields`."""
-    return client.post("/v1/reconstructions", files={"file": (name, data)}, data=fields, headers=headers)
+    return client.post(POST, files={"file": (name, data)}, data=fields, headers=headers)

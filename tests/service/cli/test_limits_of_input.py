@@ -4,17 +4,8 @@ import pytest
 
 from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
+from tests.support.cli import SMALL, fails
 from tests.support.inputs import CUBE, EIA, contains_all
-
-SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace"]
-
-
-def fails(capsys, *argv):
-    """The one line on standard error of a command that ends with 2."""
-    assert main([str(word) for word in argv]) == 2
-    captured = capsys.readouterr()
-    assert (captured.out, captured.err.count("\n")) == ("", 1)
-    return captured.err
 
 
 @pytest.mark.parametrize(

@@ -1,40 +1,18 @@
-import dataclasses
 import json
 import os
 import re
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ciir import models
-from ciir.models.cards import Accuracy
-from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
 from ciir.service.settings import Settings
-from tests.support.inputs import BAD_INPUTS, EIA, contains_all, make_picture
+from tests.support.cli import SMALL, fails, read
+from tests.support.inputs import BAD_INPUTS, contains_all, make_picture
 from tests.support.light_fields import make_views, write_views
-from tests.support.paths import ROOT
 from tests.support.servers import run_python
-
-SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace"]
-
-
-def read(path):
-    return decode(Path(path).read_bytes(), name=str(path))
-
-
-def fails(capsys, *argv):
-    """The one line on standard error of a command that ends with 2."""
-    assert main([str(word) for word in argv]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith("ciir: ")
-    assert captured.err.count("\n") == 1
-    return captured.err
 
 
 def test_reconstruct_a_mesh(cube_file, tmp_path, capsys):
@@ -63,154 +41,6 @@ def test_elemental(cube_file, tmp_path, suffix):
     assert main(["elemental", str(cube_file), "-o", str(out), "--report", str(report), *SMALL]) == 0
     assert read(out).shape == (36, 50, 3)
     assert json.loads(report.read_text())["lens_array"]["pixels_u"] == 5
-
-
-def test_upscale_a_picture(tmp_path):
-    picture = make_picture(5, 6, 2, np.uint16)
-    (tmp_path / "a.png").write_bytes(encode(picture, ".png"))
-    argv = ["upscale", str(tmp_path / "a.png"), "--model", "bicubic", "--scale", "3"]
-    assert main([*argv, "-o", str(tmp_path / "b.tif"), "--report", str(tmp_path / "r.json")]) == 0
-    expected = models.upscale_pixels(models.load_upscaler("bicubic", scale=3), picture[np.newaxis])[0]
-    assert np.array_equal(read(tmp_path / "b.tif"), expected)
-    assert json.loads((tmp_path / "r.json").read_text())["pictures"][0]["file"] == "b.tif"
-    assert main([*argv, "-o", str(tmp_path / "folder")]) == 0
-    assert np.array_equal(read(tmp_path / "folder" / "a.png"), expected)
-
-
-def test_upscale_a_folder(tmp_path, capsys):
-    source, out = tmp_path / "in", tmp_path / "out"
-    source.mkdir()
-    (source / "a.png").write_bytes(encode(make_picture(5, 6), ".png"))
-    (source / "b.jpg").write_bytes(encode(make_picture(4, 4), ".jpg"))
-    (source / "notes.txt").write_text("hello")
-    argv = ["upscale", str(source), "-o", str(out), "--model", "nearest", "--report", str(tmp_path / "r.json")]
-    assert main(argv) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
-    (note,) = json.loads((tmp_path / "r.json").read_text())["notes"]
-    assert "notes.txt" in note
-    assert capsys.readouterr().err == f"ciir: note: {note}\n"
-
-
-def test_upscale_leaves_nothing_where_one_picture_is_bad(tmp_path, capsys):
-    source, out = tmp_path / "in", tmp_path / "out"
-    source.mkdir()
-    (source / "a.png").write_bytes(encode(EIA, ".png"))
-    (source / "b.png").write_bytes(encode(EIA, ".png")[:100])
-    assert "b.png" in fails(capsys, "upscale", source, "-o", out, "--model", "nearest")
-    assert [path.name for path in tmp_path.iterdir()] == ["in"]
-
-
-def test_models(capsys):
-    assert main(["models"]) == 0
-    text = capsys.readouterr().out
-    assert main(["models", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
-    assert [model["name"] for model in listed] == models.list_names()
-    assert all(model["name"] in text for model in listed)
-    assert [model["name"] for model in listed if model["default"]] == [models.default_name()]
-    assert [model["name"] for model in listed if model["takes"] != "a picture"] == ["field", "field-int8"]
-    assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
-
-
-def test_upscale_takes_no_light_field_network(stand_in, tmp_path, capsys):
-    (tmp_path / "a.png").write_bytes(encode(make_picture(5, 6), ".png"))
-    line = fails(capsys, "upscale", tmp_path / "a.png", "-o", tmp_path / "b.png", "--model", "field")
-    assert contains_all(line, ["model field", "ciir reconstruct", "fast"])
-    assert "`ciir reconstruct`" in fails(capsys, "upscale", "scene:vase", "-o", tmp_path / "b.png")
-    assert "`ciir convert` makes pictures of its views" in fails(capsys, "upscale", "a.npy", "-o", tmp_path / "b.png")
-    assert main(["upscale", str(tmp_path / "a.png"), "-o", str(tmp_path / "b.png")]) == 0
-
-
-def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
-    entries = [
-        dataclasses.replace(
-            entry, card=entry.card and dataclasses.replace(entry.card, precision="int8", float_twin="slow")
-        )
-        for entry in models.list_entries()
-    ]
-    monkeypatch.setattr(models.catalogue, "list_entries", lambda: entries)
-    monkeypatch.setattr(models.catalogue.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
-    assert main(["models"]) == 0
-    text = capsys.readouterr().out
-    assert f"{models.DEFAULT} is not for this machine: this processor has no VNNI; use slow" in text
-    assert "bicubic is not" not in text
-    assert main(["models", "--json"]) == 0
-    listed = {model["name"]: model for model in json.loads(capsys.readouterr().out)}
-    assert listed[models.DEFAULT]["unsupported_reason"] == "this processor has no VNNI"
-    assert listed["bicubic"]["unsupported_reason"] == ""
-
-
-def test_evaluate(tmp_path, capsys):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
-    high = np.repeat(np.repeat(make_picture(20, 20), 2, 0), 2, 1)
-    (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
-    (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
-    assert main(["evaluate", "nearest", str(tmp_path)]) == 0
-    assert "PSNR inf dB, SSIM 1.0000" in capsys.readouterr().out
-    assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
-    assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
-    assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
-
-
-def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
-    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
-    monkeypatch.chdir(tmp_path)
-    assert main(["evaluate", "nearest", ".", "--degradation", "box"]) == 0
-    assert f"nearest on {tmp_path.name} (box): " in capsys.readouterr().out
-
-
-def test_evaluate_takes_its_words_around_options(tmp_path, capsys):
-    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
-    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
-    for argv in (
-        ["nearest", "--degradation", "box", str(tmp_path)],
-        ["--degradation", "box", "nearest", str(tmp_path)],
-    ):
-        assert main(["evaluate", *argv]) == 0
-        assert "PSNR inf dB" in capsys.readouterr().out
-
-
-def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
-    asked = []
-
-    def evaluate(model, folder, **options):
-        asked.append((model, folder, options))
-        if options["grid"] == (9, 9):
-            raise ValueError("knights: no view (8, 8); give a smaller grid")
-        return Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95)
-
-    monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", SimpleNamespace(evaluate=evaluate))
-    given = ["evaluate", "--light-field", str(tmp_path)]
-    protocol = {"grid": (5, 5), "scale": 2, "degradation": "bicubic"}
-    assert main(given) == 0
-    assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
-    assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
-    assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
-    capsys.readouterr()
-    assert asked == [
-        (models.catalogue.LIGHT_FIELD_DEFAULT, tmp_path, protocol),
-        ("quality", tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
-        ("quality", tmp_path, protocol | {"scale": 4}),
-    ]
-    assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
-
-
-WITHOUT_TORCH = """
-import sys
-from ciir.service.cli.main import main
-sys.modules["torch"] = None
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.parametrize("command", ["train", "export"])
-def test_training_without_torch_names_the_remedy(tmp_path, command):
-    (tmp_path / "c.pt").write_bytes(b"")
-    given = {"train": ROOT / "training" / "recipes" / "fast.toml", "export": tmp_path / "c.pt"}[command]
-    done = run_python("-c", WITHOUT_TORCH, command, given, "-o", tmp_path / "out")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "pip install 'ciir[training]'" in done.stderr
 
 
 @pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
@@ -346,19 +176,6 @@ def test_views_in_a_wrong_order_are_put_right_with_a_note(tmp_path, capsys):
         assert np.array_equal(written, views[0, 4] if is_noted else views[4, 0])
 
 
-def test_upscale_says_what_it_takes(tmp_path, capsys):
-    takes = [".png", ".tif", "folder"]
-    for name, data, parts in (
-        ("a.bmp", b"BM", takes),
-        ("a.png", b"hello", ["text", "PNG", "save it again"]),
-        ("b.jpg", encode(EIA, ".png"), takes),
-    ):
-        (tmp_path / name).write_bytes(data)
-        line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
-        assert contains_all(line, [name, *parts])
-        assert ".glb" not in line
-
-
 def test_interrupting_is_quiet(monkeypatch, capsys, tmp_path):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
@@ -424,16 +241,3 @@ def test_help_names_settings_that_exist(capsys):
         main(["serve", "--help"])
     named = set(re.findall(r"CIIR_([A-Z_]+)", capsys.readouterr().out)) - {""}
     assert {"FOLDER", "KEEP_SECONDS"} <= named <= {name.upper() for name in Settings.model_fields}
-
-
-def test_skipping_is_an_option(tmp_path, capsys):
-    picture = np.zeros((40, 60, 3), np.uint8)
-    picture[10:14, 10:14] = 200
-    (tmp_path / "a.png").write_bytes(encode(picture, ".png"))
-    argv = ["upscale", str(tmp_path / "a.png"), "--model", "fast"]
-    assert main([*argv, "-o", str(tmp_path / "b.png"), "--report", str(tmp_path / "b.json")]) == 0
-    assert main([*argv, "-o", str(tmp_path / "c.png"), "--report", str(tmp_path / "c.json"), "--skip", "none"]) == 0
-    exact, none = (json.loads((tmp_path / name).read_text())["skipped"] for name in ("b.json", "c.json"))
-    assert (exact["uniform"] > 0.2, none["uniform"]) == (True, 0)
-    capsys.readouterr()
-    assert "exact or none" in fails(capsys, *argv, "-o", tmp_path / "d.png", "--skip", "some")

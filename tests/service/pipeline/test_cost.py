@@ -8,17 +8,9 @@ from hypothesis import strategies as st
 
 from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
-from ciir.models.light_field.views import list_required_views
-from ciir.models.single import skipping
 from ciir.renderer import backends
-from ciir.renderer.framing import frame_scene
-from ciir.renderer.placement import AS_GIVEN, Placement
-from ciir.renderer.scenes import load_scene
-from ciir.service.pipeline import cache_folder, cost, plan, prediction
+from ciir.service.pipeline import cache_folder, cost
 from ciir.service.pipeline.cost import Costs, Rendering, Stage
-from ciir.service.pipeline.job import resolve_array
-from ciir.service.pipeline.options import Options
-from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 INTERPOLATION = {"bicubic x2, interpolation; here": 0.5}
 
@@ -117,14 +109,6 @@ def test_upscaling_is_linear_and_each_network_is_measured(path, measured, monkey
         assert card.sha256[:12] in name
 
 
-@pytest.fixture
-def instant(monkeypatch):
-    """Jobs cost nothing beside their stages."""
-    monkeypatch.setattr(cost, "JOB_MS", 0.0)
-    monkeypatch.setattr(cost, "WRITE_MS", 0.0)
-    monkeypatch.setattr(cost, "count_available_cores", lambda: 2)
-
-
 @pytest.mark.usefixtures("instant")
 def test_the_stages_of_many_batches_overlap(monkeypatch):
     slow, light, both = Stage(1.0, 100.0), Stage(1.0, 20.0), Stage(1.0, 100.0, 2)
@@ -190,158 +174,6 @@ def test_the_cache_folder(monkeypatch, environment, expected):
     assert str(cache_folder.folder()) == expected
 
 
-class Prices:
-    """Costs by the ray and by the pixel, and a list of what was asked for."""
-
-    not_kept = ""
-
-    def __init__(self, **prices):
-        self.prices = {"raytrace": 1e-4, "raster": 1e-5, "pixel": 1e-3, "start": 0.0} | prices
-        self.asked = []
-
-    def rendering(self, views):
-        self.asked.append((views.backend, views.triangles, views.rays, views.views))
-        start = self.prices["start"] if views.backend == "raster" and not backends.is_backend_open("raster") else 0.0
-        return Stage(start, views.views * views.rays * self.prices[views.backend])
-
-    def upscaling(self, model, scale, *, pixels, views, batches):
-        self.asked.append((model, scale, pixels, views, batches))
-        return Stage(0.0, views * pixels * self.prices["pixel"], 2)
-
-
-@pytest.fixture
-def prices(monkeypatch, instant):
-    """What makes `Prices` the costs of this process; nothing is measured or skipped, and no OpenGL is started."""
-    monkeypatch.setattr(prediction, "_predict_share", lambda *_: 1.0)
-    monkeypatch.setattr(backends.selection, "_open", {})
-    monkeypatch.setattr(backends.selection, "_refused", {})
-
-    def opened(name, **_):
-        backends.selection._open[name] = object()
-
-    monkeypatch.setattr(backends, "open_backend", opened)
-
-    def put(**given):
-        made = Prices(**given)
-        monkeypatch.setattr(cost, "costs", lambda *, measure=True: made)
-        return made
-
-    return put
-
-
-def select(limit=None, wanted=((7, 7),), name="vase", **options):
-    """The strategy that `auto` takes for a mesh, and the reason that the report gives."""
-    asked = {"strategy": "auto", "neighbour_time": 0.0} | options
-    job = make_mesh_job(wanted=wanted, name=name, max_pixels=limit, **asked)
-    made = plan.make_plan(job)
-    return made.strategy, made.reasons[0].removeprefix("strategy auto: ")
-
-
-def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
-    default = catalogue.default_name()
-    prices(pixel=1e-3)  # 10,000 pixels: 10 ms and 1 ms of rays, against 640,000 samples: 6.4 ms
-    assert select() == ("direct", f"direct should take 6.4 ms here, upscale by {default} 11.0 ms")
-    prices(pixel=1e-4)
-    assert select() == ("upscale", f"upscale by {default} should take 2.0 ms here, direct 6.4 ms")
-
-
-def test_the_estimate_of_a_plan_is_what_strategies_are_compared_by(prices):
-    prices(pixel=1e-3)
-    jobs = [make_mesh_job(neighbour_time=0.0, strategy=strategy) for strategy in ("direct", "upscale")]
-    jobs += [make_mesh_job(model="none"), make_light_field_job(model="fast"), make_light_field_job(model="none")]
-    pixels = math.prod(jobs[-1].lenses) * len(jobs[-1].wanted)
-    expected = [6.4, 11.0, 1.0, 1e-3 * pixels, 0.0]  # of pictures nothing is rendered
-    assert [prediction.predict_plan(job, plan.make_plan(job)) for job in jobs] == pytest.approx(expected)
-
-
-def test_predictions_are_for_what_is_asked_for(prices):
-    costs, triangles = prices(), load_scene("vase").triangles
-    select(lenses=(20, 30), scale=2, sampling="lenslet", model="paper", backend="raytrace", wanted=[(0, 0), (1, 1)])
-    assert set(costs.asked) == {
-        ("paper", 2, 600, 2, 1),
-        ("raytrace", triangles, 600 * 16, 2),
-        ("raytrace", triangles, 600 * 64, 2),
-    }
-    costs = prices()
-    select(lenses=(20, 30), model="field", backend="raytrace")
-    further = len(list_required_views([(7, 7)], (15, 15)))
-    assert {("field", 2, 600, 1, 1), ("raytrace", triangles, 600, further)} < set(costs.asked)
-
-
-@pytest.mark.parametrize(("model", "lenses"), [("fast", 100), ("fast", 200), ("field", 200), ("fast", 25)])
-@pytest.mark.parametrize("name", ["vase", "globe", "hamburger"])
-@pytest.mark.parametrize(
-    "placement", [AS_GIVEN, Placement(place=0.0, zoom=0.7), Placement(place=1.0, rotate=(90.0, 0.0, 0.0), zoom=0.5)]
-)
-def test_the_share_that_a_network_works_on(name, model, lenses, placement):
-    """Of the middle view; boxes may be several, so the real share may be smaller, by 0.1 at most here."""
-    mesh, array = load_scene(name), resolve_array(Options(lenses=(lenses, lenses)))
-    (card,) = (entry.card for entry in catalogue.list_entries() if entry.name == model)
-    placed = mesh.transform(frame_scene(mesh, array, placement))
-    views = backends.open_backend("raytrace")[0].render_views(placed, array, [(7, 7)])
-    _, boxes = skipping.find_boxes(next(iter(views))[..., :3], card.radius)
-    share = sum(skipping.count_pixels(box.region) for box in boxes) / lenses**2
-    assert prediction._predict_share(mesh, array, placement, card) == pytest.approx(share, abs=0.1)
-
-
-def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
-    monkeypatch.setattr(prediction, "_predict_share", lambda *_: 0.25)
-    for options, pixels in (({}, 100), ({"skip": "none"}, 400)):
-        costs = prices()
-        select(model="fast", lenses=(20, 20), **options)
-        assert ("fast", 2, pixels, 1, 1) in costs.asked
-    costs = prices()
-    select(model="bicubic", lenses=(20, 20))  # which skips nothing
-    assert ("bicubic", 2, 400, 1, 1) in costs.asked
-
-
-def test_opengl_is_started_only_where_the_faster_strategy_needs_it(prices):
-    prices(start=700.0)
-    assert select()[0] == "upscale"
-    assert not backends.is_backend_open("raster")
-    prices(start=700.0, pixel=1.0)
-    assert select()[0] == "direct"
-    assert backends.is_backend_open("raster")
-
-
-def test_rays_are_predicted_where_opengl_does_not_work(prices, monkeypatch):
-    def refuse(name, **_):
-        backends.selection._refused[name] = "no OpenGL"
-        raise BackendUnavailable("no OpenGL")
-
-    monkeypatch.setattr(backends, "open_backend", refuse)
-    prices(pixel=3e-3)  # direct: 6 ms by OpenGL, 64 by rays; upscale: 31
-    taken, reason = select()
-    assert (taken, "direct 64.0 ms" in reason) == ("upscale", True)
-
-
-def test_a_strategy_that_is_not_possible_is_not_taken(prices):
-    prices(pixel=1e-9)
-    assert select(scale=3) == ("direct", f"direct, as {catalogue.default_name()} doesn't upscale by 3")
-    prices(pixel=1e9)
-    assert select(lenses=(2000, 2000)) == (
-        "upscale", f"upscale, as {2000 * 2000 * 64:,} samples for each view at the larger size are over the limit"
-    )  # fmt: skip
-    views = [(v, 7) for v in range(10)]
-    assert select(limit=10 * 100 * 100 * 64, wanted=views)[0] == "direct"
-    assert select(limit=10 * 100 * 100 * 64 - 1, wanted=views)[0] == "upscale"
-    assert select(scale=3, lenses=(2000, 2000))[0] == "upscale"  # neither is possible; the pipeline reports why
-
-
-@pytest.mark.parametrize(
-    ("bound", "measured"),
-    [(0.0, [False]), (7.0, [False]), (10.0, [False, True]), (70.0, [False, True]), (80.0, [False])],
-)
-def test_what_a_light_field_network_costs_more_is_measured_only_where_it_is_close(prices, monkeypatch, bound, measured):
-    typical, here, asked = prices(pixel=1e-3), Prices(pixel=2e-3), []
-    monkeypatch.setattr(cost, "costs", lambda *, measure=True: asked.append(measure) or (here if measure else typical))
-    job = make_mesh_job(backend="raytrace")
-    networks = {entry.name: entry for entry in catalogue.list_entries()}
-    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], bound=bound)
-    assert extra == pytest.approx(24.0)  # 24 views of 10,000 rays; the networks cost the same here
-    assert asked == measured
-
-
 def test_typical_costs_are_taken_where_nothing_is_measured(path, measured):
     costs = Costs(path, measure=False)
     networks = {entry.name: entry.card for entry in catalogue.list_entries()}
@@ -356,8 +188,3 @@ def test_typical_costs_are_taken_where_nothing_is_measured(path, measured):
     assert not path.exists()
     kept = write(path, INTERPOLATION)
     assert bicubic(Costs(path, measure=False)) == bicubic(kept) == pytest.approx(0.5)
-
-
-def test_costs_that_cannot_be_kept_are_reported(prices):
-    prices().not_kept = "the disk is full"
-    assert select()[1].endswith("; the measurements behind this could not be kept: the disk is full")

@@ -12,15 +12,10 @@ from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct, render_eia
-from tests.support.inputs import CUBE, EIA_PNG
+from tests.support.inputs import EIA_PNG
 
 SMALL = {"lenses": (14, 12), "pixels": (3, 5)}
 TURNED = {"up": "z", "rotate": (35.0, 25.0, -15.0), "zoom": 1.4, "parallax": 40.0, "light": (70.0, 10.0)}
-
-
-@pytest.fixture
-def cube():
-    return Bundle.from_upload("cube.off", CUBE)
 
 
 def run(source, **options):

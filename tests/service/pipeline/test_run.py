@@ -1,6 +1,4 @@
 import io
-import json
-import threading
 
 import numpy as np
 import pytest
@@ -14,54 +12,15 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
-from ciir.renderer.writers.writer import MemoryWriter
-from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct, render_eia
-from ciir.service.pipeline.stages import schedule, view_sources
+from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.stages import schedule
 from tests.support.inputs import CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
+from tests.support.pipeline import SMALL, Recorder, eia_bundle, run
 
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
-
-
-class Recorder(MemoryWriter):
-    """Keeps pixels, how many views were announced, and the report."""
-
-    begun = None
-    report = None
-
-    def begin(self, contents):
-        self.begun = contents
-
-    def finish(self, report):
-        self.report = report
-
-
-def run(source, **options):
-    writer = Recorder()
-    report = reconstruct(source, Options(**options), writer)
-    assert writer.report == report
-    assert len(writer.views) == len(report["views"])
-    assert writer.begun.views == tuple(writer.views)
-    for picture in writer.views.values():
-        assert picture.shape == (writer.begun.height, writer.begun.width, writer.begun.channels)
-        assert picture.dtype == writer.begun.dtype
-    json.dumps(report, allow_nan=False)
-    return writer.views, report
-
-
-@pytest.fixture
-def cube():
-    return Bundle.from_upload("cube.off", CUBE)
-
-
-def eia_bundle(eia):
-    return Bundle.from_upload("eia.png", encode_png(eia))
-
-
-SMALL = {"lenses": (12, 10), "pixels": (3, 5), "backend": "raytrace"}
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (2, np.uint16), (3, np.uint16), (4, np.uint8)])
@@ -182,36 +141,6 @@ def test_parallax_follows_depth():
         assert expected > 0.05
 
 
-def test_elemental_then_mapping_equals_rendering(cube):
-    kept = []
-    report = render_eia(cube, Options(**SMALL), kept.append)
-    (eia,) = kept
-    assert eia.shape == (36, 50, 3)
-    mapped, _ = run(eia_bundle(eia), lenses=(12, 10), views="all", model="none")
-    rendered, whole = run(cube, views="all", model="none", **SMALL)
-    assert mapped.keys() == rendered.keys()
-    assert all(np.array_equal(mapped[view], rendered[view]) for view in mapped)
-    assert len(np.unique(eia)) > 2  # there is something to see
-    assert report["scene_transform"] == whole["scene_transform"]
-    assert report["lens_array"] == whole["lens_array"]
-    assert set(report["timings_ms"]) == {"decode", "render", "encode", "total"}
-
-
-def test_an_optical_elemental_image_array(cube):
-    kept = []
-    for pickup in ("virtual", "optical"):
-        render_eia(cube, Options(**SMALL, pickup=pickup), kept.append)
-    assert not np.array_equal(*kept)
-    assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").eia(), kept[0])
-
-
-def test_elemental_wants_a_mesh():
-    for source in (eia_bundle(EIA), Bundle("set", None, {"view_00_00.png": EIA_PNG})):
-        for options in (Options(), Options(lenses=(50, 50)), Options(pixels=(3, 3))):
-            with pytest.raises(InvalidOption, match=r"holds pictures; give a mesh, .* \(ciir convert writes that of a"):
-                render_eia(source, options, pytest.fail)
-
-
 def test_direct_is_the_area_average_of_a_finer_array(cube):
     views, report = run(cube, views="0,1", strategy="direct", scale=2, **SMALL)
     array = resolve_array(Options(**SMALL))
@@ -271,13 +200,6 @@ def test_a_black_mesh_is_seen():
         assert report["notes"] == []
 
 
-def test_an_elemental_image_array_without_the_object_is_noted(cube):
-    assert render_eia(cube, Options(**SMALL), lambda _: None)["notes"] == []
-    # Rays run along the diagonals almost within the array's plane; no lens of 12x9 stands on a diagonal.
-    wide = Options(**(SMALL | {"lenses": (12, 9), "pixels": (2, 2)}), delta=1e9)
-    assert "shows the object" in render_eia(cube, wide, lambda _: None)["notes"][0]
-
-
 def test_the_writer_refuses_before_a_backend_is_opened(cube, monkeypatch):
     monkeypatch.setattr("ciir.renderer.backends.open_backend", pytest.fail)
     with pytest.raises(InvalidOption, match="png holds one view and 5"):
@@ -318,60 +240,3 @@ def test_the_duck_with_five_views():
         assert not pixels[[0, -1]].any()  # nothing is cut off
         assert not pixels[:, [0, -1]].any()
     assert report["input"]["triangles"] == 4212
-
-
-def pipeline_threads():
-    return [thread.name for thread in threading.enumerate() if thread.name.startswith(("views", "upscale"))]
-
-
-@pytest.mark.parametrize("stage", ["render", "upscale", "encode", "progress"])
-@pytest.mark.parametrize("turn", [0, 1, 14])
-def test_the_first_error_ends_all_stages(cube, monkeypatch, stage, turn):
-    """Each stage fails at a turn of one view; what comes before it was written, and nothing after."""
-    monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
-    seen = {"render": 0, "upscale": 0, "encode": 0, "progress": 0}
-
-    def failing(name, call):
-        def counted(*args, **kwargs):
-            seen[name] += 1
-            if name == stage and seen[name] == turn + 1:
-                raise OSError(f"{name} {turn}")
-            return call(*args, **kwargs)
-
-        return counted
-
-    monkeypatch.setattr(view_sources.MeshViews, "take_views", failing("render", view_sources.MeshViews.take_views))
-    opened = pipeline.load_upscaler
-    monkeypatch.setattr(pipeline, "load_upscaler", lambda *args, **kwargs: failing("upscale", opened(*args, **kwargs)))
-    writer = Recorder()
-    writer.write = failing("encode", writer.write)
-    options = Options(views="all", model="bicubic", **SMALL)
-    with pytest.raises(OSError, match=f"^{stage} {turn}$"):
-        reconstruct(cube, options, writer, progress=failing("progress", lambda done, total: None))
-    assert len(writer.views) == turn
-    assert seen["render"] <= turn + 5  # no more were begun than wait in two queues
-    assert writer.report is None
-    assert pipeline_threads() == []
-
-
-def test_of_two_errors_the_first_in_the_order_of_views_is_raised(cube, monkeypatch):
-    monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
-    rendered = threading.Event()
-    take = view_sources.MeshViews.take_views
-
-    def second_fails(self, pictures, count):
-        if rendered.is_set():
-            raise OSError("the second view")
-        rendered.set()
-        return take(self, pictures, count)
-
-    monkeypatch.setattr(view_sources.MeshViews, "take_views", second_fails)
-    writer = Recorder()
-
-    def first_fails(view, pixels):
-        raise OSError("the first view")
-
-    writer.write = first_fails
-    with pytest.raises(OSError, match="the first view"):
-        reconstruct(cube, Options(views="all", model="bicubic", **SMALL), writer)
-    assert pipeline_threads() == []

@@ -13,7 +13,7 @@ from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.pictures import upscale_files
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.stages import schedule, view_sources
-from tests.support.inputs import CUBE, EIA_PNG, make_picture
+from tests.support.inputs import EIA_PNG, make_picture
 from tests.support.networks import upscale_as_stand_in
 
 ROUNDED = 0.55
@@ -66,11 +66,6 @@ def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channe
     eia[3, 5, -1] -= 1
     _, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
     assert report["plan"]["model"] == "fast"
-
-
-@pytest.fixture
-def cube():
-    return Bundle.from_upload("cube.off", CUBE)
 
 
 @pytest.mark.parametrize("pixels", [1, 2000, 4_000_000])

@@ -8,16 +8,11 @@ import zipfile
 import numpy as np
 import pytest
 
-import ciir
-from ciir.errors import QueueFull, QueueUnavailable
 from ciir.renderer.readers.pictures import decode
-from ciir.service.jobs.job import Problem
 from ciir.service.web.routes import results
-from tests.support.inputs import BAD_INPUTS, EIA, contains_all
+from tests.support.inputs import EIA
 from tests.support.waiting import wait_until
-from tests.support.web import check_problem, post_file, run_app
-
-POST = "/v1/reconstructions"
+from tests.support.web import POST, check_problem, post_file, run_app
 
 
 def pause_work(client):
@@ -30,13 +25,6 @@ def pause_work(client):
 
     client.pool.before = before
     return started, go
-
-
-@pytest.fixture
-def own(tmp_path):
-    """The client of a server that no other test uses."""
-    with run_app(tmp_path) as client:
-        yield client
 
 
 def parse_events(response):
@@ -224,34 +212,12 @@ def test_cancelling(own, eia):
     check_problem(own.delete(place), 404)
 
 
-def test_only_refusals_that_follow_from_the_input_stand(own, eia):
-    fields = {"data": eia, "lenses": "6x9", "model": "none"}
-    for status, runs in ((503, 2), (422, 3)):
-        own.pool.outcome = Problem(status, "Title", "a detail")
-        for _ in range(2):
-            response = post_file(own, **fields)
-            check_problem(response, status, "a detail")
-            assert response.headers.get("retry-after") == {503: "10"}.get(status)
-        assert own.pool.runs == runs
-    own.pool.outcome = None
-    (id_,) = own.engine.jobs.queue.jobs.items()
-    assert own.delete(f"{POST}/{id_}").json()["state"] == "failed"
-    assert post_file(own, **fields).status_code == 200
-
-
 def test_a_job_goes_on_without_its_client(own, eia):
     place = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none").headers["location"]
     wait_until(lambda: own.get(place).json()["state"] == "done")
     assert own.pool.runs == 1
     assert post_file(own, data=eia, lenses="6x9", model="none").status_code == 200
     assert own.pool.runs == 1
-
-
-@pytest.mark.parametrize("id_", ["0" * 32, "x", "0" * 33, "%2e%2e", "A" * 32])
-def test_an_unknown_job(client, id_):
-    for path in ("", "/result", "/events"):
-        check_problem(client.get(f"{POST}/{id_}{path}"), 404, "post")
-    check_problem(client.delete(f"{POST}/{id_}"), 404)
 
 
 def test_an_expired_result(own, eia):
@@ -287,105 +253,3 @@ def test_a_damaged_result_is_never_sent(own, eia, position):
         assert (again.status_code, again.content) == (200, first.content)
         assert own.get(place).content == first.content
         damage()
-
-
-def test_only_the_suffix_of_a_file_name_is_used(client):
-    detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
-    assert "upload.txt" in detail
-    assert "pass" not in detail
-
-
-@pytest.mark.parametrize(
-    ("kind", "taken", "others"), [("upscale", ".webp", (".glb", ".mp4")), ("elemental", ".glb", (".png", ".mp4"))]
-)
-def test_a_type_that_is_not_read_names_those_that_the_kind_takes(client, kind, taken, others):
-    detail = check_problem(client.post(results.find_root(kind), files={"file": ("a.md", b"# hello")}), 415, taken)
-    assert not any(other in detail for other in others)
-
-
-def test_empty_fields_are_ignored(client, eia):
-    assert post_file(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
-
-
-@pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
-def test_bad_input(client, bad_input):
-    name, data, texts, status, parts = bad_input
-    for _ in range(2):
-        runs = client.pool.runs
-        detail = check_problem(post_file(client, name, data, **texts), status)
-        assert contains_all(detail, parts), detail
-    assert client.pool.runs == runs  # an input error is final
-
-
-def test_a_shipped_scene_takes_the_place_of_the_file(own):
-    fields = {"lenses": "8x6", "pixels": "3x3", "model": "none"}
-    shown = {}
-    for scene in ("vase", "globe"):
-        done = own.post(POST, files={"scene": (None, scene)}, data=fields)
-        shown[scene] = decode(done.content, name="x")
-        status = own.get(f"{POST}/{done.headers['x-reconstruction-id']}").json()
-        assert (status["input"], status["report"]["input"]["kind"]) == (f"scene:{scene}", "scene")
-    for scene, picture in shown.items():
-        expected = ciir.render(f"scene:{scene}", lenses=(8, 6), pixels=(3, 3)).view(1, 1)
-        assert np.array_equal(picture, expected)
-    assert own.post(POST, files={"scene": (None, "vase")}, data=fields).headers["server-timing"].startswith("stored")
-    assert own.pool.runs == 2
-
-
-def test_bad_forms(client, eia):
-    problem, send = check_problem, post_file
-    problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
-    problem(send(client, data=eia, lenses="6x9", views="all", format="png"), 422, "16", "zip")
-    problem(send(client, data=eia, lenses="6x9", format="bmp"), 422, "bmp", "npz")
-    problem(client.post(POST, files={"other": ("a.png", eia)}), 422, "other")
-    problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
-    problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
-    problem(client.post(POST, files={"scene": ("vase.png", eia)}), 422, "scene: a file")
-    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "beside a file")
-    problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
-    problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
-    problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
-    problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
-    problem(client.post(POST, content=eia), 415, "the body has no type;")
-    problem(client.post(POST, json={"file": "x"}), 415, "application/json")
-
-
-def test_server_errors_are_problems_without_details(own, eia, monkeypatch, caplog):
-    def broken(*_, **__):
-        raise KeyError("secret")
-
-    monkeypatch.setattr("ciir.service.pipeline.run.reconstruct", broken)
-    assert "secret" not in check_problem(post_file(own, data=eia, lenses="6x9"), 500, "log")
-    assert "secret" in caplog.text
-    monkeypatch.undo()
-    assert post_file(own, data=eia, lenses="6x9").status_code == 200  # the job runs again
-
-
-def test_a_full_queue(own, eia, monkeypatch, caplog):
-    def submit(*_, **__):
-        raise QueueFull(7)
-
-    monkeypatch.setattr(own.engine.jobs, "submit", submit)
-    with caplog.at_level("INFO", "ciir.jobs"):
-        response = post_file(own, data=eia, lenses="6x9")
-    check_problem(response, 429, "again in 7 s")
-    assert f"refused reconstruction of upload.png, {len(eia)} bytes: the queue is full" in caplog.text
-    assert response.headers["retry-after"] == "7"
-
-
-def test_without_a_queue(own, eia, monkeypatch):
-    def fail(*_, **__):
-        raise QueueUnavailable("the queue can't be reached; start it")
-
-    for name in ("submit", "get", "count_waiting"):
-        monkeypatch.setattr(own.engine.jobs, name, fail)
-    for response in (post_file(own, data=eia, lenses="6x9"), own.get(f"{POST}/{'0' * 32}"), own.get("/readyz")):
-        check_problem(response, 503, "start it")
-        assert response.headers["retry-after"] == "1"
-    assert "ciir_queue_up 0.0" in own.get("/metrics").text
-    assert own.get("/healthz").status_code == 200
-
-
-def test_limit_on_output_pixels(eia, tmp_path):
-    with run_app(tmp_path, max_output_pixels=1000) as client:
-        check_problem(post_file(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")

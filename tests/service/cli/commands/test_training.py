@@ -1,0 +1,88 @@
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ciir import models
+from ciir.models.cards import Accuracy
+from ciir.renderer.writers.pictures import encode
+from ciir.service.cli.main import main
+from tests.support.cli import fails
+from tests.support.inputs import make_picture
+from tests.support.paths import ROOT
+from tests.support.servers import run_python
+
+
+def test_evaluate(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    high = np.repeat(np.repeat(make_picture(20, 20), 2, 0), 2, 1)
+    (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
+    (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
+    assert main(["evaluate", "nearest", str(tmp_path)]) == 0
+    assert "PSNR inf dB, SSIM 1.0000" in capsys.readouterr().out
+    assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
+    assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
+    assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
+
+
+def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", "nearest", ".", "--degradation", "box"]) == 0
+    assert f"nearest on {tmp_path.name} (box): " in capsys.readouterr().out
+
+
+def test_evaluate_takes_its_words_around_options(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    for argv in (
+        ["nearest", "--degradation", "box", str(tmp_path)],
+        ["--degradation", "box", "nearest", str(tmp_path)],
+    ):
+        assert main(["evaluate", *argv]) == 0
+        assert "PSNR inf dB" in capsys.readouterr().out
+
+
+def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
+    asked = []
+
+    def evaluate(model, folder, **options):
+        asked.append((model, folder, options))
+        if options["grid"] == (9, 9):
+            raise ValueError("knights: no view (8, 8); give a smaller grid")
+        return Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95)
+
+    monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", SimpleNamespace(evaluate=evaluate))
+    given = ["evaluate", "--light-field", str(tmp_path)]
+    protocol = {"grid": (5, 5), "scale": 2, "degradation": "bicubic"}
+    assert main(given) == 0
+    assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
+    assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
+    assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
+    capsys.readouterr()
+    assert asked == [
+        (models.catalogue.LIGHT_FIELD_DEFAULT, tmp_path, protocol),
+        ("quality", tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
+        ("quality", tmp_path, protocol | {"scale": 4}),
+    ]
+    assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
+
+
+WITHOUT_TORCH = """
+import sys
+from ciir.service.cli.main import main
+sys.modules["torch"] = None
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("command", ["train", "export"])
+def test_training_without_torch_names_the_remedy(tmp_path, command):
+    (tmp_path / "c.pt").write_bytes(b"")
+    given = {"train": ROOT / "training" / "recipes" / "fast.toml", "export": tmp_path / "c.pt"}[command]
+    done = run_python("-c", WITHOUT_TORCH, command, given, "-o", tmp_path / "out")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "pip install 'ciir[training]'" in done.stderr

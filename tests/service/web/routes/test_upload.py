@@ -1,0 +1,71 @@
+"""What a form may hold, and what of it is refused."""
+
+import numpy as np
+import pytest
+
+import ciir
+from ciir.renderer.readers.pictures import decode
+from ciir.service.web.routes import results
+from tests.support.inputs import BAD_INPUTS, contains_all
+from tests.support.web import POST, check_problem, post_file
+
+
+def test_only_the_suffix_of_a_file_name_is_used(client):
+    detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
+    assert "upload.txt" in detail
+    assert "pass" not in detail
+
+
+@pytest.mark.parametrize(
+    ("kind", "taken", "others"), [("upscale", ".webp", (".glb", ".mp4")), ("elemental", ".glb", (".png", ".mp4"))]
+)
+def test_a_type_that_is_not_read_names_those_that_the_kind_takes(client, kind, taken, others):
+    detail = check_problem(client.post(results.find_root(kind), files={"file": ("a.md", b"# hello")}), 415, taken)
+    assert not any(other in detail for other in others)
+
+
+def test_empty_fields_are_ignored(client, eia):
+    assert post_file(client, data=eia, lenses="6x9", scale="", pitch=" ", format="").status_code == 200
+
+
+@pytest.mark.parametrize("bad_input", BAD_INPUTS.values(), ids=BAD_INPUTS)
+def test_bad_input(client, bad_input):
+    name, data, texts, status, parts = bad_input
+    for _ in range(2):
+        runs = client.pool.runs
+        detail = check_problem(post_file(client, name, data, **texts), status)
+        assert contains_all(detail, parts), detail
+    assert client.pool.runs == runs  # an input error is final
+
+
+def test_a_shipped_scene_takes_the_place_of_the_file(own):
+    fields = {"lenses": "8x6", "pixels": "3x3", "model": "none"}
+    shown = {}
+    for scene in ("vase", "globe"):
+        done = own.post(POST, files={"scene": (None, scene)}, data=fields)
+        shown[scene] = decode(done.content, name="x")
+        status = own.get(f"{POST}/{done.headers['x-reconstruction-id']}").json()
+        assert (status["input"], status["report"]["input"]["kind"]) == (f"scene:{scene}", "scene")
+    for scene, picture in shown.items():
+        expected = ciir.render(f"scene:{scene}", lenses=(8, 6), pixels=(3, 3)).view(1, 1)
+        assert np.array_equal(picture, expected)
+    assert own.post(POST, files={"scene": (None, "vase")}, data=fields).headers["server-timing"].startswith("stored")
+    assert own.pool.runs == 2
+
+
+def test_bad_forms(client, eia):
+    problem, send = check_problem, post_file
+    problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
+    problem(send(client, data=eia, lenses="6x9", views="all", format="png"), 422, "16", "zip")
+    problem(send(client, data=eia, lenses="6x9", format="bmp"), 422, "bmp", "npz")
+    problem(client.post(POST, files={"other": ("a.png", eia)}), 422, "other")
+    problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
+    problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
+    problem(client.post(POST, files={"scene": ("vase.png", eia)}), 422, "scene: a file")
+    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "beside a file")
+    problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
+    problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
+    problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
+    problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
+    problem(client.post(POST, content=eia), 415, "the body has no type;")
+    problem(client.post(POST, json={"file": "x"}), 415, "application/json")
