@@ -56,7 +56,9 @@ def test_pixels_that_the_picture_format_cannot_hold(tmp_path):
 def test_the_name_must_fit_the_format(tmp_path):
     with pytest.raises(InvalidOption, match=r"eia is written as \.png or .*; end the name with that"):
         FIELD.save(tmp_path / "a.npy", "eia")
-    with pytest.raises(InvalidOption, match=r"'png' is one picture, without the other views; give folder, zip, npz, .*eia"):
+    with pytest.raises(
+        InvalidOption, match=r"'png' is one picture, without the other views; give folder, zip, npz, .*eia"
+    ):
         FIELD.save(tmp_path / "a.png", "png")
     with pytest.raises(InvalidOption, match=r"a folder of views has no suffix; leave \.zip out, or the format"):
         FIELD.save(tmp_path / "a.zip", "folder")
