@@ -61,6 +61,15 @@ class OnnxNetwork:
         session = self._get_session(self.threads if cores is None else cores)
         return [np.asarray(output) for output in session.run(names, kept)]
 
+    @property
+    def is_open(self) -> bool:
+        """Whether a session is open."""
+        return bool(self._sessions)
+
+    def open(self) -> None:
+        """Opens the session of calls on all cores, so that the first call needn't."""
+        self._get_session(self.threads)
+
     def _get_session(self, cores: int) -> Any:
         with self._opening:
             cores = cores or next(iter(self._sessions), self.threads)

@@ -20,6 +20,7 @@ from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
+from ciir.service.pipeline.stages.opening import open_session
 from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
 from ciir.service.pipeline.stages.times import FrameWriter, join_reports
@@ -28,6 +29,7 @@ from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Sequence
+    from contextlib import AbstractContextManager
 
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -156,7 +158,8 @@ def _reconstruct(
     written: list[dict[str, Any]] = []
     fallback = 0.0
     made = prefetch(_make(views, batches), name="views")
-    with closing(prefetch(_upscale(made, upscale, clock, statistics), name="upscale")) as finished:
+    opening = open_session(plan, views=len(job.wanted))
+    with closing(prefetch(_upscale(made, upscale, opening, clock, statistics), name="upscale")) as finished:
         for wanted, pictures, share in finished:
             fallback += share * len(wanted) / len(job.wanted)
             with clock.stage("encode"):
@@ -262,18 +265,20 @@ def _make(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch,
 def _upscale(
     made: Generator[tuple[Batch, list[Pixels]]],
     upscale: UpscaleViews | None,
+    opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
     statistics: SkipStatistics,
 ) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
     """Each batch's wanted views, the pictures that are written of them, and their fallback share."""
     kept: dict[View, Pixels] = {}
-    with closing(made):
+    with closing(made), opening as wait:
         for batch, new in made:
             kept.update(zip(batch.new, new, strict=True))
             pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
             share = 0.0
             if upscale is not None:
                 with clock.stage("upscale"):
+                    wait()
                     begun = time.perf_counter()
                     pictures, share = upscale(kept, batch.wanted)
                     statistics.seconds += time.perf_counter() - begun

@@ -1,0 +1,32 @@
+"""Opens a network's session while the first views are made."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from ciir.models import catalogue
+from ciir.models.sessions import OnnxNetwork
+from ciir.service.pipeline.options import NO_MODEL
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from ciir.service.pipeline.plan import Plan
+
+
+@contextmanager
+def open_session(plan: Plan, *, views: int) -> Iterator[Callable[[], object]]:
+    """Opens the session that one view needs of `plan.model` in a thread, which ends with this context; it takes 30 to
+    100 ms. The value is a function that waits until it is open, and raises its error.
+
+    `views`: how many are upscaled. For several nothing is opened: they may need sessions on one core each.
+    """
+    load = catalogue.load_light_field_network if plan.is_light_field else catalogue.load_upscaler
+    model = load(plan.model, scale=plan.scale) if views == 1 and plan.model != NO_MODEL else None
+    if not isinstance(model, OnnxNetwork) or model.is_open:
+        yield lambda: None
+        return
+    with ThreadPoolExecutor(1, thread_name_prefix="open") as thread:
+        yield thread.submit(model.open).result
