@@ -7,10 +7,12 @@ import shutil
 import subprocess
 import tempfile
 import threading
+import time
 from pathlib import Path
 
+from ciir.errors import WorkerDied
 from ciir.service.jobs.files import RECORD
-from ciir.service.jobs.job import FINAL, Request, Result
+from ciir.service.jobs.job import FINAL, Problem, Request, Result
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
 from ciir.service.settings import Settings
@@ -45,6 +47,24 @@ def publish_result(jobs, run, data=b"result"):
         files.publish()
 
 
+def finish_job(jobs, job, data=b"result", lease="c-1"):
+    """The job, done, with `data` as its result."""
+    run = jobs.lifecycle.start(job.id, lease)
+    publish_result(jobs, run, data)
+    assert jobs.lifecycle.finish(run, make_result(data))
+    return jobs.get(job.id)
+
+
+def fail_job(jobs, job, status):
+    """The job, failed with `status`."""
+    assert jobs.lifecycle.finish(jobs.lifecycle.start(job.id, "c-1"), Problem(status, "Title", "detail"))
+    return jobs.get(job.id)
+
+
+def set_clock(monkeypatch, seconds):
+    monkeypatch.setattr(time, "time", lambda: seconds)
+
+
 def run_in_threads(function, count):
     """Calls `function` in `count` threads."""
     threads = [threading.Thread(target=function) for _ in range(count)]
@@ -65,6 +85,10 @@ def read_metrics(metrics, *names):
     """The values of metrics by their names and labels in Prometheus' text format."""
     lines = dict(line.rsplit(" ", 1) for line in metrics.text().decode().splitlines() if not line.startswith("#"))
     return [float(lines[name]) for name in names]
+
+
+def raise_worker_died(task, progress, cancelled):
+    raise WorkerDied("was ended by signal 9 (Killed)")
 
 
 def write_double(task, progress, cancelled):

@@ -5,6 +5,7 @@ import os
 import pytest
 
 from ciir.service.jobs.job import Request
+from ciir.service.jobs.workers import consumer
 from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
@@ -28,6 +29,11 @@ def open_pool(monkeypatch):
     for pool in pools:
         pool.close()
     assert find_workers(os.getpid(), COLD) == []
+
+
+@pytest.fixture
+def retries_at_once(monkeypatch):
+    monkeypatch.setattr(consumer, "RETRY_SECONDS", 0.01)
 
 
 @pytest.fixture

@@ -1,20 +1,25 @@
-import errno
 import logging
 import os
 import threading
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from ciir.errors import Cancelled, QueueUnavailable, WorkerDied
-from ciir.service.jobs.job import INTERNAL_ERROR, Job, Problem, Request, Result
+from ciir.errors import Cancelled, QueueUnavailable
+from ciir.service.jobs.job import Job, Problem, Request, Result
 from ciir.service.jobs.workers import consumer as module
-from ciir.service.jobs.workers import recovery
 from ciir.service.jobs.workers.consumer import Consumer
 from ciir.service.jobs.workers.consumer_lock import FOLDER
-from tests.support.jobs import StandInPool, list_files, read_result, submit_data, wait_for_end, write_double
+from tests.support.jobs import (
+    StandInPool,
+    list_files,
+    raise_worker_died,
+    read_result,
+    submit_data,
+    wait_for_end,
+    write_double,
+)
 from tests.support.waiting import wait_until
 
 
@@ -42,15 +47,6 @@ def gate(pool):
     pool.work = Gate()
     yield pool.work
     pool.work.open()
-
-
-@pytest.fixture
-def retries_at_once(monkeypatch):
-    monkeypatch.setattr(module, "RETRY_SECONDS", 0.01)
-
-
-def raise_worker_died(task, progress, cancelled):
-    raise WorkerDied("was ended by signal 9 (Killed)")
 
 
 def test_jobs_are_run(service, jobs, pool):
@@ -151,74 +147,6 @@ def test_the_log_shows_each_run(service, jobs, pool, caplog):
     texts, fields = read_fields(died)
     assert [line.get("status") for line in fields] == [None, "WorkerDied"] * 2
     assert "the worker process was ended by signal 9 (Killed)" in texts[-1]
-
-
-@pytest.mark.parametrize("problem", [Problem(422, "Not readable", "no file"), Problem(503, "No room", "full")])
-def test_a_problem_fails_the_job(service, jobs, pool, problem):
-    def write_part(task, progress, cancelled):
-        task.target.write_bytes(b"a part")
-        return problem
-
-    pool.work = write_part
-    service.start_consumer(jobs, pool)
-    job = wait_for_end(jobs, submit_data(jobs).id)
-    assert (job.state, job.problem) == ("failed", problem)
-    wait_until(lambda: list_files(jobs) == [])
-
-
-def test_an_unexpected_exception_fails_the_job_and_is_logged(service, jobs, pool, caplog):
-    pool.work = lambda task, progress, cancelled: 1 // 0
-    service.start_consumer(jobs, pool)
-    with caplog.at_level(logging.ERROR):
-        job = wait_for_end(jobs, submit_data(jobs).id)
-    assert job.problem == INTERNAL_ERROR
-    assert "ZeroDivisionError" in caplog.text
-    pool.work = write_double
-    assert wait_for_end(jobs, submit_data(jobs).id, {"done"}).attempts == 1
-
-
-@pytest.mark.usefixtures("retries_at_once")
-def test_an_outcome_that_cannot_be_stored_ends_no_thread(service, jobs, pool, monkeypatch, caplog):
-    monkeypatch.setattr(recovery, "LOST_SECONDS", 0.0)
-    pool.work = lambda task, progress, cancelled: Problem(422, "Title", float("nan"))  # not valid JSON
-    service.start_consumer(jobs, pool)
-    job = submit_data(jobs)
-    with caplog.at_level(logging.ERROR):
-        wait_until(lambda: "ValueError" in caplog.text)
-    pool.work = write_double
-    assert wait_for_end(jobs, job.id).state == "done"
-
-
-def test_a_disk_that_is_full_when_the_result_is_published(service, jobs, pool, monkeypatch):
-    move = Path.replace
-
-    def fail_for_results(path, target):
-        if "/results/" in str(target):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return move(path, target)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", fail_for_results)
-        service.start_consumer(jobs, pool)
-        job = wait_for_end(jobs, submit_data(jobs).id)
-    assert (job.state, job.problem.status) == ("failed", 503)
-    assert "No space left" in job.problem.detail
-    wait_until(lambda: list_files(jobs) == [])
-    assert wait_for_end(jobs, submit_data(jobs).id, {"done"}).attempts == 1
-
-
-def test_a_job_whose_worker_dies_once_is_run_again(service, jobs, pool):
-    def die_once(task, progress, cancelled):
-        task.target.write_bytes(b"half")
-        work = raise_worker_died if len(pool.started) == 1 else write_double
-        return work(task, progress, cancelled)
-
-    pool.work = die_once
-    service.start_consumer(jobs, pool)
-    job = wait_for_end(jobs, submit_data(jobs).id)
-    assert (job.state, job.attempts, job.worker_deaths) == ("done", 2, 1)
-    assert [event.kind for event in job.events] == ["queued", "running", "queued", "running", "done"]
-    assert read_result(jobs, job.id) == b"datadata"
 
 
 @pytest.mark.parametrize("where", ["this process", "another process"])
@@ -360,18 +288,3 @@ def test_redis_stops_and_restarts(service, pool, gate, redis_server, caplog):
         wait_until(lambda: "the queue can be used again" in caplog.text)
     assert [wait_for_end(jobs, id_).state for id_ in ids] == ["done"] * 3
     assert sorted(pool.started) == sorted(ids)  # the job that ended meanwhile was not run again
-
-
-@pytest.mark.parametrize("damage", [b"", b"bb", None])
-def test_a_damaged_input_fails_the_job_until_it_is_sent_again(service, jobs, pool, damage):
-    job = submit_data(jobs, b"ab")
-    path = jobs.folder / "files" / "inputs" / job.input
-    path.unlink()
-    if damage is not None:
-        path.write_bytes(damage)
-    service.start_consumer(jobs, pool)
-    failed = wait_for_end(jobs, job.id)
-    assert (failed.state, failed.problem.status, pool.started) == ("failed", 503, [])
-    assert "post it again" in failed.problem.detail
-    assert wait_for_end(jobs, submit_data(jobs, b"ab").id).state == "done"
-    assert read_result(jobs, job.id) == b"abab"
