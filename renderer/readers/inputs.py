@@ -260,8 +260,9 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     except MemoryError as error:
         raise TooLarge(f"{name}: reading it takes more memory than there is; give fewer or smaller views") from error
     except Exception as error:
-        cause = clean_text(str(error)) or type(error).__name__
-        raise Unreadable(f"{name}: the {format_.name} file is truncated or corrupt ({cause}); give it whole") from error
+        raise Unreadable(
+            f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
+        ) from error
     grid = light_field.views.shape[:2]
     if format_ is not ESLF and layout.pixels not in {None, grid}:  # of ESLF they are those under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS
-from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import FORMATS, LYTRO_RAW, LYTRO_RAW_SIZES, PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def decode(
     alone. `check(height, width)` is called before decoding and may raise an error of its own.
 
     Raises `UnsupportedType` for other formats and other pixels, `TooLarge` over `max_pixels` (height x width) or
-    `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is truncated or corrupt.
+    `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is damaged or cut off.
     """
 
     def check_size(height: int, width: int) -> None:
@@ -77,9 +76,9 @@ def decode(
     except MemoryError as error:
         raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error
     except Exception as error:
-        text = clean_text(str(error))
-        cause = f" ({text})" if " " in text else ""  # a KeyError has only its key
-        raise Unreadable(f"{name}: the picture is truncated or corrupt{cause}; send the whole file") from error
+        raise Unreadable(
+            f"{name}: damaged or cut off (while the {found[0].name} picture was decoded); send the whole file"
+        ) from error
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:

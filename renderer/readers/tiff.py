@@ -100,7 +100,7 @@ def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)
     )
     if not whole:
-        raise Unreadable(f"{name}: the TIFF's pixels are cut off or missing; send the whole file")
+        raise Unreadable(f"{name}: damaged or cut off (pixels of the TIFF are missing); send the whole file")
     if page.is_tiled and page.tilelength * page.tilewidth > 4 * page.imagelength * page.imagewidth + (1 << 20):
         raise TooLarge(
             f"{name}: TIFF tiles of {page.tilelength}x{page.tilewidth} pixels for a picture of "

@@ -103,7 +103,7 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
         members = check_members(name, archive.infolist(), limits)
         check_sum(name, members.values(), limits)
         arrays = {
-            key.removesuffix(".npy"): Array(_read_member(archive, member, data), f"{name}: {clean_text(key)}")
+            key.removesuffix(".npy"): Array(_read_member(archive, member, data, name), f"{name}: {clean_text(key)}")
             for key, member in members.items()
             if _is_npy(key)
         }
@@ -116,14 +116,14 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     return _make_light_field(arrays[key].read(), None, name, layout)
 
 
-def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> bytes | memoryview:
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes, name: str) -> bytes | memoryview:
     """The content of a member of the zip `data`; without a copy where it is stored as it is."""
     if member.compress_type != zipfile.ZIP_STORED:
         return archive.read(member)
     start = member.header_offset + sum(_LOCAL_HEADER.unpack_from(data, member.header_offset), _LOCAL_HEADER.size)
     content = memoryview(data)[start : start + member.file_size]
     if zlib.crc32(content) != member.CRC:
-        raise Unreadable(f"{clean_text(member.filename)}: its checksum is wrong; give the whole file")
+        raise Unreadable(f"{name}: damaged (the checksum of {clean_text(member.filename)} is wrong); give it again")
     return content
 
 

@@ -48,6 +48,13 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         if count > limits.views:
             raise TooLarge(f"{name}: {count:,} pages; at most {limits.views:,} views are read; give fewer", "views")
         described = _parse_description(file.pages.first.description)
+        size = (file.pages.first.imagelength, file.pages.first.imagewidth)
+        counted = described.get("grid", (0, 0))
+        if layout.pixels is None and described.get("size") == size and counted[0] * counted[1] > count:
+            raise Unreadable(
+                f"{name}: damaged or cut off ({count} pages of the {counted[0]}x{counted[1]} views that its "
+                "description counts); send the whole file, or give pixels ROWSxCOLUMNS of the views that are there"
+            )
         grid, notes = _find_grid(count, layout, described, name)
         first, dtype = file.pages.first, np.dtype(file.pages.first.dtype)
         tiff.check_page(first, len(data), name, _allow)
@@ -89,7 +96,7 @@ def _find_grid(
 
 
 def _parse_description(text: str) -> dict[str, Any]:
-    """`grid` and `depth_sense`, as far as the description of the first page has them."""
+    """`grid`, `size` of a view and `depth_sense`, as far as the description of the first page has them."""
     if text.startswith("{") and len(text) <= _LONGEST_DESCRIPTION:
         try:
             found = json.loads(text)
@@ -98,7 +105,7 @@ def _parse_description(text: str) -> dict[str, Any]:
         shape = found.get("shape")
         sizes = shape if isinstance(shape, list) and len(shape) in (4, 5) else []
         if len(sizes) > 1 and all(isinstance(size, int) and size > 0 for size in sizes[:2]):
-            return {"grid": (sizes[0], sizes[1]), "depth_sense": found.get("depth_sense")}
+            return {"grid": (sizes[0], sizes[1]), "size": tuple(sizes[2:4]), "depth_sense": found.get("depth_sense")}
     axes = {key: int(value) for key, value in re.findall(r'\bSize([TZ])="(\d{1,6})"', text[:_LONGEST_DESCRIPTION])}
     if "<OME" in text[:1000] and len(axes) == 2:
         return {"grid": (axes["T"], axes["Z"])}

@@ -209,3 +209,19 @@ def test_a_video_of_elemental_image_arrays_keeps_its_order() -> None:
     assert note.startswith("order: the views seem to be reversed along one axis")
     assert not inputs.holds_views(bundle, Layout(arrangement="eia"))
     assert inputs.holds_views(bundle, Layout())
+
+
+@pytest.mark.parametrize(
+    ("name", "format_"), [("a.mat", None), ("a.mat", "mat73"), ("a.h5", None), ("a.npz", None), ("a.tif", "stack")]
+)
+def test_a_container_that_is_cut_off_is_refused_without_words_of_libraries(
+    tmp_path: Path, name: str, format_: str | None
+) -> None:
+    path = tmp_path / name
+    LightField(make_views((3, 3), side=32)).save(path, format_)
+    data = path.read_bytes()
+    for share in (0.5, 0.99):
+        message = rf"^{name}: damaged or cut off \(.*\); send the whole file(, or give pixels .*)?$"
+        with pytest.raises(Unreadable, match=message) as caught:
+            inputs.read(Bundle.from_upload(name, data[: int(len(data) * share)]))
+        assert not any(word in str(caught.value) for word in ("reshape", "zip file", "object", "synchronously"))

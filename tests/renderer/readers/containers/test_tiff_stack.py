@@ -103,3 +103,10 @@ def test_our_own_stack_is_exact(tmp_path, sense, channels):
     assert (found.notes, found.depth_sense) == ((), sense)
     with tifffile.TiffFile(tmp_path / "a.tif") as file:  # as others read it
         assert file.series[0].shape[:4] == (2, 3, 5, 7)
+
+
+def test_a_stack_that_is_cut_off_is_no_smaller_one():
+    data = make(PAGES[:9], ('{"shape": [3, 4, 5, 7, 3]}',))
+    with pytest.raises(Unreadable, match=r"^a\.tif: damaged or cut off \(9 pages of the 3x4 views that its"):
+        read(data)
+    assert read(data, pixels=(3, 3)).views.shape[:2] == (3, 3)

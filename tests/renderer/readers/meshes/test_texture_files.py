@@ -47,7 +47,7 @@ def test_a_corrupt_texture_is_charged_before_it_is_decoded() -> None:
     files = {f"{i}.png": corrupt(20, 30) for i in range(3)}
     resolver = Resolver(files, "a.obj", max_pixels=1000)
     assert all(resolver.load_texture(name, opaque=True) is None for name in files)
-    assert "0.png: the picture is truncated or corrupt" in resolver.notes[0]
+    assert "0.png: damaged or cut off (while the PNG picture was decoded); send" in resolver.notes[0]
     assert "20x30 pixels; 399 are left of the 1,000 for all textures; scale them down" in resolver.notes[1]
 
 
