@@ -140,11 +140,13 @@ def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = i
     def make(row: int) -> None:
         x, y = calibration.content_positions(row)
         place = calibration.view_places(row) * (count - 1)  # (screen width, 3)
-        total = np.zeros(place.shape)
+        lines = np.zeros((count, width, channels), np.float32)  # all of a screen's row is at one height of the views
+        for top, of_row in weigh_neighbours((1 - y[:1]) * height - 0.5, height):
+            lines += views[:, top[0]] * np.float32(of_row[0])
+        total = np.zeros(place.shape, np.float32)
         for view, of_view in weigh_neighbours(place, count):
-            for top, of_row in weigh_neighbours((1 - y[:, None]) * height - 0.5, height):
-                for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
-                    total += of_view * of_row * of_column * views[view, top, left, channel]
+            for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
+                total += (of_view * of_column) * lines.take((view * width + left) * channels + channel)
         native[row] = np.rint(total)
 
     run_parts(make, calibration.height, progress)
