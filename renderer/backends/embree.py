@@ -17,6 +17,7 @@ from ciir.renderer.scene import SOLID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from concurrent.futures import Future
 
     from numpy.typing import NDArray
 
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 Value = TypeVar("Value", np.uint8, np.float32)
 
 RAYS_PER_BATCH = 1 << 14
-RAYS_AT_ONCE = 1 << 18
-"""Of views that are cast together, at most, but for a single view."""
+RAYS_AT_ONCE = 1 << 17
+"""Of views that are cast together, at most, but for a single view; the next ones are cast meanwhile."""
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
@@ -40,8 +41,6 @@ EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
 """How far behind a cut-out or see-through point a ray continues: about 50 spacings of float32 at `EXTENT`."""
-
-
 PASSED = (
     f"raytrace: some rays pass over {MAX_LAYERS} cut-out or see-through surfaces, and end there; what lies behind is "
     "not drawn"
@@ -170,6 +169,18 @@ class PreparedScene:
             self.passed += len(active)
         return rgba, entry + reached / self._scale
 
+    def cast_levels(self, origins: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """The colours of `cast` in whole levels, `(n, 4)`, rounded to nearest."""
+        if self._lets_through:
+            return (self.cast(origins, direction)[0] * 255.0 + 0.5).astype(np.uint8)
+        _, entries, along = self._enter(origins, direction)
+        triangle, u, v, _ = self._find_hits(entries, along)
+        hit = np.flatnonzero(triangle >= 0)
+        color = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0] * 255.0 + 0.5
+        levels = np.zeros(len(origins), np.uint32)  # whole RGBA: faster to scatter
+        levels[hit] = color.astype(np.uint8).view(np.uint32).ravel()
+        return levels.view(np.uint8).reshape(-1, 4)
+
     def _shade(
         self,
         triangle: NDArray[np.int32],
@@ -228,7 +239,7 @@ class RaytraceBackend(Backend):
 
         def cast(picture: NDArray[np.uint8], part: RayBatch) -> None:
             rays, origins, direction = part
-            picture[rays] = prepared.cast(origins, direction)[0] * 255.0 + 0.5
+            picture[rays] = prepared.cast_levels(origins, direction)
 
         for picture in _cast_views(array, views, lambda rays: np.empty((rays, 4), np.uint8), cast):
             if prepared.passed and notes is not None:
@@ -275,14 +286,15 @@ def _cast_views(
     count = array.rows * array.cols
     size = max(1, RAYS_AT_ONCE // count)
     with ThreadPoolExecutor(count_available_cores(), thread_name_prefix="rays") as pool:
-        for first in range(0, len(views), size):
-            some = views[first : first + size]
-            pictures = [make(count) for _ in some]
-            parts = [
-                pool.submit(cast, picture, part)
-                for picture, view in zip(pictures, some, strict=True)
-                for part in list_rays(array, view)
-            ]
-            for part in parts:
-                part.result()
-            yield from pictures
+
+        def begin(first: int) -> list[tuple[NDArray[Value], list[Future[None]]]]:
+            some = [(make(count), view) for view in views[first : first + size]]
+            return [(made, [pool.submit(cast, made, part) for part in list_rays(array, view)]) for made, view in some]
+
+        coming = begin(0)
+        for first in range(size, len(views) + size, size):
+            group, coming = coming, begin(first)  # none after the last
+            for picture, parts in group:
+                for part in parts:
+                    part.result()
+                yield picture

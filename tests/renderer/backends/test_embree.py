@@ -1,5 +1,7 @@
 """Embree against a slow, readable ray caster."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -147,13 +149,13 @@ def test_a_see_through_triangle_is_met_once_at_any_angle():
 def test_one_ray_is_cast_for_each_sample(samples, at_once, monkeypatch):
     """Of each lens in each of the views, and no others, for any size of batch."""
     array, views, batches = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1), [(0, 0), (1, 2)], []
-    cast = embree.PreparedScene.cast
+    cast = embree.PreparedScene.cast_levels
 
     def counted(prepared, origins, direction):
         batches.append(len(origins))
         return cast(prepared, origins, direction)
 
-    monkeypatch.setattr(embree.PreparedScene, "cast", counted)
+    monkeypatch.setattr(embree.PreparedScene, "cast_levels", counted)
     monkeypatch.setattr(embree, "RAYS_PER_BATCH", at_once)
     assert len(list(RaytraceBackend().render_views(triangles(), array, views, samples=samples))) == len(views)
     a_view = 7 * 9 * samples**2
@@ -162,6 +164,34 @@ def test_one_ray_is_cast_for_each_sample(samples, at_once, monkeypatch):
     batches.clear()
     RaytraceBackend().render_eia(triangles(), array, samples=samples)
     assert sum(batches) == 2 * 3 * a_view
+
+
+def test_levels_are_those_of_the_colours_that_rays_meet():
+    prepared, array = embree.PreparedScene(triangles()), LensArray(9, 11, 1, 1, pitch=0.25, delta=0.1)
+    ((_, origins, direction),) = embree.list_rays(array, (0, 0))
+    colours = prepared.cast(origins, direction)[0]
+    assert 0 < np.count_nonzero(colours[:, 3]) < len(colours)
+    np.testing.assert_array_equal(prepared.cast_levels(origins, direction), (colours * 255 + 0.5).astype(np.uint8))
+
+
+def test_the_next_views_are_cast_while_one_is_used(monkeypatch):
+    """Two views, each in a group of its own: the second is cast before it is asked for."""
+    cast, done = embree.PreparedScene.cast_levels, []
+    second = threading.Event()
+
+    def counted(prepared, origins, direction):
+        done.append(direction)
+        if len(done) == 2:
+            second.set()
+        return cast(prepared, origins, direction)
+
+    monkeypatch.setattr(embree.PreparedScene, "cast_levels", counted)
+    monkeypatch.setattr(embree, "RAYS_AT_ONCE", 1)
+    array = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1)
+    pictures = RaytraceBackend().render_views(triangles(), array, [(0, 0), (1, 2), (0, 1)])
+    next(pictures)
+    assert second.wait(60)
+    assert len(list(pictures)) == 2
 
 
 @pytest.mark.parametrize("at_once", [1, 130, 1 << 18])  # 63 rays a view: one view, two, all
@@ -177,6 +207,6 @@ def test_an_error_of_a_thread_is_raised(monkeypatch):
     def fail(prepared, origins, direction):
         raise MemoryError
 
-    monkeypatch.setattr(embree.PreparedScene, "cast", fail)
+    monkeypatch.setattr(embree.PreparedScene, "cast_levels", fail)
     with pytest.raises(MemoryError):
         list(RaytraceBackend().render_views(triangles(), ARRAY, [(0, 0)]))
