@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 BEFORE_BACKGROUND = 40.0
 """8-bit levels that a disparity costs a pixel where all views see background behind it."""
+FARTHER = 0.5
+"""How much farther, as a share of the centre view's range of disparities, what it does not see may lie."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,9 @@ def make_model(
         if not is_used.any():
             continue
         mapped = estimate_disparity(field, view, limits=limits, extra=partial(cost, view) if has_background else None)
-        limits = float(mapped.planes[0]), float(mapped.planes[-1])  # of the centre view for all
+        if limits is None:  # something nearer would hide what the centre view sees, but it hides what is farther
+            low, high = float(mapped.planes[0]), float(mapped.planes[-1])
+            limits = low, high + FARTHER * (high - low) * has_background
         picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
         patch = make_patch(picture, mapped.disparity, is_used, most)
         vertices = _place(patch.x, patch.y, patch.disparity, array, view)

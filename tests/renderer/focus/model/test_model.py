@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,16 @@ def test_corner_views_add_what_the_centre_does_not_see(model):
     on_wall = np.abs(model.vertices[:, 2] + WALL) < 2
     is_hidden = (np.abs(model.vertices[:, :2]) < 11).all(axis=1)
     assert (on_wall & is_hidden).sum() > 20
+
+
+def test_what_only_corner_views_see_may_lie_farther():
+    """A wall 35 units away, 1.75 pixels a view, is all behind a card whose tilt takes it from 5 to 25 units."""
+    card = make_square(15, 24, 2)
+    tilted = card.vertices + card.vertices[:, :1] * [0, 0, -10 / 24]
+    array = LensArray(40, 48, 9, 9, pitch=2.0, delta=0.1)
+    views = render(Scene((replace(card, vertices=tilted), make_square(35, 23, 3))), array)
+    distance = -make_model(views, pitch=2.0, delta=0.1).vertices[:, 2]
+    assert (np.abs(distance - 35) < 2).sum() > 100
 
 
 def test_a_camera_array_gives_the_same_model_as_the_lens_array_that_shows_the_same(captured, model):
