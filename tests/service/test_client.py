@@ -1,32 +1,22 @@
-"""The client against a real server, and against canned responses for rare cases."""
+"""The clients against a real server."""
 
 import asyncio
 import io
-import json
 
-import httpx2
 import numpy as np
 import pytest
 
-from ciir import errors
 from ciir.errors import (
     ConnectionFailed,
-    Error,
     InvalidOption,
-    NotDone,
     NotFound,
-    QueueFull,
-    ResultExpired,
-    ServiceError,
-    Unauthorized,
     Unreadable,
     UnsupportedType,
 )
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service import client as client_module
-from ciir.service import client_messages
-from ciir.service.client import AsyncClient, Client, Event, Result
+from ciir.service.client import AsyncClient, Client, Result
 from tests.support.inputs import EIA
 
 JOB = f"/v1/reconstructions/{'0' * 32}"
@@ -37,23 +27,6 @@ FIELDS = {"lenses": "6x9", "model": "none"}
 def client(server):
     with Client(server) as client:
         yield client
-
-
-def make_client(*responses, **options):
-    """A client that gets `responses`, one after another, and the list of its requests."""
-    requests, remaining = [], list(responses)
-
-    def respond(request):
-        requests.append(request)
-        return remaining.pop(0)
-
-    return Client("http://server", transport=httpx2.MockTransport(respond), **options), requests
-
-
-def make_problem(status, headers=None, title="T"):
-    body = {"type": "about:blank", "title": title, "status": status, "detail": "d", "instance": "/"}
-    head = {"content-type": "application/problem+json"} | (headers or {})
-    return httpx2.Response(status, headers=head, content=json.dumps(body))
 
 
 def test_a_result(client, eia_file, tmp_path):
@@ -144,143 +117,10 @@ def test_tuples_and_folders(client, eia_file, tmp_path):
     assert made[0].id == made[1].id  # a folder is packed to the same bytes
 
 
-@pytest.mark.parametrize(
-    ("status", "title", "kind"),
-    [
-        (401, "Unauthorized", Unauthorized),
-        (404, "Not Found", NotFound),
-        (409, "Not finished", NotDone),
-        (409, "Cancelled", errors.Cancelled),
-        (410, "Expired", ResultExpired),
-        (413, "Over a limit", errors.TooLarge),
-        (422, "Invalid model or scale", errors.ModelError),
-        (500, "Internal error", ServiceError),
-        (418, "I'm a Teapot", ServiceError),
-    ],
-)
-def test_errors_are_those_of_the_tree(status, title, kind):
-    client, requests = make_client(make_problem(status, title=title))
-    with pytest.raises(Error, match=f"{status} {title}: d$" if kind is ServiceError else "^d$") as caught:
-        client.models()
-    assert type(caught.value) is kind
-    assert len(requests) == 1
-
-
-def test_a_response_of_another_server():
-    client, _ = make_client(httpx2.Response(502, text="<html>"))
-    with pytest.raises(ServiceError, match="not from a ciir server"):
-        client.models()
-
-
-@pytest.mark.parametrize(
-    ("status", "title", "kind"), [(429, "Queue full", QueueFull), (503, "Not ready", errors.NotReady)]
-)
-def test_requests_are_repeated_after_retry_after(monkeypatch, eia_file, status, title, kind):
-    slept = []
-    monkeypatch.setattr(client_module.time, "sleep", slept.append)
-    busy = [make_problem(status, {"retry-after": "7"}, title) for _ in range(3)]
-    client, requests = make_client(*busy[:2], httpx2.Response(202, json={"events": f"{JOB}/events"}), retries=2)
-    assert client.submit(eia_file).id == "0" * 32
-    assert slept == [7, 7]
-    bodies = [request.read().partition(b"\r\n")[2] for request in requests]
-    assert all(eia_file.read_bytes() in body for body in bodies)  # the whole file is sent each time
-    client, _ = make_client(*busy, retries=2)
-    with pytest.raises(kind):
-        client.submit(eia_file)
-
-
-def test_a_get_is_repeated_only_after_retry_after(monkeypatch):
-    slept = []
-    monkeypatch.setattr(client_module.time, "sleep", slept.append)
-    client, _ = make_client(make_problem(503, {"retry-after": "3"}), httpx2.Response(200, json=[]))
-    assert (client.models(), slept) == ([], [3])
-    client, requests = make_client(make_problem(503), httpx2.Response(200, json=[]))
-    with pytest.raises(ServiceError):
-        client.models()
-    assert (len(requests), slept) == (1, [3])
-
-
 def test_the_content_of_a_result_is_not_printed():
     assert (
         repr(Result("a", b"bytes", "png", {}, "a.png")) == "Result(id='a', format='png', timings_ms={}, name='a.png')"
     )
-
-
-def test_the_key_is_sent():
-    client, requests = make_client(httpx2.Response(200, json=[]), api_key="k")
-    client.models()
-    assert requests[0].headers["authorization"] == "Bearer k"
-
-
-class Breaks(httpx2.SyncByteStream):
-    """A stream of events that ends within the second one."""
-
-    def __iter__(self):
-        yield b': job\nretry: 1000\n\nevent: queued\ndata: {}\nid: 0\n\nevent: progress\ndata: {"stage":'
-        raise httpx2.ReadError("gone")
-
-
-def test_a_stream_that_breaks_once_too_often():
-    broken = httpx2.Response(200, headers={"content-type": "text/event-stream"}, stream=Breaks())
-    client, _ = make_client(broken, retries=0)
-    events = client_module.Job(client, JOB).events()
-    assert next(events) == Event(0, "queued", {})
-    with pytest.raises(ConnectionFailed, match="gone; check the URL"):
-        next(events)
-
-
-def test_a_broken_event_stream_is_resumed(monkeypatch):
-    monkeypatch.setattr(client_module.time, "sleep", lambda seconds: None)
-
-    head = {"content-type": "text/event-stream"}
-    rest = b': ping\n\nevent: running\ndata: {}\nid: 1\n\nevent: done\ndata: {"a": 1}\nid: 2\n\n'
-    client, requests = make_client(
-        httpx2.Response(200, headers=head, stream=Breaks()),
-        make_problem(503, {"retry-after": "1"}),
-        httpx2.Response(200, headers=head, content=rest),
-    )
-    events = list(client_module.Job(client, JOB).events())
-    assert events == [Event(0, "queued", {}), Event(1, "running", {}), Event(2, "done", {"a": 1})]
-    assert [request.headers.get("last-event-id") for request in requests] == [None, "0", "0"]
-    client, _ = make_client(make_problem(503), make_problem(503), retries=1)
-    with pytest.raises(ServiceError):
-        list(client_module.Job(client, JOB).events())
-    client, _ = make_client(httpx2.Response(204))
-    assert list(client_module.Job(client, JOB).events()) == []
-
-
-def test_a_stream_that_ends_early_is_resumed_after_a_pause(monkeypatch):
-    slept = []
-    monkeypatch.setattr(client_module.time, "sleep", slept.append)
-    head = {"content-type": "text/event-stream"}
-    client, requests = make_client(
-        httpx2.Response(200, headers=head, content=b"event: queued\ndata: {}\nid: 0\n\n"),
-        httpx2.Response(200, headers=head, content=b": the server stops\n\n"),
-        httpx2.Response(200, headers=head, content=b"event: done\ndata: {}\nid: 1\n\n"),
-    )
-    assert [event.kind for event in client_module.Job(client, JOB).events()] == ["queued", "done"]
-    assert (len(requests), slept) == (3, [1.0, 1.0])
-
-
-def refuse(request):
-    raise httpx2.ConnectError("refused")
-
-
-def test_a_server_that_cannot_be_reached(monkeypatch, eia_file):
-    monkeypatch.setattr(client_messages, "PAUSE_SECONDS", 0)
-    client = Client("http://127.0.0.1:9")
-    with pytest.raises(ConnectionFailed, match=r"^http://127\.0\.0\.1:9.*check the URL"):
-        client.submit(eia_file)
-    client = Client("http://server", transport=httpx2.MockTransport(refuse), retries=2)
-    with pytest.raises(ConnectionFailed, match="refused"):
-        list(client_module.Job(client, JOB).events())
-
-    async def ask():
-        async with AsyncClient("http://127.0.0.1:9") as client:
-            await client.models()
-
-    with pytest.raises(ConnectionFailed):
-        asyncio.run(ask())
 
 
 def test_the_asynchronous_client(server, eia_file, cube_file):
@@ -306,25 +146,3 @@ def test_the_asynchronous_client(server, eia_file, cube_file):
     assert decode(large.content, name="x").shape == (2 * EIA.shape[0], 2 * EIA.shape[1], 3)
     assert decode(eia.content, name="x").shape == (24, 36, 3)
     assert models > 5
-
-
-def test_the_asynchronous_client_repeats_requests_and_resumes_events(monkeypatch):
-    monkeypatch.setattr(client_messages, "PAUSE_SECONDS", 0)
-    head = {"content-type": "text/event-stream"}
-    answers = [
-        httpx2.Response(200, headers=head, content=b"event: queued\ndata: {}\nid: 0\n\n"),
-        make_problem(503, {"retry-after": "0"}),
-        httpx2.Response(200, headers=head, content=b"event: done\ndata: {}\nid: 1\n\n"),
-    ]
-    requests = []
-
-    def respond(request):
-        requests.append(request)
-        return answers.pop(0)
-
-    async def collect():
-        async with AsyncClient("http://server", transport=httpx2.MockTransport(respond)) as client:
-            return [event async for event in client_module.AsyncJob(client, JOB).events()]
-
-    assert asyncio.run(collect()) == [Event(0, "queued", {}), Event(1, "done", {})]
-    assert [request.headers.get("last-event-id") for request in requests] == [None, "0", "0"]
