@@ -218,7 +218,13 @@ def render(
 
 @overload
 def upscale(
-    images: LightField, *, model: str = ..., scale: int = ..., skip: bool = ..., progress: Progress | None = ...
+    images: LightField,
+    *,
+    model: str = ...,
+    scale: int = ...,
+    skip: bool = ...,
+    sampling: Sampling = ...,
+    progress: Progress | None = ...,
 ) -> LightField: ...
 @overload
 def upscale(
@@ -227,6 +233,7 @@ def upscale(
     model: str = ...,
     scale: int = ...,
     skip: bool = ...,
+    sampling: Sampling = ...,
     progress: Progress | None = ...,
 ) -> np.ndarray[Any, np.dtype[Picture]]: ...
 def upscale(
@@ -235,20 +242,22 @@ def upscale(
     model: str = "auto",
     scale: int = 2,
     skip: bool = True,
+    sampling: Sampling = "pinhole",
     progress: Progress | None = None,
 ) -> LightField | np.ndarray[Any, np.dtype[Picture]]:
     """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16.
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
     the default of single pictures. `skip`: whether pixels whose result is known are skipped, which changes no pixel.
-    `progress(done, total)` counts views.
+    `sampling`: `lenslet` where pixels are means over the pitch, as of a lenslet array without noise; what is made then
+    has these means. `progress(done, total)` counts views.
 
     Returns the same kind, `scale` times as large along each side. Raises `ciir.Error`.
     """
     light_field = images if isinstance(images, LightField) else as_light_field(images)
     if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
         raise UnsuitedModel(f"{model} takes the views of a light field, not one picture; give ciir.LightField(array)")
-    options = Options.convert({"views": "all", "model": model, "scale": scale, "skip": skip})
+    options = Options.convert({"views": "all", "model": model, "scale": scale, "skip": skip, "sampling": sampling})
     writer = MemoryWriter()
     report = run_reconstruction(light_field, options, writer, progress=progress)
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))

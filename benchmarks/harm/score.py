@@ -12,6 +12,7 @@ import numpy as np
 from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.harm.case import SCALE
 from ciir.models import catalogue
+from ciir.models.back_projection import restore_means
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
@@ -160,7 +161,8 @@ def reconstruct_case(case: Case, model: str) -> Result:
     if isinstance(source, Scene):
         plan = make_plan(resolve_job(case.input, source, options, max_views=DEFAULT_LIMITS.views))
         if plan.is_light_field:
-            source, options = LightField(case.views), Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model)
+            source = LightField(case.views)
+            options = Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model, sampling=options.sampling)
     pictures, report = reconstruct_views(source, options)
     name = report["model"]["name"]
     is_light_field = next(entry for entry in catalogue.list_entries() if entry.name == name).is_light_field
@@ -175,7 +177,7 @@ def make_subject(model: str) -> Callable[[Case], Result]:
     if model != AUTO:
         loaded = load_model(model)
         if model.endswith(".json"):
-            return lambda case: Result(loaded.upscale(case.views, case.at), model, loaded.is_light_field)
+            return lambda case: Result(_upscale_case(loaded, case), model, loaded.is_light_field)
     return partial(reconstruct_case, model=model)
 
 
@@ -187,7 +189,7 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
     singles = [network.name for network in networks if not network.is_light_field]
     for network in networks:
         if not network.is_light_field or min(case.views.shape[:2]) >= MINIMUM_GRID:
-            pictures[network.name] = network.upscale(case.views, case.at)
+            pictures[network.name] = _upscale_case(network, case)
     psnr, ssim = {}, {}
     truth = rgb_to_luma(case.truth)
     has_ssim = min(truth.shape) - 2 * case.border > 2 * SSIM_RADIUS
@@ -215,6 +217,12 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
         notes=result.notes,
         crops={name: picture[window].copy() for name, picture in (shown | {DEFAULT: result.picture}).items()},
     )
+
+
+def _upscale_case(network: Model, case: Case) -> Picture:
+    """What the pipeline makes of a case by a network."""
+    picture = network.upscale(case.views, case.at)
+    return restore_means(picture, case.views[case.at]) if case.options.sampling == "lenslet" else picture
 
 
 def _subtract(psnr: float, other: float) -> float:

@@ -53,6 +53,7 @@ class Job:
     strategy: Strategy
     backend: Backend
     sampling: Sampling
+    """How the lenses see, or saw."""
     background: tuple[int, int, int]
     placement: Placement
     """Of a mesh."""
@@ -78,7 +79,7 @@ class Job:
     @property
     def samples(self) -> int:
         """A mesh's samples along each side of a lens's cell; 1 for a light field."""
-        return LENSLET_SAMPLES if self.sampling == "lenslet" else 1
+        return LENSLET_SAMPLES if self.mesh is not None and self.sampling == "lenslet" else 1
 
     @property
     def depth_sense(self) -> DepthSense:
@@ -118,7 +119,7 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
         delta = _resolve_delta(options, grid)
     check_view_count(options.views, grid, max_views)
     wanted = _parse_views(content, options, grid)
-    check_kind(name, content, options)
+    check_kind(name, content, options, is_upscaled=options.model != NO_MODEL)
     known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if options.model not in known:
         raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
@@ -169,8 +170,10 @@ def _parse_views(content: Content, options: Options, grid: tuple[int, int]) -> t
         raise InvalidOption(f"{error}{order}") from error
 
 
-def check_kind(name: str, content: Content, options: Options) -> None:
-    """Raises `InvalidOption` for an option that is for the other kind of input."""
+def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bool = False) -> None:
+    """Raises `InvalidOption` for an option that is for the other kind of input; `sampling` is for pictures that are
+    upscaled too.
+    """
     if isinstance(content, Scene):
         if options.pickup != "virtual":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
@@ -179,6 +182,8 @@ def check_kind(name: str, content: Content, options: Options) -> None:
                 raise InvalidOption(f"{option}: this is for pictures and {name} is a mesh; leave it out")
         return
     for option in MESH:
+        if option == "sampling" and is_upscaled:
+            continue
         if getattr(options, option) != getattr(Options, option):
             raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
     if options.strategy == "direct":

@@ -37,6 +37,8 @@ class Plan:
     """Sentences for the report."""
     is_light_field: bool = False
     """Whether the model takes a view with those around it."""
+    restores_means: bool = False
+    """Whether upscaled views are brought back to the means that lenslets saw (`models.back_projection`)."""
     note: str = ""
     """What the user should know of the model that was selected; empty for nothing."""
 
@@ -56,13 +58,22 @@ def make_plan(job: Job) -> Plan:
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
         return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons))
     selected = select_model(job)
+    reasons += selected.reasons
+    is_network = next(entry.card is not None for entry in catalogue.list_entries() if entry.name == selected.model)
+    restores_means = job.sampling == "lenslet" and is_network and not job.is_transparent
+    if restores_means:
+        reasons.append("sampling lenslet: upscaled views are brought back to the means that the lenses saw")
+    elif job.sampling == "lenslet" and job.mesh is None:
+        why = "views with transparency" if is_network else "interpolation"
+        reasons.append(f"sampling lenslet: changes nothing in {why}")
     return Plan(
         strategy,
         selected.model,
         job.scale,
         job.samples,
-        (*reasons, *selected.reasons),
+        tuple(reasons),
         selected.is_light_field,
+        restores_means,
         selected.note,
     )
 

@@ -171,6 +171,7 @@ def _reconstruct(
                 progress(len(written), len(job.wanted))
 
     described = views.describe()
+    is_sampled = plan.restores_means or (job.mesh is not None and plan.strategy == "upscale")
     skipped = ({} if upscale is None else describe_skipped(statistics)) | described["skipped"] or None
     return {
         "input": given.describe(content),
@@ -180,7 +181,7 @@ def _reconstruct(
         "plan": {
             "strategy": plan.strategy,
             "backend": described["backend"],
-            "sampling": job.sampling if job.mesh is not None and plan.strategy == "upscale" else None,
+            "sampling": job.sampling if is_sampled else None,
             "samples": plan.samples,
             "model": plan.model,
             "scale": plan.scale,

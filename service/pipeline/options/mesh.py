@@ -58,7 +58,8 @@ MESH = {
     ),
     "sampling": Option(
         "NAME",
-        "how a lens sees a mesh: pinhole, one point; lenslet, the mean over its pitch (default pinhole)",
+        "how a lens sees: pinhole, one point; lenslet, the mean over its pitch, which upscaled views of clean pictures "
+        "then keep too (default pinhole)",
         make_name(get_args(Sampling)),
         "lenslet",
     ),
@@ -90,7 +91,8 @@ MESH = {
         "0.5",
     ),
 }
-"""By name, in the order of the help. Pictures are refused with any of them."""
+"""By name, in the order of the help. Pictures are refused with any of them, but for `sampling` where they are
+upscaled."""
 
 
 @dataclass(frozen=True)

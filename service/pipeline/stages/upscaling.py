@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ciir.models import catalogue
+from ciir.models.back_projection import restore_means
 from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE
 
 if TYPE_CHECKING:
@@ -32,6 +33,20 @@ def load_upscaler(
 
     Raises as `models.catalogue.load_upscaler`.
     """
+    upscale = _load_model(plan, grid, skip, statistics)
+    if not plan.restores_means:
+        return upscale
+
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+        made, share = upscale(views, wanted)
+        for picture, view in zip(made, wanted, strict=True):
+            picture[:] = restore_means(picture, views[view])
+        return made, share
+
+    return upscale_lenslets
+
+
+def _load_model(plan: Plan, grid: tuple[int, int], skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
     if plan.is_light_field:
         from ciir.models.light_field.views import upscale_views
 

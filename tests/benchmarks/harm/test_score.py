@@ -77,14 +77,16 @@ def test_a_mesh_is_reconstructed_as_by_the_pipeline(model, sampling):
     assert np.array_equal(result.picture, expected[0])
 
 
-def test_networks_make_what_the_pipeline_makes(case):
+@pytest.mark.parametrize("sampling", ["pinhole", "lenslet"])
+def test_networks_make_what_the_pipeline_makes(case, sampling):
+    case = dataclasses.replace(case, options=dataclasses.replace(case.options, sampling=sampling))
     networks, left_out = score.list_networks()
     names = {network.name for network in networks}
     assert names | set(left_out) == {entry.name for entry in catalogue.list_entries() if entry.card is not None}
     for network in networks:
         result = score.reconstruct_case(case, network.name)
         assert (result.model, result.is_light_field) == (network.name, network.is_light_field)
-        assert np.array_equal(network.upscale(case.views, case.at), result.picture)
+        assert np.array_equal(score._upscale_case(network, case), result.picture)
 
 
 @pytest.mark.parametrize("name", [catalogue.DEFAULT, catalogue.LIGHT_FIELD_DEFAULT])

@@ -17,7 +17,7 @@ def test_an_unknown_model_is_an_error_with_every_strategy(strategy):
     [
         {"strategy": "direct"},
         {"backend": "raster"},
-        {"sampling": "lenslet"},
+        {"sampling": "lenslet", "model": "none"},
         {"background": (1, 2, 3)},
         {"neighbour_time": 0.0},
     ],

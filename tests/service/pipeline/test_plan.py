@@ -43,3 +43,9 @@ def test_without_a_model_auto_leaves_views_as_they_are():
 
 def test_a_lenslet_averages_over_its_pitch():
     assert mesh(sampling="lenslet").samples == 4
+
+
+def test_networks_keep_the_means_of_lenslets():
+    assert mesh(sampling="lenslet", model="fast").restores_means
+    assert not mesh(sampling="pinhole", model="fast").restores_means
+    assert not mesh(sampling="lenslet", model="bicubic").restores_means

@@ -5,6 +5,7 @@ import pytest
 
 from ciir import models
 from ciir.errors import InvalidOption, TooLarge
+from ciir.models.back_projection import restore_means
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
@@ -61,6 +62,31 @@ def test_an_optical_pickup_is_turned_back():
     turned = LightField.from_eia(EIA, rows=6, cols=9).eia(pickup="optical")
     views, _ = run(eia_bundle(turned), lenses=(6, 9), views="0,3", model="none", pickup="optical")
     assert np.array_equal(views[0, 3], EIA[0::4, 3::4])
+
+
+@pytest.mark.parametrize("model", ["fast", "field"])
+def test_upscaled_views_of_lenslets_keep_their_means(cube, model):
+    array = {"lenses": (24, 24), "pixels": (5, 5)}
+    eia = []
+    render_eia(cube, Options(**array, sampling="lenslet"), eia.append)
+    given = eia_bundle(eia[0])
+    mapped, _ = run(given, lenses=(24, 24), model="none")
+    plain, report = run(given, lenses=(24, 24), model=model)
+    assert report["plan"]["sampling"] is None
+    from_eia, report = run(given, lenses=(24, 24), model=model, sampling="lenslet")
+    assert report["plan"]["sampling"] == "lenslet"
+    assert "brought back to the means" in report["plan"]["reasons"][-1]
+    assert not np.array_equal(from_eia[2, 2], plain[2, 2])
+    assert np.array_equal(from_eia[2, 2], restore_means(plain[2, 2], mapped[2, 2]))
+    from_mesh, _ = run(cube, **array, model=model, sampling="lenslet")
+    assert np.array_equal(from_mesh[2, 2], from_eia[2, 2])
+
+
+def test_interpolation_of_lenslets_stays_as_it_is():
+    plain, _ = run(eia_bundle(EIA), lenses=(6, 9), model="bicubic")
+    given, report = run(eia_bundle(EIA), lenses=(6, 9), model="bicubic", sampling="lenslet")
+    assert report["plan"]["reasons"][-1] == "sampling lenslet: changes nothing in interpolation"
+    assert all(np.array_equal(given[view], plain[view]) for view in plain)
 
 
 def test_upscaled_views_are_what_the_model_makes_of_them():

@@ -1,0 +1,70 @@
+"""Back-projection: upscaled views whose means over the input's cells are what the input says.
+
+Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose pixels are means,
+as those of a lenslet are: what the network's picture would look like through the lenses is compared with what they saw,
+and the difference is added to it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Value = TypeVar("Value", np.uint8, np.uint16)
+
+SAMPLING_NOISE = 0.1
+"""Standard error of a pixel, as a share of the range of the pixels around it. A mean of 4x4 samples errs by up to an
+eighth of the contrast at an edge along its rows, 0.07 of it in the mean square."""
+_ROUNDS = 2  # what clipping takes off one pixel of a cell is given to the others
+_TINY = 1e-6  # levels squared
+
+
+def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value]:
+    """`large` `(scale*H, scale*W, C)` with the mean over each `scale x scale` pixels closer to that of `small`
+    `(H, W, C)`, of which it was made.
+
+    A difference d counts by d^2 / (d^2 + noise^2), as in Wiener's filter, with `SAMPLING_NOISE`. Where nothing differs,
+    nothing changes.
+    """
+    scale, peak = large.shape[0] // small.shape[0], np.iinfo(small.dtype).max
+    values, seen = large.astype(np.float32), small.astype(np.float32)
+    means = _average_cells(values, scale)
+    difference = seen - means
+    power = np.square(difference)
+    means += difference * (power / (power + np.square(SAMPLING_NOISE * _measure_range(seen)) + np.float32(_TINY)))
+    for _ in range(_ROUNDS):
+        values += (means - _average_cells(values, scale)).repeat(scale, axis=0).repeat(scale, axis=1)
+        np.clip(values, 0, peak, out=values)
+    return np.rint(values).astype(small.dtype)
+
+
+def _average_cells(values: NDArray[np.float32], scale: int) -> NDArray[np.float32]:
+    cells = [values[row::scale, col::scale] for row in range(scale) for col in range(scale)]
+    total: NDArray[np.float32] = np.add(cells[0], cells[1]) if scale > 1 else cells[0].copy()
+    for cell in cells[2:]:
+        total += cell
+    total *= np.float32(1 / scale**2)
+    return total
+
+
+def _measure_range(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The largest less the smallest of each 3x3 pixels, by channel."""
+    largest, smallest = picture, picture
+    for axis in (0, 1):
+        largest, smallest = (
+            _reduce_neighbours(one, axis, by) for one, by in ((largest, np.maximum), (smallest, np.minimum))
+        )
+    return largest - smallest
+
+
+def _reduce_neighbours(picture: NDArray[np.float32], axis: int, by: np.ufunc) -> NDArray[np.float32]:
+    """`by` of each pixel and those before and behind it along `axis`."""
+    result = picture.copy()
+    to, of = np.moveaxis(result, axis, 0), np.moveaxis(picture, axis, 0)
+    by(to[1:], of[:-1], out=to[1:])
+    by(to[:-1], of[1:], out=to[:-1])
+    return result

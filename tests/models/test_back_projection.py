@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from ciir.models.back_projection import SAMPLING_NOISE, restore_means
+
+
+def restore_slowly(large, small):
+    """The same in float64, pixel by pixel."""
+    rows, cols, channels = small.shape
+    scale, peak = len(large) // rows, np.iinfo(small.dtype).max
+    result = large.astype(float)
+    for y, x, c in np.ndindex(rows, cols, channels):
+        around = small[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2, c].astype(float)
+        noise = SAMPLING_NOISE * np.ptp(around)
+        cell = result[scale * y : scale * (y + 1), scale * x : scale * (x + 1), c]
+        difference = small[y, x, c] - cell.mean()
+        wanted = cell.mean() + difference**3 / (difference**2 + noise**2 + 1e-6)
+        for _ in range(2):
+            cell[:] = np.clip(cell + wanted - cell.mean(), 0, peak)
+    return result
+
+
+def make_pair(scale=2, dtype=np.uint8, seed=0):
+    random = np.random.default_rng(seed)
+    peak = np.iinfo(dtype).max
+    small = random.integers(0, peak + 1, (5, 7, 3), dtype)
+    return random.integers(0, peak + 1, (5 * scale, 7 * scale, 3), dtype), small
+
+
+def average(large, scale):
+    return large.reshape(len(large) // scale, scale, -1, scale, large.shape[2]).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("scale", [2, 3, 4])
+def test_it_equals_the_slow_reference(scale, dtype):
+    large, small = make_pair(scale, dtype)
+    found = restore_means(large, small)
+    assert found.dtype == dtype
+    assert np.abs(found - restore_slowly(large, small)).max() <= 0.51  # half a level of rounding, and float32
+
+
+@given(arrays.arrays(np.uint8, (4, 5, 1)), st.integers(0, 2**32 - 1))
+@settings(max_examples=50, deadline=None)
+def test_no_mean_moves_away(small, seed):
+    large = np.random.default_rng(seed).integers(0, 256, (8, 10, 1), np.uint8)
+    before, after = (np.abs(average(one, 2) - small) for one in (large, restore_means(large, small)))
+    assert (after <= before + 0.5).all()  # rounding to whole levels
+
+
+def test_a_picture_with_the_right_means_stays():
+    small = make_pair()[1]
+    large = small.repeat(2, axis=0).repeat(2, axis=1)
+    assert np.array_equal(restore_means(large, small), large)
+
+
+def test_grey_stays_grey():
+    large, small = (picture[..., :1].repeat(3, axis=2) for picture in make_pair())
+    restored = restore_means(large, small)
+    assert np.ptp(restored, axis=2).max() == 0
+
+
+def test_an_edge_that_was_placed_wrongly_comes_closer():
+    """A long edge along the rows, half an input pixel off."""
+    truth = np.zeros((12, 40, 1), np.uint8)
+    truth[5:] = 200
+    small = average(truth, 2).round().astype(np.uint8)
+    wrong = np.roll(truth, 1, axis=0)
+    error = np.square(wrong.astype(int) - truth).mean()
+    assert np.square(restore_means(wrong, small).astype(int) - truth).mean() < 0.6 * error
