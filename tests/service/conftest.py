@@ -38,5 +38,7 @@ def eia_file(tmp_path):
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory):
-    with run_server(tmp_path_factory.mktemp("server") / "log") as server:
+    with run_server(
+        tmp_path_factory.mktemp("server") / "log", CIIR_SYNC_SECONDS="60"
+    ) as server:  # on a busy machine too
         yield server.url
