@@ -82,7 +82,8 @@ def select_views(part: Part, options: Options) -> Options:
 def _cut_video(source: Source, options: Options) -> tuple[Part, ...]:
     data, container, bundle = _open_video(source)
     (height, width), times = video.list_times(data, container, bundle.name, bundle.limits)
-    rows, columns = options.lenses or (1, 1)
+    pixels_v, pixels_u = options.pixels or (1, 1)
+    rows, columns = options.lenses or (max(1, height // pixels_v), max(1, width // pixels_u))
     wanted = parse_views(options.views, height // rows, width // columns)
     if len(wanted) > 1:
         raise InvalidOption(

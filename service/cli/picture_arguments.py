@@ -87,7 +87,7 @@ def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "inputs",
         metavar="INPUT",
         nargs="+",
-        help="files, globs, folders, scene:NAME, URLs such as s3://BUCKET/FOLDER; with --lenses videos of EIAs",
+        help="files, globs, folders, scene:NAME, URLs as s3://BUCKET/FOLDER; videos with --lenses or --arrangement",
     )
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the outputs, or a URL of one")
     command.add_argument(

@@ -43,10 +43,11 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.batch.run import Batch
     from ciir.service.batch.summary import Summary
     from ciir.service.batch.task import Request
+    from ciir.service.pipeline.source import make_layout
 
     has_arrays = options.lenses is not None or options.pixels is not None or options.known_grid is not None
     found = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
-    all_frames = options.lenses is not None and not hasattr(args, "option_frame")
+    all_frames = make_layout(options).selects_frame and not hasattr(args, "option_frame")
     tasks = inputs.make_tasks(found, args.name, is_file=is_file, all_frames=all_frames)
     place = _resolve_outputs(args.out, [each.source for each in found])
     frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}

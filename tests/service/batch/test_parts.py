@@ -110,6 +110,12 @@ def test_frames_are_those_of_reconstruct(film, tmp_path):
     assert (tmp_path / "film" / "frame_0004.png").read_bytes() == (tmp_path / "whole.png").read_bytes()
 
 
+def test_a_command_for_elemental_images_makes_every_frame(film, tmp_path):
+    words = ["--arrangement", "eia", "--pixels", "3x3", "--model", "none", "--workers", "1", "--name", "{path}/"]
+    assert main(["batch", str(film), "-o", str(tmp_path), *words]) == 0
+    assert len(list((tmp_path / "film").glob("frame_*.png"))) == FRAMES
+
+
 def test_a_video_is_of_one_view(film, tmp_path):
     request = Request(Options(lenses=(16, 16), views="all"), str(tmp_path))
     _, last = run(Task(str(film), "film.mp4", is_file=True, is_video=True), request)
