@@ -75,8 +75,32 @@ def calibrate(
 
     Raises `Unreadable` where the picture shows no grid, or more than one. `name` is for messages.
     """
+    found = _find_grid(picture, known, name)
+    if found is not None:
+        return found
+    given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
+    other = None if known.pitch is None and known.shape is None else _find_other_grid(picture)
+    if other is not None and known.shape not in (None, other.shape):
+        raise Unreadable(
+            f"{name}: shows no {known.shape} lens grid{given}, but a {other.shape} one of {other.pitch:.2f}; "
+            f"give lens_grid {other.shape}, or leave it out"
+        )
+    if other is not None and known.pitch is not None:
+        raise Unreadable(
+            f"{name}: shows no lens grid{given}, but one of {other.pitch:.2f}; give lens_pitch {other.pitch:.2f}, "
+            "or auto"
+        )
+    raise Unreadable(
+        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
+        f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
+    )
+
+
+def _find_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], known: Known, name: str) -> Calibration | None:
+    """The grid that `calibrate` finds; None where the picture shows none."""
     if known.shape == "hexagonal-columns":
-        return replace(calibrate(picture.swapaxes(0, 1), known.transpose(), name=name), in_columns=True)
+        found = _find_grid(picture.swapaxes(0, 1), known.transpose(), name)
+        return None if found is None else replace(found, in_columns=True)
     if known.pitch is not None and known.offset is not None and known.rotation is not None and known.shape is not None:
         return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape, known.stretch))
     luma = scale_luma(picture)
@@ -85,28 +109,21 @@ def calibrate(
         if estimate is None:
             continue
         if estimate.shape == "hexagonal" and known.rotation is None and abs(estimate.rotation) > _MOST_TURNED:
-            return calibrate(picture, replace(known, shape="hexagonal-columns"), name=name)
+            return _find_grid(picture, replace(known, shape="hexagonal-columns"), name)
         found = _refine(luma, cue, estimate, known)
         if found is None:
             continue
         return replace(found, grid=_move_to_corner(found.grid))
-    given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
-    if given and (other := _find_other_pitch(picture)) is not None:
-        raise Unreadable(
-            f"{name}: shows no lens grid{given}, but one of {other:.2f}; give lens_pitch {other:.2f}, or auto"
-        )
-    raise Unreadable(
-        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
-        f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
-    )
+    return None
 
 
-def _find_other_pitch(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> float | None:
-    """The pitch that the picture shows by itself, in pixels."""
+def _find_other_grid(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Known | None:
+    """The grid that the picture shows by itself."""
     try:
-        return calibrate(picture).grid.pitch
+        found = _find_grid(picture, Known(), "")
     except (Unreadable, InvalidOption):
         return None
+    return None if found is None else found.known
 
 
 def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> LensGrid | None:

@@ -94,6 +94,13 @@ def test_a_wrong_pitch_is_refused():
         calibrate(noise, Known(pitch=15))
 
 
+@pytest.mark.parametrize("shape", ["hexagonal", "hexagonal-columns"])
+def test_a_wrong_shape_is_refused_with_the_one_that_the_picture_shows(shape):
+    text = rf"^picture: shows no {shape} lens grid, but a square one of 14\.37; give lens_grid square, or leave it out$"
+    with pytest.raises(Unreadable, match=text):
+        calibrate(take("square")[1], Known(shape=shape))
+
+
 @pytest.mark.parametrize("rotation", [12, -14])
 def test_a_large_rotation_is_found(rotation):
     """Not the finer hexagonal grid, 19.1 degrees from it, that has all its lenses too."""
