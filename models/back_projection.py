@@ -1,4 +1,4 @@
-"""Back-projection: upscaled views whose means over the input's cells are what the input says.
+"""Back-projection: brings the means of an upscaled view over the input's cells closer to the input's pixels.
 
 Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose pixels are means,
 as those of a lenslet are: what the network's picture would look like through the lenses is compared with what they saw,
@@ -19,6 +19,8 @@ Value = TypeVar("Value", np.uint8, np.uint16)
 SAMPLING_NOISE = 0.1
 """Standard error of a pixel, as a share of the range of the pixels around it. A mean of 4x4 samples errs by up to an
 eighth of the contrast at an edge along its rows, 0.07 of it in the mean square."""
+STRIP_ROWS = 64
+"""Rows of the input that are worked on at once, so that memory doesn't grow with the view."""
 _ROUNDS = 2  # what clipping takes off one pixel of a cell is given to the others
 _TINY = 1e-6  # levels squared
 
@@ -30,16 +32,30 @@ def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value
     A difference d counts by d^2 / (d^2 + noise^2), as in Wiener's filter, with `SAMPLING_NOISE`. Where nothing differs,
     nothing changes.
     """
-    scale, peak = large.shape[0] // small.shape[0], np.iinfo(small.dtype).max
-    values, seen = large.astype(np.float32), small.astype(np.float32)
+    scale = len(large) // len(small)
+    result = np.empty_like(large)
+    for top in range(0, len(small), STRIP_ROWS):
+        bottom, first = min(top + STRIP_ROWS, len(small)), max(top - 1, 0)
+        seen = small[first : bottom + 1].astype(np.float32)  # with a row on each side, for their range
+        noise = SAMPLING_NOISE * _measure_range(seen)
+        rows, part = slice(top - first, bottom - first), slice(scale * top, scale * bottom)
+        result[part] = _restore(large[part].astype(np.float32), seen[rows], noise[rows], np.iinfo(small.dtype).max)
+    return result
+
+
+def _restore(
+    values: NDArray[np.float32], seen: NDArray[np.float32], noise: NDArray[np.float32], peak: int
+) -> NDArray[np.float32]:
+    """Whole levels."""
+    scale = len(values) // len(seen)
     means = _average_cells(values, scale)
     difference = seen - means
     power = np.square(difference)
-    means += difference * (power / (power + np.square(SAMPLING_NOISE * _measure_range(seen)) + np.float32(_TINY)))
+    means += difference * (power / (power + np.square(noise) + np.float32(_TINY)))
     for _ in range(_ROUNDS):
         values += (means - _average_cells(values, scale)).repeat(scale, axis=0).repeat(scale, axis=1)
         np.clip(values, 0, peak, out=values)
-    return np.rint(values).astype(small.dtype)
+    return np.rint(values, out=values)
 
 
 def _average_cells(values: NDArray[np.float32], scale: int) -> NDArray[np.float32]:

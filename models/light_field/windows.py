@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,10 +24,9 @@ class Axis(NamedTuple):
     views: tuple[int, ...]
     """`WINDOW_SIDE` numbers in the grid; in a smaller grid the last ones are the view's own number again."""
     present: NDArray[np.float32]
-    """`(WINDOW_SIDE,)`: 1 for the view itself, 0.5 for another, 0 where the grid has no more; read-only."""
+    """`(WINDOW_SIDE,)`: 1 for the view itself, 0.5 for another, 0 where the grid has no more."""
 
 
-@lru_cache(maxsize=256)
 def select_axis(position: int, count: int) -> Axis:
     """The window around row or column `position` of `count`: two to each side; at the border it is moved inwards.
 
@@ -39,10 +37,8 @@ def select_axis(position: int, count: int) -> Axis:
     first = max(0, min(position - WINDOW_SIDE // 2, count - WINDOW_SIDE))
     numbers = range(first, first + WINDOW_SIDE)
     views = tuple(number if number < count else position for number in numbers)
-    shares = [(1.0 if number == position else 0.5) * (number < count) for number in numbers]
-    present = np.array(shares, np.float32)
-    present.flags.writeable = False
-    return Axis(views, present)
+    present = [(1.0 if number == position else 0.5) * (number < count) for number in numbers]
+    return Axis(views, np.array(present, np.float32))
 
 
 def list_window(view: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:

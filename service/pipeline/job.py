@@ -185,6 +185,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
         if option == "sampling" and is_upscaled:
             continue
         if getattr(options, option) != getattr(Options, option):
-            raise InvalidOption(f"{option}: this is for meshes and {name} holds pictures; leave it out")
+            kinds = "meshes and upscaled views" if option == "sampling" else "meshes"
+            raise InvalidOption(f"{option}: this is for {kinds} and {name} holds pictures; leave it out")
     if options.strategy == "direct":
         raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")

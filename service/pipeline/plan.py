@@ -38,7 +38,7 @@ class Plan:
     is_light_field: bool = False
     """Whether the model takes a view with those around it."""
     restores_means: bool = False
-    """Whether upscaled views are brought back to the means that lenslets saw (`models.back_projection`)."""
+    """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
     note: str = ""
     """What the user should know of the model that was selected; empty for nothing."""
 
@@ -62,7 +62,7 @@ def make_plan(job: Job) -> Plan:
     is_network = next(entry.card is not None for entry in catalogue.list_entries() if entry.name == selected.model)
     restores_means = job.sampling == "lenslet" and is_network and not job.is_transparent
     if restores_means:
-        reasons.append("sampling lenslet: upscaled views are brought back to the means that the lenses saw")
+        reasons.append("sampling lenslet: upscaled views are brought closer to the means that the lenses saw")
     elif job.sampling == "lenslet" and job.mesh is None:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from ciir.models import back_projection
 from ciir.models.back_projection import SAMPLING_NOISE, restore_means
 
 
@@ -32,6 +33,13 @@ def make_pair(scale=2, dtype=np.uint8, seed=0):
 
 def average(large, scale):
     return large.reshape(len(large) // scale, scale, -1, scale, large.shape[2]).mean(axis=(1, 3))
+
+
+def test_strips_make_no_seams(monkeypatch):
+    large, small = make_pair()
+    whole = restore_means(large, small)
+    monkeypatch.setattr(back_projection, "STRIP_ROWS", 2)
+    assert np.array_equal(restore_means(large, small), whole)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

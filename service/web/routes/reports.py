@@ -92,7 +92,7 @@ class Plan(TypedDict):
     backend: str | None
     """Null for a light field."""
     sampling: Literal["pinhole", "lenslet"] | None
-    """Of a light field: `lenslet` where upscaled views were brought back to the lenslets' means, else null."""
+    """Of a light field: `lenslet` where upscaled views were brought closer to the lenslets' means, else null."""
     samples: int
     """Along each side of a lens's cell, of a mesh."""
     model: str
