@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from ciir.errors import InvalidImage
 from ciir.models.light_field.disparity import (
-    convert_to_float,
     crop_luma,
     measure_shifts,
     select_shifted,
     shift_part,
 )
+from ciir.models.light_field.pixels import blend_pictures, convert_to_planes, round_levels, write_planes
 from ciir.models.light_field.skipping import (
     TileDifferences,
     count_skipped,
@@ -45,8 +45,6 @@ CONFIDENT, UNCERTAIN = 0.6, 0.75
 scene have 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), views of other scenes 0.6 to 1."""
 MINIMUM_FALLBACK_SHARE = 0.1
 """Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
-BLEND_ROWS = 16
-"""Rows of a view that are blended at once: they stay in the processor's cache."""
 
 
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
@@ -147,7 +145,7 @@ def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> 
     for number, view in enumerate(wanted):
         weight = np.clip((output.uncertainty[number, ..., 0] - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
         if np.mean(weight > 0) > MINIMUM_FALLBACK_SHARE:
-            _blend_fallback(output.pictures[number], _upscale_single(fallback, job.views[view], job.skip), weight)
+            blend_pictures(output.pictures[number], _upscale_single(fallback, job.views[view], job.skip), weight)
             shares[number] = np.mean(weight > 0.5)
     return output.pictures, shares
 
@@ -161,7 +159,7 @@ def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pix
     if background is not None:
         large, uncertainty = make_pattern(network, background, view, job.grid)
         picture = output.pictures[number]
-        levels = _round_levels(large.transpose(2, 0, 1), picture).transpose(1, 2, 0)
+        levels = round_levels(large.transpose(2, 0, 1), picture).transpose(1, 2, 0)
         fill_with_pattern(picture, levels, network.radius, network.scale)
         fill_with_pattern(output.uncertainty[number], uncertainty, network.radius, 1)
     return background
@@ -216,15 +214,15 @@ class _TileRunner(NamedTuple):
         """Upscales parts of one size, of views by their numbers, whose windows have the same rows and columns."""
         network, views, _ = self.job[:3]
         rows, cols, parts = batch
-        image = np.stack([_convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
+        image = np.stack([convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
         around = np.empty((len(parts), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:]), np.float32)
         for part, window in zip(parts, around, strict=True):
             self._fill_window(window, part.tile, self.group[part.number])
         results = network(image, around, rows.present, cols.present, cores=self.cores)
         for (number, tile, mask), large, uncertain in zip(parts, *results, strict=True):
-            kept = _round_levels(large[:, *tile.kept_in_tile(network.scale)], self.output.pictures)
-            _write(self.output.pictures[number][tile.kept_in_picture(network.scale)], kept, mask)
-            _write(self.output.uncertainty[number][tile.kept], uncertain[:, *tile.kept_in_tile(1)], mask)
+            kept = round_levels(large[:, *tile.kept_in_tile(network.scale)], self.output.pictures)
+            write_planes(self.output.pictures[number][tile.kept_in_picture(network.scale)], kept, mask)
+            write_planes(self.output.uncertainty[number][tile.kept], uncertain[:, *tile.kept_in_tile(1)], mask)
 
     def _fill_window(self, luma: NDArray[np.float32], part: Tile, view: View) -> None:
         """Sets `luma` `(25, h, w)` to that of a part of the window around `view`."""
@@ -233,44 +231,10 @@ class _TileRunner(NamedTuple):
             plane[...] = shift_part(self.lumas[other], self.shift, offset)[region]
 
 
-def _write(target: NDArray[Any], planes: NDArray[Any], mask: NDArray[np.bool_] | None) -> None:
-    """Sets `target` `(k*h, k*w, C)` to `planes` `(C, k*h, k*w)` where `mask` `(h, w)` is true, or everywhere."""
-    if mask is not None:
-        scale = len(target) // len(mask)
-        mask = mask.repeat(scale, axis=0).repeat(scale, axis=1)
-    for channel, plane in enumerate(planes):  # several times as fast as all at once
-        if mask is None:
-            target[..., channel] = plane
-        else:
-            np.copyto(target[..., channel], plane, where=mask)
-
-
-def _round_levels(planes: NDArray[np.float32], like: Pixels) -> NDArray[Any]:
-    """`(3, h, w)` in [0, 1] -> `(C, h, w)` with the channels and the type of `like`, rounded to nearest."""
-    grey = planes.mean(axis=0, keepdims=True) if like.shape[-1] == 1 else planes
-    levels = grey * np.float32(np.iinfo(like.dtype).max)
-    levels += np.float32(0.5)
-    rounded: NDArray[Any] = levels.astype(like.dtype)
-    return rounded
-
-
 def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> Pixels:
     # The type variable of `upscale_pixels` is 8 or 16 bit, where a view may be either: one stands for both.
     large: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skip=skip)[0]
     return large
-
-
-def _blend_fallback(picture: Pixels, fallback: Pixels, weight: NDArray[np.float32]) -> None:
-    """Blends `fallback` into `picture`, both `(scale*H, scale*W, C)`, in place; `weight` `(H, W)`: of `fallback`."""
-    scale = len(picture) // len(weight)
-    for first in range(0, len(weight), BLEND_ROWS):
-        part = slice(first * scale, (first + BLEND_ROWS) * scale)
-        # Repeated for the channels: NumPy is several times as slow where an axis of three is broadcast.
-        share = weight[first : first + BLEND_ROWS].repeat(scale * picture.shape[2], axis=1).repeat(scale, axis=0)
-        mixed = (1 - share) * picture[part].reshape(share.shape)
-        mixed += share * fallback[part].reshape(share.shape)
-        mixed += np.float32(0.5)
-        picture[part] = mixed.reshape(picture[part].shape)
 
 
 def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[View]) -> Pixels:
@@ -307,8 +271,3 @@ def _make_batches(
         count = max(1, BATCH_PIXELS // count_pixels(some[0].tile.region))
         for begin in range(0, len(some), count):
             yield select_axis(v, grid[0]), select_axis(u, grid[1]), some[begin : begin + count]
-
-
-def _convert_to_planes(picture: Pixels) -> NDArray[np.float32]:
-    """`(H, W, 1 or 3)` -> `(3, H, W)` in [0, 1]."""
-    return np.broadcast_to(convert_to_float(picture), (*picture.shape[:2], 3)).transpose(2, 0, 1)
