@@ -102,7 +102,8 @@ class OrderEstimate:
 
 
 def estimate_order(views: Views) -> OrderEstimate:
-    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it.
+    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it,
+    or 32 where the grid has an even number of columns.
 
     It is `as given` where nothing can be said: of a grid of less than 3x3, of small pictures or without texture, and
     where content hardly moves.

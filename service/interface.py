@@ -103,7 +103,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `crop`: pixels of margin around it, (top, left, bottom, right). `arrangement`: `eia`, `mosaic` (views side by side,
     `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
     `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
-    keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column.
+    keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column; with
+    `serpentine` every other row of views, the second one first, is from right to left.
     `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`,
     for files that count them from the other end; the depth sense stays, so that `uv` inverts depth. `depth_sense`:
     `lenses` or `cameras`, where the file doesn't say what its views count, or is wrong; their order stays.

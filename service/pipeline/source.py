@@ -14,7 +14,7 @@ from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, MeshFormat, PictureFormat, is_picture
-from ciir.renderer.readers.view_set.order import reorient, take_order
+from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
@@ -125,7 +125,7 @@ class Input:
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
             field = reorient(take_order(self._source, options.order), make_layout(options))
-            return replace(field, is_ordered=field.is_ordered or options.order == "given")
+            return replace(field, is_ordered=field.is_ordered or options.order in ASKED)
         pose = _make_pose(options)
         if not isinstance(self._source, Bundle) and pose != AS_STORED:
             raise InvalidOption(

@@ -163,4 +163,5 @@ def test_the_order_of_views_is_checked_where_it_is_not_known(stand_in, tmp_path)
         result = ciir.reconstruct(content, views="center")
         assert result.report["plan"]["model"] == model
         assert any("seem to be reversed" in note for note in result.report["notes"]) == (model == "fast")
-    assert ciir.reconstruct(ciir.LightField(views[::-1]), order="given").report["plan"]["model"] == "field"
+    for order in ("given", "rows", "columns", "serpentine"):
+        assert ciir.reconstruct(ciir.LightField(views[::-1]), order=order).report["plan"]["model"] == "field"

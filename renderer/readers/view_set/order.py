@@ -40,12 +40,13 @@ def take_order(views: Views, order: OrderCheck) -> Views:
 
 
 def estimate(views: Views, layout: Layout) -> OrderEstimate:
-    """The order that `views` are in after what `layout` asks for, or, with every other row reversed, before that."""
+    """The order that `views` are in after what `layout` asks for; every other row is put right before that."""
     found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
-    if found.is_serpentine or is_automatic(layout):
+    if is_automatic(layout):
         return found
-    views = reorient(views, layout)
-    return estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    views = reorient(unwind(views) if found.is_serpentine else views, layout)
+    asked = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    return found if asked.is_serpentine else replace(asked, is_serpentine=found.is_serpentine)
 
 
 def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> Views:
@@ -126,11 +127,10 @@ def _count_tiles(found: OrderEstimate) -> str:
 
 def _name_options(found: OrderEstimate, layout: Layout, axis: Literal["v", "u"] = "v") -> str:
     """The options that do what `layout` asks for and then put views that are in the order `found` right, by reversing
-    `axis` where one is reversed. Where every other row is reversed, no options of `layout` are among them.
+    `axis` where one is reversed.
     """
-    kept = Layout() if found.is_serpentine else layout
-    axes = [each in kept.flip for each in ("v", "u")] if kept.flip != "none" else [False, False]
-    is_transposed = kept.transpose
+    axes = [each in layout.flip for each in ("v", "u")] if layout.flip != "none" else [False, False]
+    is_transposed = layout.transpose
     if found.order.startswith("transposed"):
         axes.reverse()
         is_transposed = not is_transposed

@@ -132,11 +132,13 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
         views = unwind(views)
     turned = reorient(views, layout)
     rows, cols = turned.files.shape
-    change = "rows" if layout.order == "columns" else "columns"
+    change = "order rows" if layout.order == "columns" else "order columns"
+    if layout.order == "serpentine":
+        change = "no transpose" if layout.transpose else "transpose"
     naming = f"views: {rows}x{cols}, rows x columns: {grid.naming}{_describe_turns(layout.order == 'serpentine')}"
     notes = (
         *views.notes,
-        *([f"{naming}; order {change} takes them the other way"] if grid.naming and not is_own else []),
+        *([f"{naming}; {change} takes them the other way"] if grid.naming and not is_own else []),
     )
     if layout.order in ASKED:
         return replace(turned, notes=notes, is_ordered=True)

@@ -181,7 +181,12 @@ def test_views_of_a_gantry_that_moves_to_and_fro_are_put_right(shape, is_transpo
     assert "; order given keeps the order of the names" in note
     asked = read(files, pixels=shape[::-1] if is_transposed else shape, order="serpentine")
     assert np.array_equal(asked.views, views.swapaxes(0, 1) if is_transposed else views)
-    assert [note.split(":")[0] for note in asked.notes] == ["views"]
+    (note,) = asked.notes
+    assert note.startswith("views: ")
+    assert note.endswith("every other line of them reversed; transpose takes them the other way")
+    across = read(files, pixels=shape[::-1] if is_transposed else shape, order="serpentine", transpose=True)
+    assert np.array_equal(across.views, asked.views.swapaxes(0, 1))
+    assert across.notes[0].endswith("; no transpose takes them the other way")
 
 
 def test_the_note_on_a_gantry_that_starts_at_the_right_names_the_options():
@@ -190,8 +195,24 @@ def test_the_note_on_a_gantry_that_starts_at_the_right_names_the_options():
     options = read(files).notes[0].split("near and far are exchanged, give ")[1].split(";")[0]
     assert options == "order serpentine and flip u"
     assert np.array_equal(read(files, order="serpentine", flip="u").views, views)
-    (_, note) = read(files, flip="u").notes
-    assert ": order serpentine and flip v, or order serpentine and flip u with depth inverted, would put " in note
+
+
+@pytest.mark.parametrize(
+    ("taken", "flip", "options"),
+    [
+        (lambda views: wind(views[::-1]), "v", "order serpentine and flip v"),
+        (lambda views: wind(views[:, ::-1]), "u", "order serpentine and flip u"),
+        (wind, "uv", "order serpentine and flip uv"),
+        (wind, "v", "order serpentine and no flip and no transpose, or order serpentine and flip uv with depth inverted,"),
+    ],
+)
+def test_a_flip_that_fits_is_kept_where_every_other_row_is_still_reversed(taken, flip, options):
+    views = make_views(channels=3)
+    files = write_views(taken(views), lambda v, u: f"{5 * v + u}.png")
+    note = read(files, flip=flip).notes[-1]
+    also = " and reversed along one axis" if " or " in options else ""
+    assert f"the views seem to be reversed in every other row{also}, as " in note
+    assert f"are left as they are: {options} would put them right, order given keeps" in note
 
 
 @pytest.mark.parametrize("order", ORDERS)
