@@ -39,8 +39,8 @@ class Plan:
     """Whether the model takes a view with those around it."""
     restores_means: bool = False
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
-    note: str = ""
-    """What the user should know of the model that was selected; empty for nothing."""
+    notes: tuple[str, ...] = ()
+    """What the user should know: of the model that was selected, and of an option that changes nothing."""
 
 
 def make_plan(job: Job) -> Plan:
@@ -60,12 +60,14 @@ def make_plan(job: Job) -> Plan:
     selected = select_model(job)
     reasons += selected.reasons
     is_network = next(entry.card is not None for entry in catalogue.list_entries() if entry.name == selected.model)
+    notes = [selected.note] if selected.note else []
     restores_means = job.sampling == "lenslet" and is_network and not job.is_transparent
     if restores_means:
         reasons.append("sampling lenslet: upscaled views are brought closer to the means that the lenses saw")
     elif job.sampling == "lenslet" and job.mesh is None:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")
+        notes.append(reasons[-1])
     return Plan(
         strategy,
         selected.model,
@@ -74,7 +76,7 @@ def make_plan(job: Job) -> Plan:
         tuple(reasons),
         selected.is_light_field,
         restores_means,
-        selected.note,
+        tuple(notes),
     )
 
 

@@ -82,10 +82,15 @@ def test_upscaled_views_of_lenslets_keep_their_means(cube, model):
     assert np.array_equal(from_mesh[2, 2], from_eia[2, 2])
 
 
-def test_interpolation_of_lenslets_stays_as_it_is():
-    plain, _ = run(eia_bundle(EIA), lenses=(6, 9), model="bicubic")
-    given, report = run(eia_bundle(EIA), lenses=(6, 9), model="bicubic", sampling="lenslet")
-    assert report["plan"]["reasons"][-1] == "sampling lenslet: changes nothing in interpolation"
+@pytest.mark.parametrize(
+    ("eia", "model", "where"),
+    [(EIA, "bicubic", "interpolation"), (np.dstack([EIA, EIA[..., :1]]), "fast", "views with transparency")],
+)
+def test_sampling_that_changes_nothing_is_noted(eia, model, where):
+    plain, _ = run(eia_bundle(eia), lenses=(6, 9), model=model)
+    given, report = run(eia_bundle(eia), lenses=(6, 9), model=model, sampling="lenslet")
+    assert report["plan"]["reasons"][-1] == f"sampling lenslet: changes nothing in {where}"
+    assert report["notes"][-1] == f"sampling lenslet: changes nothing in {where}"
     assert all(np.array_equal(given[view], plain[view]) for view in plain)
 
 
