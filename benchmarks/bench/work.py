@@ -110,7 +110,7 @@ def _list_light_field_works(source: Source, name: str, samplings: Sequence[Sampl
         rows, cols = low.shape[1:3]
         eia = LightField(low.reshape(*grid, *low.shape[1:])).eia()
         file = Bundle.from_upload(f"{name}.png", encode_png(eia))
-        options = Options(lenses=(rows, cols), views="cross", scale=SCALE)
+        options = Options(lenses=(rows, cols), views="cross", scale=SCALE, sampling=sampling)
         v, u = grid
         chosen = list(dict.fromkeys([(0, u // 2), (v // 2, 0), (v // 2, u // 2), (v // 2, u - 1), (v - 1, u // 2)]))
         truth = np.stack([high[row * u + col] for row, col in chosen])

@@ -50,6 +50,7 @@ def test_a_light_field_is_its_own_truth():
     views = field()
     pinhole, lenslet = list_works(given(views), "eia", lenses=(), array=Options(lenses=(24, 20)))
     assert (pinhole.lenses, lenslet.lenses) == ((6, 5), (12, 10))
+    assert (pinhole.options.sampling, lenslet.options.sampling) == ("pinhole", "lenslet")
     np.testing.assert_array_equal(lenslet.truth[2], views[1, 1])  # cross: upper, left, centre, ...
     np.testing.assert_array_equal(lenslet.truth[0], views[0, 1])
     nearest = next(method for method in list_methods()[0] if method.name == "nearest")
