@@ -17,6 +17,7 @@ from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import FINAL, Request
+from ciir.service.jobs.workers import worker
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Hooks
 from ciir.service.pipeline import run as pipeline
@@ -26,6 +27,7 @@ from tests.support.inputs import make_picture
 from tests.support.jobs import wait_for_end
 from tests.support.servers import find_workers
 from tests.support.waiting import wait_until
+from tests.support.workers.pools import COLD
 
 OPTIONS = {"lenses": "70x70", "pixels": "5x5", "views": "all", "scale": "4", "backend": "raytrace", "model": "bicubic"}
 ASYNC = {"Prefer": "respond-async"}
@@ -34,12 +36,13 @@ STAGES = ("decode", "plan", "render", "upscale", "written")
 """The last one: the first views are written, of several batches."""
 
 
-def make_stl(triangles=40_000, note=b""):
-    """Random triangles, slow enough to read for a kill meanwhile; each `note` gives another file."""
+def make_obj(triangles=10_000, note=""):
+    """Random triangles, each `note` another file; OBJ, since a new worker process needs a second to import trimesh."""
     random = np.random.default_rng(1)
-    faces = np.zeros(triangles, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    faces["corners"] = random.uniform(-1, 1, (triangles, 1, 3)) + random.uniform(-0.05, 0.05, (triangles, 3, 3))
-    return note.ljust(80) + np.uint32(triangles).tobytes() + faces.tobytes()
+    corners = random.uniform(-1, 1, (triangles, 1, 3)) + random.uniform(-0.05, 0.05, (triangles, 3, 3))
+    lines = [f"# {note}", *("v {:.4f} {:.4f} {:.4f}".format(*corner) for corner in corners.reshape(-1, 3))]
+    lines += [f"f {first} {first + 1} {first + 2}" for first in range(1, 3 * triangles, 3)]
+    return "\n".join(lines).encode()
 
 
 def read_views(file):
@@ -71,7 +74,8 @@ class Killer:
         return self._pool.run(task, Hooks(keep_pid, kill_in_stage, hooks.cancelled))
 
 
-def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):
+def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service, monkeypatch):
+    monkeypatch.setattr(worker, "MODULE", COLD)  # six worker processes, each of which would warm up for a second
     settings = Settings(folder=service.folder, workers=1)
     pool = Pool(settings)
     killer = Killer(pool)
@@ -79,13 +83,13 @@ def test_a_worker_that_is_killed_in_each_stage_fails_no_job(service):
     service.start_consumer(jobs, killer)
     file = io.BytesIO()
     with FileWriter(file, "zip") as writer:
-        pipeline.reconstruct(Bundle.from_upload("upload.stl", make_stl()), Options.parse(OPTIONS), writer)
+        pipeline.reconstruct(Bundle.from_upload("upload.obj", make_obj()), Options.parse(OPTIONS), writer)
     expected = read_views(file)
     try:
         for stage in STAGES:
             killer.stage = stage
-            data = make_stl(note=stage.encode())
-            job, _ = jobs.submit(Request("upload.stl", OPTIONS, "zip"), io.BytesIO(data))
+            data = make_obj(note=stage)
+            job, _ = jobs.submit(Request("upload.obj", OPTIONS, "zip"), io.BytesIO(data))
             job = wait_for_end(jobs, job.id)
             assert (job.state, job.worker_deaths, job.attempts) == ("done", 1, 2), job.problem
             with jobs.open_result(job.id) as file:
@@ -153,7 +157,7 @@ def test_a_job_under_which_two_workers_are_killed_can_be_posted_again(start_serv
     with httpx2.Client() as client:
 
         def post():
-            return client.post(f"{url}{POST}", files={"file": ("mesh.stl", make_stl())}, data=data, headers=ASYNC)
+            return client.post(f"{url}{POST}", files={"file": ("mesh.obj", make_obj())}, data=data, headers=ASYNC)
 
         def find_run(attempts):
             status = client.get(f"{url}{place}").json()
@@ -178,7 +182,7 @@ def test_a_job_under_which_two_workers_are_killed_can_be_posted_again(start_serv
         assert [client.delete(f"{url}{place}").json()["state"] for _ in range(2)] == ["cancelled"] * 2
         assert client.get(f"{url}{place}").status_code == 404
     log = (tmp_path / "log0").read_text()
-    assert re.search(rf"run 2 begins in worker process {worker}, large lane: upload.stl {{.*400x400", log)
+    assert re.search(rf"run 2 begins in worker process {worker}, large lane: upload.obj {{.*400x400", log)
     assert re.search(r"after [\d.]+ s the worker process was ended by signal 9", log)
 
 

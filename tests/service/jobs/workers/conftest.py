@@ -10,7 +10,7 @@ from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.jobs.workers.pool import Pool
 from ciir.service.jobs.workers.task import Task
 from ciir.service.settings import Settings
-from tests.support.inputs import CUBE
+from tests.support.inputs import CUBE_OBJ
 from tests.support.servers import find_workers
 from tests.support.workers.pools import COLD
 
@@ -38,9 +38,9 @@ def retries_at_once(monkeypatch):
 
 @pytest.fixture
 def make_task(tmp_path):
-    (tmp_path / "input").write_bytes(CUBE)
+    (tmp_path / "input").write_bytes(CUBE_OBJ)
 
-    def make(options, form=None, name="upload.off"):
+    def make(options, form=None, name="upload.obj"):
         folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
         folder.mkdir()
         return Task("an id", Request(name, options, form), tmp_path / "input", folder / "result")

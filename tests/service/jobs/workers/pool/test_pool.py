@@ -24,7 +24,7 @@ from ciir.service.jobs.workers import consumer
 from ciir.service.jobs.workers import worker as worker_module
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
-from tests.support.inputs import CUBE
+from tests.support.inputs import CUBE_OBJ
 from tests.support.jobs import submit_data, wait_for_end
 from tests.support.paths import ROOT
 from tests.support.servers import find_workers, run_python
@@ -88,7 +88,7 @@ def test_a_task_gives_the_pipelines_result_and_progress(open_pool, make_task):
     outcome = run(open_pool(), task, progress.append)
     file = io.BytesIO()
     with FileWriter(file, "zip") as writer:
-        report = pipeline.reconstruct(Bundle.from_upload("upload.off", CUBE), Options.parse(options), writer)
+        report = pipeline.reconstruct(Bundle.from_upload("upload.obj", CUBE_OBJ), Options.parse(options), writer)
     assert read_pictures(file) == read_pictures(task.target)
     assert isinstance(outcome, Result)
     assert (outcome.format, outcome.size) == ("zip", task.target.stat().st_size)
