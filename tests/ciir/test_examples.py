@@ -3,10 +3,12 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from ciir.renderer.displays.devices import DEVICES
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 from tests.support.paths import ROOT
@@ -37,8 +39,10 @@ def run_code(blocks, name):
     return scope
 
 
-def test_readme(folder, capsys):
+def test_readme(folder, capsys, monkeypatch):
     page = read_page("README.md")
+    portrait = replace(DEVICES["portrait"], width=840, height=840)  # in place of 3360x3360 pixels, each with a ray
+    monkeypatch.setitem(DEVICES, "portrait", portrait)
     (folder / "demo-out").mkdir()  # as `make demo` leaves it
     (folder / "demo-out" / "view_before.png").write_bytes(encode_png(np.zeros((20, 20, 3), np.uint8)))
     commands = [words for words in find_commands(page) if words[0] not in ("serve", "COMMAND")]
