@@ -10,9 +10,13 @@ from tests.support.servers import run_server
 
 @pytest.fixture(scope="session")
 def hostile_server(tmp_path_factory):
-    """A running server, which must stop in time and without a traceback."""
+    """A running server, which must stop in time and without a traceback.
+
+    A display's picture of 11 million pixels is refused: many seconds of work that no answer waits for.
+    """
     folder = tmp_path_factory.mktemp("hostile")
-    with run_server(folder / "log", CIIR_CACHE=str(folder / "cache")) as server:
+    limits = {"CIIR_MAX_OUTPUT_PIXELS": "10000000"}
+    with run_server(folder / "log", CIIR_CACHE=str(folder / "cache"), **limits) as server:
         yield server
     log = (folder / "log").read_text()
     assert "Traceback" not in log, log
