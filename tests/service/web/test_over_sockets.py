@@ -73,7 +73,7 @@ def test_healthz_responds_while_workers_are_busy(server):
 
 @pytest.fixture(scope="module")
 def small_server(tmp_path_factory):
-    with run_server(tmp_path_factory.mktemp("small") / "log", CIIR_MAX_BODY_BYTES="100000") as server:
+    with run_server(tmp_path_factory.mktemp("small") / "log", CIIR_WORKERS="1", CIIR_MAX_BODY_BYTES="100000") as server:
         yield server.url
 
 
