@@ -203,7 +203,11 @@ def test_the_note_on_a_gantry_that_starts_at_the_right_names_the_options():
         (lambda views: wind(views[::-1]), "v", "order serpentine and flip v"),
         (lambda views: wind(views[:, ::-1]), "u", "order serpentine and flip u"),
         (wind, "uv", "order serpentine and flip uv"),
-        (wind, "v", "order serpentine and no flip and no transpose, or order serpentine and flip uv with depth inverted,"),
+        (
+            wind,
+            "v",
+            "order serpentine and no flip and no transpose, or order serpentine and flip uv with depth inverted,",
+        ),
     ],
 )
 def test_a_flip_that_fits_is_kept_where_every_other_row_is_still_reversed(taken, flip, options):
