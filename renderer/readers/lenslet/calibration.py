@@ -139,7 +139,10 @@ def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> 
         found = None if estimate is None else _refine(luma, "borders", estimate, Known(), least_depth=_CLEARLY_DARKER)
     except (Unreadable, InvalidOption):  # two grids fit, or one of too small lenses
         return None
-    return None if found is None else found.grid
+    if found is None:
+        return None
+    y, x = found.grid.offset
+    return replace(found.grid, offset=(y + top, x + left))
 
 
 def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> Estimate | None:

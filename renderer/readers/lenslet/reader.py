@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 
 _SAME = 0.01
 """Of the pitch: a quick look at some lenses finds it to less."""
+_OFF = 0.25
+"""Pitches: by so much a lens that is seen may lie elsewhere than the given offset puts it."""
 _WHOLE = 0.003
 """Of the pitch: one this close to whole pixels may be an elemental image array's."""
 _SETTLED = 0.05
@@ -39,8 +43,8 @@ class _Raw:
     calibration: Calibration
     has_white: bool
     is_lytro: bool
-    other_pitch: float | None
-    """What a quick look finds in place of the pitch that was given, in pixels; None where they are the same."""
+    difference: str
+    """A note where a quick look finds other lenses than those that were given; empty where they are the same."""
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
@@ -85,11 +89,8 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     notes = [_describe_grid(raw.calibration)]
     if raw.is_lytro and raw.calibration.cue is None and known == Known():
         notes = [f"{notes[0]} by the camera's metadata, since the picture shows none; see --show-grid"]
-    if raw.other_pitch is not None:
-        notes.append(
-            f"lens_pitch: {grid.pitch:g} was given, but lenses {raw.other_pitch:.2f} pixels apart are seen in the "
-            "picture; lens_pitch auto finds them"
-        )
+    if raw.difference:
+        notes.append(raw.difference)
     if max(pixels) > fits:
         notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
     if not raw.has_white:
@@ -121,12 +122,12 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
         if frames or camera is not None:
             raise
         raise Unreadable(f"{error}; {_describe_elemental_images(picture)}") from error
-    other = None if known.pitch is None else _find_other_pitch(shown, known.pitch)
+    difference = _describe_difference(shown, known, calibration)
     if white is not None:
         picture = divide_by_white(picture, white)
     if calibration.in_columns:
         picture = picture.swapaxes(0, 1)
-    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None, other_pitch=other)
+    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None, difference=difference)
 
 
 def _describe_elemental_images(picture: Pixels) -> str:
@@ -136,10 +137,33 @@ def _describe_elemental_images(picture: Pixels) -> str:
     return f"if it is an elemental image array, leave lens_pitch out and give its pixels{seen}, or its lenses"
 
 
-def _find_other_pitch(picture: Pixels, given: float) -> float | None:
-    """The pitch of lenses that the picture clearly shows, where it is not `given`."""
-    found = detect_grid(picture, round(given))
-    return None if found is None or abs(found.pitch / given - 1) < _SAME else found.pitch
+def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> str:
+    """A note where the picture clearly shows lenses of another pitch than the given one, or with the given offset
+    elsewhere than in `taken`; else empty.
+    """
+    if known.pitch is None and known.offset is None:
+        return ""
+    found = detect_grid(picture, round(taken.grid.pitch))
+    if found is None:
+        return ""
+    if abs(found.pitch / taken.grid.pitch - 1) >= _SAME:
+        return (
+            f"lens_pitch: {taken.grid.pitch:g} was given, but lenses {found.pitch:.2f} pixels apart are seen in the "
+            "picture; lens_pitch auto finds them"
+        )
+    if known.offset is None:
+        return ""
+    way = slice(None, None, -1 if taken.in_columns else 1)
+    middle = (np.array(picture.shape[:2]) - 1) / 2
+    lens = taken.grid.find_centers(*taken.grid.find_nearest(middle[way]))[way]
+    shown = found.find_centers(*found.find_nearest(lens))
+    if np.hypot(*(shown - lens)) <= _OFF * taken.grid.pitch:
+        return ""
+    return (
+        f"lens_offset: {known.offset[0]:g},{known.offset[1]:g} puts a lens in the middle of the picture at "
+        f"{lens[0]:.2f},{lens[1]:.2f} (y, x), but one is seen at {shown[0]:.2f},{shown[1]:.2f}; leave lens_offset out "
+        "to find it"
+    )
 
 
 def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) -> Calibration:

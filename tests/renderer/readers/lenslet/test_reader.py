@@ -221,3 +221,27 @@ def test_another_pitch_than_the_one_given_is_noted():
         )
     right = read(make_bundle(raw=picture), Layout(lens_grid=Known(14.37), pixels=(3, 3)))
     assert not [note for note in right.notes if note.startswith("lens_pitch: ")]
+
+
+@pytest.mark.parametrize(
+    ("shape", "is_turned", "is_hidden"),
+    [("square", False, False), ("square", False, True), ("hexagonal", False, False), ("hexagonal", True, False)],
+)
+def test_another_offset_than_the_one_given_is_noted(shape, is_turned, is_hidden):
+    grid = LensGrid(14.37, (5.3, 8.8), 0.8, shape)
+    picture = take_picture(make_camera("globe", grid, (640, 700), (90, 120, 150)))
+    for away in (0, 3, 5):  # pixels: a quarter of the pitch is 3.6
+        known = Known(grid.pitch, (5.3 + away, 8.8), 0.8, shape)
+        if is_turned:
+            known = Known(grid.pitch, (8.8, 5.3 + away), -0.8, "hexagonal-columns")
+        elif is_hidden:
+            known = Known(offset=known.offset)
+        bundle = make_bundle(raw=picture.swapaxes(0, 1) if is_turned else picture)
+        notes = read(bundle, Layout(lens_grid=known, pixels=(3, 3))).notes
+        found = [note for note in notes if note.startswith("lens_offset: ")]
+        assert len(found) == (away > 3.6)
+    given, seen = (part.split(" (y, x)")[0].split(";")[0] for part in found[0].split(" at ")[1:])
+    away_y, away_x = np.subtract(*([float(number) for number in place.split(",")] for place in (given, seen)))
+    assert (away_y, away_x) == pytest.approx((0, 5) if is_turned else (5, 0), abs=0.1)
+    assert f"{'8.8,10.3' if is_turned else '10.3,8.8'} puts a lens in the middle of the picture at " in found[0]
+    assert found[0].endswith("; leave lens_offset out to find it")
