@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ciir.renderer.readers.eia.period import is_near
+from ciir.renderer.readers.eia.period import is_about, is_near
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import Arrangement
@@ -137,12 +137,13 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     counts = [length // each for each, length in zip(nearest, periods.size, strict=True)]
     if arrangement == "mosaic":
         return f"{words}, as {counts[0]}x{counts[1]} views would" if all(map(is_near, found, nearest)) else words
+    fitting = [size for size in periods.rank_sizes() if all(map(is_about, found, size))]
+    own = " or ".join("{}x{}".format(*size) for size in fitting or [found])
     if nearest == [*found]:
-        own, views = ("{}x{}".format(*each) for each in (found, counts))
+        views = "{}x{}".format(*counts)
         return f"{words}, the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
-    if all(map(is_near, found, nearest)):
-        own = "{}x{}".format(*nearest)
-        words += f", which doesn't divide it as elemental images of {own} (pixels {own}) would"
+    if fitting:
+        words += f", which doesn't divide it as elemental images would (pixels {own})"
     return f"{words}; {RAW}"
 
 

@@ -100,6 +100,16 @@ def is_near(period: int, size: int) -> bool:
     return abs(period - size) <= 1 + period // 16
 
 
+def is_about(period: int, size: int) -> bool:
+    """The same of parallax as large as it may be."""
+    return abs(period - size) <= _find_reach(size)
+
+
+def _find_reach(size: int) -> int:
+    """By how many pixels parallax may change the period of elemental images of `size` pixels."""
+    return 1 + size // 8
+
+
 def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
     """The highest correlation near each divisor of the length that has `LEAST_OWN_CORRELATION` there; less of it counts
     the farther away it is.
@@ -108,7 +118,7 @@ def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
     beyond = np.where(np.arange(len(values)) < start, -1.0, values)  # neighbouring pixels are alike in any picture
     found = {}
     for size in (size for size in range(2, len(values) // 2 + 1) if len(values) % size == 0):
-        reach = 1 + size // 8  # parallax
+        reach = _find_reach(size)
         near = beyond[size - reach : size + reach + 1]
         if near.max() >= LEAST_OWN_CORRELATION:
             away = np.abs(np.arange(-reach, reach + 1)) / (reach + 1)

@@ -71,7 +71,7 @@ def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
     (note,) = read(vase, lenses=(75, 75), order="given").notes
     assert note == (
         "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 8x9 pixels, which "
-        f"doesn't divide it as elemental images of 9x9 (pixels 9x9) would; {RAW}; check lenses and pixels, or give "
+        f"doesn't divide it as elemental images would (pixels 9x9 or 10x10); {RAW}; check lenses and pixels, or give "
         "arrangement mosaic for views side by side"
     )
     noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
@@ -89,6 +89,18 @@ def test_pixels_given_as_lenses_are_noted(vase):
     assert read(vase, lenses=(50, 50), order="given").notes == ()
 
 
+@pytest.mark.parametrize(
+    ("pixels", "words"),
+    [
+        (15, "every 13x13 pixels, which doesn't divide it as elemental images would (pixels 12x12 or 15x15); give"),
+        (11, "every 10x10 pixels, the size of an elemental image (pixels 10x10 or 11x11 or 12x12) or of a view of a"),
+    ],
+)
+def test_sizes_that_parallax_may_have_changed_are_named_too(pixels, words):
+    eia = ciir.render("scene:globe", lenses=(60, 60), pixels=(pixels, pixels), backend="raytrace").eia()
+    assert f"the picture repeats about {words}" in message(eia)
+
+
 def test_margins_are_cut_off():
     padded = np.pad(EIA, ((2, 3), (0, 4), (0, 0)))
     assert np.array_equal(read(padded, pixels=(5, 7), crop=(2, 0, 3, 4)).views, VIEWS)
@@ -102,7 +114,8 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     assert text == (
         "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50; "
         "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them; the picture "
-        f"repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9 (pixels 9x9) would; {RAW}"
+        "repeats about every 8x9 pixels, which doesn't divide it as elemental images would (pixels 9x9 or 10x10); "
+        f"{RAW}"
     )
     text = message(vase, pixels=(8, 8))
     assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")
@@ -158,7 +171,7 @@ def test_margins_are_not_guessed_from_the_size():
 def test_several_elemental_images_taken_for_one_are_noted(vase, layout):
     (note,) = read(vase, order="given", **layout).notes
     assert note.startswith("arrangement: read as elemental images of ")
-    assert "but the picture repeats about every 8x9 pixels, which doesn't divide it as elemental images of 9x9" in note
+    assert "but the picture repeats about every 8x9 pixels, which doesn't divide it as elemental images would" in note
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
