@@ -24,8 +24,8 @@ import numpy as np
 import torch
 
 from ciir.benchmarks import machine
-from ciir.benchmarks.bench.tables import format_table
 from ciir.benchmarks.bench.timing import Times, time_call, time_in_rounds
+from ciir.benchmarks.peer_tables import SETS, TEXT, Figures, format_rows
 from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.models.catalogue import BASELINES
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
     from ciir.models.cards import Accuracy
 
-SETS = ("Set5", "Set14", "BSD100")
 LEARNING_RATE = 5e-4
 """Adam's peak step size, for all: after a warm-up over a twentieth of the updates, then along a half cosine to zero.
 Four times as much breaks the 16 blocks without batch normalisation."""
@@ -115,46 +114,6 @@ def make_recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -
     )
 
 
-TEXT = """\
-# Table 2: blocks and batch normalisation
-
-{table_2}
-
-# Table 3: other networks
-
-{table_3}
-
-x{recipe.scale}; PSNR (dB) / SSIM of Y by the published protocol, from the exported networks. `updates`: each of
-{recipe.batch} crops of {recipe.crop}x{recipe.crop} pixels, the same for all; {recipe.loss} loss, Adam, step size up to
-{recipe.learning_rate:g} after a warm-up of {recipe.warmup} updates, half cosine, seed {recipe.seed}. `s/update`:
-median; `ratio`: to the paper's generator (lite, 6 blocks), median over the rounds. Multiply-adds: for an output of
-1280x720. `ms/view`: median for 200x200 pixels, onnxruntime (numpy for interpolation) on one core.
-
-Commit {commit}; {processor}, {cores} cores, {threads} threads in training, GPU: {gpu}.
-"""
-
-
-@dataclass(frozen=True)
-class Figures:
-    """A row; None for what a network does not have."""
-
-    label: str
-    accuracy: tuple[Accuracy, ...] = ()
-    """Empty where it was not trained."""
-    updates: int | None = None
-    """0 where it was not trained."""
-    parameters: int | None = None
-    """Of the collapsed network."""
-    multiply_adds: float | None = None
-    """For an output of 1280x720, 10^9."""
-    milliseconds: float | None = None
-    """A view of 200x200 pixels on one CPU core, median."""
-    seconds_per_update: float | None = None
-    """Median."""
-    ratio: float | None = None
-    """Median, over the rounds, of its update's time to that of the paper's generator in the same round."""
-
-
 class UntiledNetwork:
     """A network as an `Upscaler` without tiles, for receptive fields too wide for them."""
 
@@ -217,29 +176,6 @@ def describe_network(name: str, scores: Sequence[Accuracy], updates: int) -> Fig
     multiply_adds = measure.count_macs(network, Sizes()) * 1280 * 720 / 1e9
     parameters = measure.count_parameters(network)
     return Figures(peer.label, tuple(scores), updates if scores else 0, parameters, multiply_adds)
-
-
-def format_rows(rows: Sequence[Figures]) -> str:
-    """A Markdown table."""
-
-    def format_number(value: float | None, form: str) -> str:
-        return "-" if value is None else format(value, form)
-
-    head = ("network", "updates", *SETS, "s/update", "ratio", "parameters", "G multiply-adds", "ms/view")
-    cells = [
-        [
-            row.label,
-            "not trained" if row.updates == 0 else format_number(row.updates, "d"),
-            *([f"{score.psnr:.2f} / {score.ssim:.4f}" for score in row.accuracy] or "---"),
-            format_number(row.seconds_per_update, ".3f"),
-            format_number(row.ratio, ".2f"),
-            format_number(row.parameters, ",d"),
-            format_number(row.multiply_adds, ".1f"),
-            format_number(row.milliseconds, ".1f"),
-        ]
-        for row in rows
-    ]
-    return "\n".join(format_table(head, cells))
 
 
 def write_results(out: Path, rows: Mapping[str, Figures], recipe: Recipe) -> str:
