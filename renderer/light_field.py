@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.views import center_view
+from ciir.renderer.views import center_view, flip_axes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ciir.renderer.focus.model import Model
     from ciir.renderer.focus.occluders import Occluders
     from ciir.renderer.focus.planes import Method
-    from ciir.renderer.views import View
+    from ciir.renderer.views import Flip, View
 
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
@@ -36,26 +36,6 @@ DepthSense = Literal["lenses", "cameras"]
 
 The one becomes the other where the order of views is reversed in v and in u.
 """
-
-Arrangement = Literal["auto", "eia", "mosaic"]
-"""What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.
-"""
-
-OrderCheck = Literal["auto", "given", "rows", "columns", "serpentine"]
-"""What is row and what is column: what the names and the pictures show; what the names show; the first number or index
-is the row; or it is the column; or as the names show, but every other row from right to left.
-"""
-
-Flip = Literal["none", "u", "v", "uv"]
-"""Which order of views is reversed: of the columns u, of the rows v, or of both."""
-
-
-def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[NDArray[Any], DepthSense]:
-    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`)."""
-    flipped = grid[:: -1 if axes in ("v", "uv") else 1, :: -1 if axes in ("u", "uv") else 1]
-    if axes in ("u", "uv"):
-        return flipped, "lenses" if depth_sense == "cameras" else "cameras"
-    return flipped, depth_sense
 
 
 def is_turned(pickup: Pickup) -> bool:

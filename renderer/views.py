@@ -1,13 +1,22 @@
-"""Views by their indices (v, u), and the text that selects them."""
+"""Views by their indices (v, u), the text that selects them, and their order."""
 
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING, Any, Literal
 
 from ciir.errors import InvalidOption
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.light_field import DepthSense
+
 View = tuple[int, int]
 """(v, u): the row and the column of the view's pixel under each lens, from the top left."""
+
+Flip = Literal["none", "u", "v", "uv"]
+"""Which order of views is reversed: of the columns u, of the rows v, or of both."""
 
 
 def center_view(pixels_v: int, pixels_u: int) -> View:
@@ -43,3 +52,11 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
             )
         pairs.append((v, u))
     return list(dict.fromkeys(pairs))
+
+
+def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[NDArray[Any], DepthSense]:
+    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`)."""
+    flipped = grid[:: -1 if axes in ("v", "uv") else 1, :: -1 if axes in ("u", "uv") else 1]
+    if axes in ("u", "uv"):
+        return flipped, "lenses" if depth_sense == "cameras" else "cameras"
+    return flipped, depth_sense

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
@@ -18,21 +17,21 @@ from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia
-from ciir.service.pipeline.source import Input, add_frames, draw_grid_at, open_source
+from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at, open_path
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from ciir.renderer.light_field import Arrangement, Flip, OrderCheck, Pickup
+    from ciir.renderer.light_field import Pickup
     from ciir.renderer.placement import Fit, Up
+    from ciir.renderer.readers.layout import Arrangement, OrderCheck
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
+    from ciir.renderer.views import Flip, View
     from ciir.service.pipeline.options import Backend, Sampling
     from ciir.service.pipeline.options.lenslet import GridShape, Pitch
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
-    from ciir.service.pipeline.source import Source
 
     Given = str | PathLike[str] | LightField
 
@@ -136,7 +135,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "lens_grid": lens_grid,
         }
     )
-    source = add_frames(_open_path(path), white=white, dark=dark)
+    source = add_frames(open_path(path), white=white, dark=dark)
     if show_grid is not None:
         source = draw_grid_at(source, asked, show_grid)
     content = Input(source).read(asked)
@@ -209,7 +208,7 @@ def render(
     if progress is not None:
         progress(0, 1)
     kept: list[Pixels] = []
-    report = render_eia(_open_path(mesh), options, kept.append)
+    report = render_eia(open_path(mesh), options, kept.append)
     array = report["lens_array"]
     views = LightField.from_eia(kept[0], rows=array["rows"], cols=array["cols"]).views
     if progress is not None:
@@ -283,29 +282,6 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     Raises `ciir.Error`.
     """
     writer = MemoryWriter()
-    given = source if isinstance(source, LightField) else _open_path(source)
+    given = source if isinstance(source, LightField) else open_path(source)
     report = run_reconstruction(given, Options.convert(options, RECONSTRUCTION), writer, progress=progress)
     return Reconstruction(writer.views, report)
-
-
-def _open_path(path: str | PathLike[str]) -> Source:
-    try:
-        text = os.fspath(path)
-    except TypeError as error:
-        raise InvalidOption(
-            f"a path, not {type(path).__name__}, is needed; ciir.LightField(array) takes views"
-        ) from error
-    if not isinstance(text, str):
-        raise InvalidOption("a path as text, not bytes, is needed; save the bytes to a file")
-    return open_source(text)
-
-
-def as_light_field(picture: Pixels) -> LightField:
-    """One picture, `(H, W)` or `(H, W, C)`, as a light field of one view. Raises `InvalidOption` for other shapes."""
-    shape = getattr(picture, "shape", None)
-    if shape is None or len(shape) not in (2, 3):
-        given = type(picture).__name__ if shape is None else f"an array of shape {shape}"
-        raise InvalidOption(
-            f"images: {given} is not taken; give a picture (H, W) or (H, W, C), or ciir.LightField(array) for views"
-        )
-    return LightField(picture.reshape(1, 1, *shape[:2], shape[2] if len(shape) == 3 else 1))

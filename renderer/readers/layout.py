@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import Arrangement, DepthSense, Flip, OrderCheck, Pickup
+    from ciir.renderer.light_field import DepthSense, Pickup
     from ciir.renderer.readers.lenslet.grid import Known
+    from ciir.renderer.views import Flip
+
+Arrangement = Literal["auto", "eia", "mosaic"]
+"""What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.
+"""
+
+OrderCheck = Literal["auto", "given", "rows", "columns", "serpentine"]
+"""What is row and what is column: what the names and the pictures show; what the names show; the first number or index
+is the row; or it is the column; or as the names show, but every other row from right to left.
+"""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ciir.service.pipeline.job import Job
 
 STAGES = ("decode", "plan", "render", "map", "upscale", "focus", "encode")
 """In the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto` needs."""
@@ -88,3 +91,10 @@ def find_versions(*packages: str) -> dict[str, str]:
 def _find_version(name: str) -> str:
     """Looked up once: each takes a third of a millisecond."""
     return platform.python_version() if name == "python" else version(name)
+
+
+def describe_array(job: Job) -> Report:
+    """The report's `lens_array`; pitch and delta are null where nothing is known of them."""
+    rows, cols, pixels_v, pixels_u = *job.lenses, *job.grid
+    counts = {"rows": rows, "cols": cols, "pitch": job.pitch, "pixels_v": pixels_v, "pixels_u": pixels_u}
+    return counts | {"delta": job.delta, "depth_sense": job.depth_sense}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -18,8 +17,9 @@ from ciir.service.pipeline.limits import check_eia, check_samples, check_size, c
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.prediction import predict_plan
-from ciir.service.pipeline.report import Clock, Report, find_versions, skip_reasons
+from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
+from ciir.service.pipeline.stages.batches import make_views, upscale_batches
 from ciir.service.pipeline.stages.opening import open_session
 from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
@@ -28,11 +28,7 @@ from ciir.service.pipeline.stages.upscaling import describe_model, describe_skip
 from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable, Sequence
-    from contextlib import AbstractContextManager
-
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.stages.upscaling import UpscaleViews
@@ -157,9 +153,9 @@ def _reconstruct(
 
     written: list[dict[str, Any]] = []
     fallback = 0.0
-    made = prefetch(_make(views, batches), name="views")
+    made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted))
-    with closing(prefetch(_upscale(made, upscale, opening, clock, statistics), name="upscale")) as finished:
+    with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
         for wanted, pictures, share in finished:
             fallback += share * len(wanted) / len(job.wanted)
             with clock.stage("encode"):
@@ -256,38 +252,6 @@ def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
     return batches
 
 
-def _make(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch, list[Pixels]]]:
-    """Each batch with its new views."""
-    pictures = views.make_views([view for batch in batches for view in batch.new])
-    for batch in batches:
-        yield batch, views.take_views(pictures, len(batch.new))
-
-
-def _upscale(
-    made: Generator[tuple[Batch, list[Pixels]]],
-    upscale: UpscaleViews | None,
-    opening: AbstractContextManager[Callable[[], object]],
-    clock: Clock,
-    statistics: SkipStatistics,
-) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
-    """Each batch's wanted views, the pictures that are written of them, and their fallback share."""
-    kept: dict[View, Pixels] = {}
-    with closing(made), opening as wait:
-        for batch, new in made:
-            kept.update(zip(batch.new, new, strict=True))
-            pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
-            share = 0.0
-            if upscale is not None:
-                with clock.stage("upscale"):
-                    wait()
-                    begun = time.perf_counter()
-                    pictures, share = upscale(kept, batch.wanted)
-                    statistics.seconds += time.perf_counter() - begun
-            for view in batch.done:
-                del kept[view]
-            yield batch.wanted, pictures, share
-
-
 def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
     """What a writer gets: views like `sample`, `(1, 1, C)`."""
     rows, cols = job.lenses
@@ -300,10 +264,3 @@ def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
         dtype=sample.dtype,
         depth_sense=job.depth_sense,
     )
-
-
-def describe_array(job: Job) -> Report:
-    """The report's `lens_array`; pitch and delta are null where nothing is known of them."""
-    rows, cols, pixels_v, pixels_u = *job.lenses, *job.grid
-    counts = {"rows": rows, "cols": cols, "pitch": job.pitch, "pixels_v": pixels_v, "pixels_u": pixels_u}
-    return counts | {"delta": job.delta, "depth_sense": job.depth_sense}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +24,11 @@ from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
 
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
@@ -238,3 +243,27 @@ def _make_pose(options: Options) -> MeshPose:
     if options.camera is not None and options.up != Options.up:
         raise InvalidOption("up, camera: a camera has an up of its own; leave one of them out")
     return MeshPose(times[0], options.camera, options.animation)
+
+
+def open_path(path: str | PathLike[str]) -> Source:
+    """`open_source` of a path, as Python's callers give it. Raises `InvalidOption` for what is none."""
+    try:
+        text = os.fspath(path)
+    except TypeError as error:
+        raise InvalidOption(
+            f"a path, not {type(path).__name__}, is needed; ciir.LightField(array) takes views"
+        ) from error
+    if not isinstance(text, str):
+        raise InvalidOption("a path as text, not bytes, is needed; save the bytes to a file")
+    return open_source(text)
+
+
+def as_light_field(picture: Pixels) -> LightField:
+    """One picture, `(H, W)` or `(H, W, C)`, as a light field of one view. Raises `InvalidOption` for other shapes."""
+    shape = getattr(picture, "shape", None)
+    if shape is None or len(shape) not in (2, 3):
+        given = type(picture).__name__ if shape is None else f"an array of shape {shape}"
+        raise InvalidOption(
+            f"images: {given} is not taken; give a picture (H, W) or (H, W, C), or ciir.LightField(array) for views"
+        )
+    return LightField(picture.reshape(1, 1, *shape[:2], shape[2] if len(shape) == 3 else 1))

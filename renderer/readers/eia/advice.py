@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 from ciir.renderer.readers.eia.period import is_about, is_near
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import Arrangement
     from ciir.renderer.readers.eia.period import Periods
-    from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.readers.layout import Arrangement, Layout
     from ciir.renderer.readers.pictures import Pixels
 
     Pair = tuple[int, int]

@@ -11,7 +11,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.view_order import estimate_order
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import OrderCheck
+    from ciir.renderer.readers.layout import OrderCheck
     from ciir.renderer.view_order import OrderEstimate
 
 Views = TypeVar("Views", LightField, ViewFiles)

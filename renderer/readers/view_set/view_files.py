@@ -10,19 +10,20 @@ import numpy as np
 
 from ciir.cores import count_available_cores
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.light_field import LightField, flip_axes
+from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.views import flip_axes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.light_field import DepthSense, Flip
+    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
+    from ciir.renderer.views import Flip, View
 
 
 class Decoder:

@@ -14,8 +14,7 @@ from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import KINDS, NO_MODEL
 from ciir.service.pipeline.plan import Plan
-from ciir.service.pipeline.report import Clock, find_versions
-from ciir.service.pipeline.run import describe_array
+from ciir.service.pipeline.report import Clock, describe_array, find_versions
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.view_sources import MeshViews
 

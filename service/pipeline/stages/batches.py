@@ -1,0 +1,51 @@
+"""Batches of views on their way through the stages: made, then upscaled."""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Sequence
+    from contextlib import AbstractContextManager
+
+    from ciir.models.single.skipping import SkipStatistics
+    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
+    from ciir.service.pipeline.report import Clock
+    from ciir.service.pipeline.stages.schedule import Batch
+    from ciir.service.pipeline.stages.upscaling import UpscaleViews
+    from ciir.service.pipeline.stages.view_sources import ViewSource
+
+
+def make_views(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch, list[Pixels]]]:
+    """Each batch with its new views."""
+    pictures = views.make_views([view for batch in batches for view in batch.new])
+    for batch in batches:
+        yield batch, views.take_views(pictures, len(batch.new))
+
+
+def upscale_batches(
+    made: Generator[tuple[Batch, list[Pixels]]],
+    upscale: UpscaleViews | None,
+    opening: AbstractContextManager[Callable[[], object]],
+    clock: Clock,
+    statistics: SkipStatistics,
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
+    """Each batch's wanted views, the pictures that are written of them, and their fallback share."""
+    kept: dict[View, Pixels] = {}
+    with closing(made), opening as wait:
+        for batch, new in made:
+            kept.update(zip(batch.new, new, strict=True))
+            pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
+            share = 0.0
+            if upscale is not None:
+                with clock.stage("upscale"):
+                    wait()
+                    begun = time.perf_counter()
+                    pictures, share = upscale(kept, batch.wanted)
+                    statistics.seconds += time.perf_counter() - begun
+            for view in batch.done:
+                del kept[view]
+            yield batch.wanted, pictures, share
