@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
+from functools import cache
 
 import pytest
 
@@ -65,26 +66,26 @@ FILES = find_files()
 NAMES = {f"ciir.{name}" for name in FILES}
 
 
+@cache
 def read_imports(file):
     """(absolute name, whether only type checkers see it) of each import in `file`, for `from a import b` of `a.b`.
 
     A text that is a module's whole name counts as an import of it: `import_module` takes such texts.
     """
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    checked = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(tree):
+    found, nodes = [], [(ast.parse(file.read_text(encoding="utf-8")), False)]
+    while nodes:
+        node, only_types = nodes.pop()
         if isinstance(node, ast.Import):
-            yield from ((alias.name, node in checked) for alias in node.names)
+            found += [(alias.name, only_types) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f"{file}: line {node.lineno} is a relative import"
-            yield from ((f"{node.module}.{alias.name}", node in checked) for alias in node.names)
+            found += [(f"{node.module}.{alias.name}", only_types) for alias in node.names]
         elif isinstance(node, ast.Constant) and str(node.value) in NAMES:
-            yield node.value, False
+            found.append((node.value, False))
+        elif isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            only_types = True
+        nodes += [(child, only_types) for child in ast.iter_child_nodes(node)]
+    return found
 
 
 def find_module(name):
@@ -108,18 +109,26 @@ def is_inside(module, package):
     return f"{module}.".startswith(f"{package}.")
 
 
-IMPORTS = {
-    module: {name for name, only_types in read_imports(file) if not only_types} for module, file in FILES.items()
-}
-GRAPH = {
-    module: {found for name in names if (found := find_module(name)) is not None and found != module}
-    for module, names in IMPORTS.items()
-}
+@pytest.fixture(scope="module")
+def imports():
+    """Module -> what it imports at run time. Not at the top: each process of xdist collects all tests."""
+    return {
+        module: {name for name, only_types in read_imports(file) if not only_types} for module, file in FILES.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def graph(imports):
+    """Module -> the modules of this project that it imports."""
+    return {
+        module: {found for name in names if (found := find_module(name)) is not None and found != module}
+        for module, names in imports.items()
+    }
 
 
 @pytest.mark.parametrize("package", ARROWS)
-def test_packages_import_only_what_is_declared(package):
-    inside = {module: names for module, names in GRAPH.items() if find_package(module) == package}
+def test_packages_import_only_what_is_declared(graph, package):
+    inside = {module: names for module, names in graph.items() if find_package(module) == package}
     assert inside
     forbidden = {
         f"{module} imports {name}"
@@ -131,13 +140,13 @@ def test_packages_import_only_what_is_declared(package):
 
 
 @pytest.mark.parametrize("module", SHARED)
-def test_what_all_share_imports_nothing(module):
-    assert not GRAPH[module.removeprefix("ciir.")]
+def test_what_all_share_imports_nothing(graph, module):
+    assert not graph[module.removeprefix("ciir.")]
 
 
-def test_there_are_no_circles():
+def test_there_are_no_circles(graph):
     """A module that imports nothing, or that nothing imports, lies on no circle: without circles all can be removed."""
-    left = {module: set(names) for module, names in GRAPH.items()}
+    left = {module: set(names) for module, names in graph.items()}
     while True:
         imported = set().union(*left.values()) if left else set()
         outside = {module for module, names in left.items() if not names or module not in imported}
@@ -148,8 +157,8 @@ def test_there_are_no_circles():
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
-def test_libraries_are_imported_in_one_place(library):
-    modules = {module for module, names in IMPORTS.items() if any(is_inside(name, library) for name in names)}
+def test_libraries_are_imported_in_one_place(imports, library):
+    modules = {module for module, names in imports.items() if any(is_inside(name, library) for name in names)}
     assert not {module for module in modules if not any(is_inside(module, name) for name in LIBRARIES[library])}
 
 
