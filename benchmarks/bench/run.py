@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LENSES = (25, 50, 100, 200)
 ROUNDS = 11
-CROP_COLUMNS = ("nearest", "bicubic", "paper", "fast-int8", "fast", "quality", "gan")
+CROP_COLUMNS = ("nearest", "bicubic", "paper", "fast-int8", "fast", "quality", "field-int8", "field")
 EXPLANATION = """\
 Milliseconds: medians over {rounds} round(s) in one warm process, each method once a round; decoding or rendering
 (`backend`: what `auto` took), upscaling and PNG together. `upscale ms`: the network. `times faster than paper`: the
