@@ -111,10 +111,14 @@ def estimate_order(views: Views) -> OrderEstimate:
     largest = (min(views.shape[:2]) - 1) // 2
     rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
     votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
+    places: dict[int, list[tuple[int, int]]] = {}
     for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
         is_settled = _sum_up(votes).is_certain and (factor, step) != (1, 1)  # two rows away none is reversed
         if largest and not is_settled:
-            counted = _count_votes(views, (rows, cols), factor, step)
+            if factor not in places:
+                center = views[center_view(*views.shape[:2])]
+                places[factor] = _find_tiles(_make_luma(center[rows, cols], factor))
+            counted = _count_votes(views, (rows, cols), places[factor], factor, step)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)
     return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
@@ -126,12 +130,14 @@ def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
     return OrderEstimate(ORDERS[order], int(votes[best]), int(votes.sum()), bool(is_serpentine))
 
 
-def _count_votes(views: Views, crop: tuple[slice, slice], factor: int, step: int) -> NDArray[np.intp]:
-    """Tiles that vote for each of `ORDERS` alone, and for each of them without and then with every other row reversed,
-    `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no row is.
+def _count_votes(
+    views: Views, crop: tuple[slice, slice], places: Sequence[tuple[int, int]], factor: int, step: int
+) -> NDArray[np.intp]:
+    """Tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with every other
+    row reversed, `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no
+    row is.
     """
     v, u = center_view(*views.shape[:2])
-    places = _find_tiles(_make_luma(views[v, u][crop], factor))
     votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
     if not places:
         return votes
@@ -144,17 +150,18 @@ def _count_votes(views: Views, crop: tuple[slice, slice], factor: int, step: int
 
     center = cut(views[v, u], 0)
 
-    def explain(around: Sequence[tuple[int, int]]) -> Plane:
-        return _sweep(_correlate(center, np.stack([cut(views[view], REACH) for view in around], axis=1)))
-
-    given = explain([(v + step * down, u + step * right) for down, right in _AROUND])
-    votes[0] = _vote(given)
+    given = unwound = [(v + step * down, u + step * right) for down, right in _AROUND]
     if step % 2:
         mirror = views.shape[1] - 1
         at = mirror - u if v % 2 else u  # where the centre view is once every other row is reversed
-        places_around = [(v + step * down, at + step * right) for down, right in _AROUND]
-        unwound = explain([(row, mirror - column if row % 2 else column) for row, column in places_around])
-        votes[1] = _vote(np.concatenate([given, unwound], axis=1))
+        around = [(v + step * down, at + step * right) for down, right in _AROUND]
+        unwound = [(row, mirror - column if row % 2 else column) for row, column in around]
+    needed = list(dict.fromkeys([*given, *unwound]))
+    correlation = _correlate(center, np.stack([cut(views[view], REACH) for view in needed], axis=1))
+    explained = [_sweep(correlation[:, [needed.index(view) for view in each]]) for each in (given, unwound)]
+    votes[0] = _vote(explained[0])
+    if step % 2:
+        votes[1] = _vote(np.concatenate(explained, axis=1))
     return votes
 
 
@@ -225,11 +232,12 @@ def _correlate(tiles: Plane, around: Plane) -> Plane:
 
 
 def _sum_windows(values: Plane) -> Plane:
-    """Sums over each window of `TILE x TILE`, of the last two axes."""
-    for axis in (-2, -1):
-        sums = np.moveaxis(np.cumsum(values, axis=axis), axis, 0)
-        first = sums[TILE - 1 : TILE]
-        values = np.moveaxis(np.concatenate([first, sums[TILE:] - sums[:-TILE]]), 0, axis)
+    """Sums over each window of `TILE x TILE`, of the last two axes: of two, then of four, and so on."""
+    step = 1
+    while step < TILE:
+        values = values[..., :-step, :] + values[..., step:, :]
+        values = values[..., :-step] + values[..., step:]
+        step *= 2
     return values
 
 
