@@ -176,6 +176,12 @@ def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
     return "quilt" if is_named else None
 
 
+def find_eslf(path: PurePath) -> str | None:
+    """The format eslf where no format is given and the file's name makes readers take it for one."""
+    is_named = path.suffix.lower() == ".png" and path.stem.lower().endswith("eslf")
+    return "eslf" if is_named else None
+
+
 def check_format(name: str) -> None:
     """Raises `InvalidOption` where `name` is no format of `FORMATS`."""
     if name not in FORMATS:

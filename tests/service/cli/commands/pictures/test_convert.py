@@ -36,6 +36,14 @@ def test_a_picture_is_the_elemental_image_array_as_lenses_see_it(given, tmp_path
     assert (tmp_path / "again.png").read_bytes() == (tmp_path / "eia.png").read_bytes()
 
 
+def test_a_picture_named_as_eslf_is_eslf(given, tmp_path):
+    assert main(["convert", str(given), "-o", str(tmp_path / "a_eslf.png")]) == 0
+    FIELD.save(tmp_path / "b_ESLF.png")
+    for name in ("a_eslf.png", "b_ESLF.png"):
+        assert main(["convert", str(tmp_path / name), "-o", str(tmp_path / "back.npy"), "--order", "given"]) == 0
+        np.testing.assert_array_equal(np.load(tmp_path / "back.npy"), FIELD.views)
+
+
 def test_an_epi_and_the_report(given, tmp_path):
     words = ["convert", str(given), "--to", "epi", "--epi", "y=5,v=2", "-o", str(tmp_path / "epi.tif")]
     assert main([*words, "--report", str(tmp_path / "report.json")]) == 0
