@@ -84,11 +84,13 @@ def estimate_disparity(
     view: View | None = None,
     *,
     limits: tuple[float, float] | None = None,
+    beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
 ) -> DisparityMap:
     """The disparity of `view`, by default the centre one.
 
-    `limits`: the least and the largest disparity in pixels a view, by default found from the pictures. `extra`: what a
+    `limits`: the least and the largest disparity in pixels a view, by default found from the pictures. `beyond`: how
+    far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
     disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
 
     Noise beyond `UNNOTICED` has all views correct the map (`refinement`). With it they make the view itself almost free
@@ -120,6 +122,8 @@ def estimate_disparity(
             f"disparity: {height}x{width} pixels at {len(numbers)} disparities are more than {MOST_COSTS} together, "
             "which take 2 GB; give limits that are closer to each other, or smaller views"
         )
+    more = min(ceil(beyond * (len(numbers) - 1)), MOST_COSTS // (height * width) - len(numbers))
+    numbers = range(numbers.start, numbers.stop + more * numbers.step, numbers.step)
     deviation = estimate_noise(read_levels(views[view]).transpose(1, 2, 0))
     noise = max(0.0, deviation - UNNOTICED)
     planes = np.array(numbers) / parts
@@ -196,7 +200,7 @@ def _check_limits(limits: tuple[float, float], side: int) -> None:
 
 def _list_planes(limits: tuple[float, float], parts: int) -> range:
     """The planes from the one limit to the other, in parts of a pixel: at least 3, at most about `MOST_PLANES`."""
-    low, high = floor(limits[0] * parts), ceil(limits[1] * parts)
+    low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # of 1/49 * 49, too
     step = ceil((high - low) / MOST_PLANES)
     return range(low, max(high, low + 2) + step, step)
 

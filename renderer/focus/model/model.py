@@ -115,10 +115,11 @@ def make_model(
             is_used = is_used & _grow(is_used & ~np.isfinite(depth))
         if not is_used.any():
             continue
-        mapped = estimate_disparity(field, view, limits=limits, extra=partial(cost, view) if has_background else None)
-        if limits is None:  # something nearer would hide what the centre view sees, but it hides what is farther
-            low, high = float(mapped.planes[0]), float(mapped.planes[-1])
-            limits = low, high + FARTHER * (high - low) * has_background
+        extra = partial(cost, view) if has_background else None
+        # Something nearer would hide what the centre view sees, but it hides what is farther.
+        beyond = FARTHER if has_background and limits else 0.0
+        mapped = estimate_disparity(field, view, limits=limits, beyond=beyond, extra=extra)
+        limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
         picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
         patch = make_patch(picture, mapped.disparity, is_used, most)
         vertices = _place(patch.x, patch.y, patch.disparity, array, view)

@@ -5,6 +5,7 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.backends import open_backend
+from ciir.renderer.focus.disparity import estimate_disparity
 from ciir.renderer.focus.model import make_model
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.light_field import LightField
@@ -75,6 +76,28 @@ def test_what_only_corner_views_see_may_lie_farther():
     views = render(Scene((replace(card, vertices=tilted), make_square(35, 23, 3))), array)
     distance = -make_model(views, pitch=2.0, delta=0.1).vertices[:, 2]
     assert (np.abs(distance - 35) < 2).sum() > 100
+
+
+@pytest.mark.parametrize(("most_costs", "more"), [(1 << 27, 6), (40 * 48 * 14, 2)])
+def test_corner_views_are_compared_at_the_steps_of_the_centre(monkeypatch, most_costs, more):
+    """However many disparities those are, and no farther than fit into memory."""
+    planes = []
+
+    def estimate(*args, **options):
+        planes.append(estimate_disparity(*args, **options).planes)
+        return estimate_disparity(*args, **options)
+
+    monkeypatch.setattr("ciir.renderer.focus.disparity.MOST_PLANES", 12)
+    monkeypatch.setattr("ciir.renderer.focus.disparity.MOST_COSTS", most_costs)
+    monkeypatch.setattr("ciir.renderer.focus.model.model.estimate_disparity", estimate)
+    array = LensArray(40, 48, 5, 5, pitch=2.0, delta=0.4)
+    make_model(render(Scene((make_square(16, 12, 1), make_square(5, 6, 2))), array), pitch=2.0, delta=0.4)
+    centre, *corners = planes
+    assert len(corners) == 4
+    for found in corners:
+        np.testing.assert_array_equal(found[: len(centre)], centre)
+        assert len(found) == len(centre) + more
+        assert np.ptp(np.diff(found)) < 1e-9
 
 
 def test_a_camera_array_gives_the_same_model_as_the_lens_array_that_shows_the_same(captured, model):
