@@ -55,6 +55,8 @@ STEPS = 100
 """Of conjugate gradients, at most."""
 ROWS = 32
 """Of pixels, that are computed at a time."""
+AROUND = 3
+"""Rows on each side of them that they depend on: by a gradient, and by the window of each of two weightings."""
 
 
 def refine(
@@ -108,7 +110,7 @@ def _correct(
     `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, where they stand from the wanted view. `own`: as in `refine`.
     """
     height, width = disparity.shape
-    start, stop = max(0, part.start - 1), min(height, part.stop + 1)  # with neighbours, for gradients
+    start, stop = max(0, part.start - AROUND), min(height, part.stop + AROUND)
     map_ = disparity[start:stop]
     y, x = np.arange(start, stop, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
     looked_up = np.empty((len(pictures), len(pictures[0]), *map_.shape), np.float32)

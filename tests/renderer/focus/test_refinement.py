@@ -47,6 +47,16 @@ def test_the_view_itself_decides_which_views_count():
     assert with_own < 0.05 < without
 
 
+def test_strips_of_rows_are_the_same(monkeypatch):
+    views, view = make_views((3, 3))
+    views[0, 0] = 255 - views[0, 0]  # which does not count, by its neighbourhood
+    wrong = np.full(views.shape[2:4], SLOPE + 0.1, np.float32)
+    monkeypatch.setattr("ciir.renderer.focus.refinement.ROWS", 64)
+    at_once = refine(views, view, wrong, NOISE, LAST)
+    monkeypatch.setattr("ciir.renderer.focus.refinement.ROWS", 8)
+    np.testing.assert_allclose(refine(views, view, wrong, NOISE, LAST), at_once, atol=1e-4)
+
+
 def test_steps_stay():
     """Where the views show nothing, the map is smoothed, but not across its steps."""
     views = np.full((5, 5, 32, 32, 3), 100, np.uint8)
