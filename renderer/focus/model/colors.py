@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.scene import Scene
 
-VIEWS = 3, 8
+VIEWS = 3, 15
 """Fewest and most views along v and along u that count."""
 RAYS = 1 << 22
 """With more, fewer views count: each takes some 100 bytes."""
