@@ -1,4 +1,7 @@
-"""The plugin for napari; parts that need npe2 or napari (`pip install '.[napari]'`) are skipped without them."""
+"""The plugin for napari; parts that need npe2 or napari (`pip install '.[napari]'`) are skipped without them.
+
+With them: `pytest -p no:napari -p no:npe2 -p no:napari-plugin-engine`, as their plugins of pytest load numpy too early.
+"""
 
 from types import SimpleNamespace
 
@@ -9,6 +12,7 @@ from ciir.renderer.light_field import LightField
 from ciir.service import napari as plugin
 from tests.support.paths import ROOT
 
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # napari's and npe2's own, of pydantic
 MANIFEST = ROOT / "ciir" / "napari.yaml"
 SHAPE = (3, 5, 24, 32)
 
