@@ -13,9 +13,10 @@ def test_prints_a_line_for_each_mesh(tmp_path, capsys):
     assert main(["--meshes", str(tmp_path), "--only", "cube", "--lenses", "24", "--pixels", "5"]) == 0
     head, line = capsys.readouterr().out.splitlines()
     assert head == HEAD
-    name, mean, worst, between, median, most, triangles, _ = line.split()
+    name, mean, worst, between, moved, median, most, triangles, _ = line.split()
     assert name == "cube"
     assert 50 > float(mean) >= float(worst) > 10  # the cube is ten lenses wide, and most of it edges
     assert 50 > float(between) > 10
+    assert 50 > float(moved) > 10
     assert 0 <= float(median) <= float(most) < 0.5
     assert int(triangles.replace(",", "")) > 24
