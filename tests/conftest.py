@@ -1,4 +1,4 @@
-"""What holds for all tests: one thread for linear algebra, and a list of the tests that were skipped."""
+"""What holds for all tests: one thread for linear algebra, the same examples each time, a list of skipped tests."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import os
 import sys
 from pathlib import Path
 
+from hypothesis import HealthCheck, settings
+
 # Set before numpy and torch are loaded, and inherited by the processes that tests start. On busy cores their threads
 # wait for one another: a calibration took 5.2 s of processor time in place of 0.4.
 assert not {"numpy", "torch"} & set(sys.modules), "a plugin of pytest has loaded them"
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+settings.register_profile("ciir", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("ciir")
 
 
 def pytest_addoption(parser):

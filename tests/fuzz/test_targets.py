@@ -39,7 +39,7 @@ def test_hostile_bytes_are_read_or_refused_in_one_line(name):
     target = TARGETS[name]
     seen = {True: 0, False: 0}
 
-    @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=150, suppress_health_check=list(HealthCheck))
     @given(inputs_near(target.seeds()))
     def hold(data):
         seen[target(data)] += 1

@@ -52,7 +52,7 @@ def test_it_equals_the_slow_reference(scale, dtype):
 
 
 @given(arrays.arrays(np.uint8, (4, 5, 1)), st.integers(0, 2**32 - 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_no_mean_moves_away(small, seed):
     large = np.random.default_rng(seed).integers(0, 256, (8, 10, 1), np.uint8)
     before, after = (np.abs(average(one, 2) - small) for one in (large, restore_means(large, small)))

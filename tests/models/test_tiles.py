@@ -8,7 +8,7 @@ from ciir.models import tiles
 sizes = st.integers(1, 70)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(height=sizes, width=sizes, radius=st.integers(0, 4), side=st.integers(9, 30))
 def test_tiles_cover_once_and_have_a_halo(height, width, radius, side):
     covered = np.zeros((height, width), int)
@@ -25,7 +25,7 @@ def test_tiles_cover_once_and_have_a_halo(height, width, radius, side):
     assert shape[0] * shape[1] <= side * side
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(height=sizes, width=sizes, radius=st.integers(0, 4), step=st.integers(1, 4))
 def test_tiles_keep_to_multiples(height, width, radius, step):
     height, width = height * step, width * step

@@ -19,7 +19,7 @@ def cloud(seed, stretch):
     return Scene((Part(vertices, np.arange(30, dtype=np.int32).reshape(-1, 3), np.ones((30, 4), np.float32)),))
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 1000),
     st.tuples(*[st.sampled_from([1e-6, 0.01, 1.0, 300.0])] * 3),
@@ -76,7 +76,7 @@ def test_the_bounding_box_lies_behind_astride_or_before_the_array(place, zoom):
     assert low[2] + high[2] == pytest.approx(place * (sides[2] + 2 * CLEARANCE * sides.max()))
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 1000), st.tuples(*[st.floats(-180, 180)] * 3), st.floats(-1, 1))
 def test_scenes_are_framed_together_by_their_extremes(seed, angles, place):
     scenes, array = [cloud(seed, (1, 2, 3)), cloud(seed + 1, (3, 1, 1))], LensArray(30, 80, 5, 9)

@@ -10,7 +10,7 @@ from ciir.renderer.lens_array import MAX_LENSES, MAX_PIXELS, TANGENT_RANGE, Lens
 
 COUNTS = st.integers(1, 40)
 LENGTHS = st.floats(1e-6, 1e6)
-SETTINGS = settings(max_examples=80, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=80)
 ARRAYS = st.builds(LensArray, COUNTS, COUNTS, COUNTS, COUNTS, pitch=LENGTHS, delta=LENGTHS)
 
 

@@ -7,7 +7,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField, Pickup
 
 SIDES = st.integers(1, 6)
-SETTINGS = settings(max_examples=80, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=80)
 
 
 def picture(height: int, width: int, channels: int, dtype: type) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ciir.renderer.placement import AS_GIVEN, Placement
@@ -21,7 +21,6 @@ def turn(points, axis, degrees):
     return points
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.tuples(ANGLES, ANGLES, ANGLES), st.sampled_from(["y", "z"]), st.integers(0, 99))
 def test_rotation_is_yaw_then_pitch_then_roll(rotate, up, seed):
     points = np.random.default_rng(seed).normal(size=(5, 3))
@@ -54,7 +53,6 @@ def test_where_a_side_of_the_mesh_faces(placement, side, faces):
     np.testing.assert_allclose(placement.rotation() @ side, faces, atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.tuples(ANGLES, ANGLES, ANGLES), st.sampled_from(["y", "z"]), st.none() | st.tuples(ANGLES, ANGLES))
 def test_light_stays_as_the_object_turns(rotate, up, light):
     placement = Placement(up=up, rotate=rotate, light=light)

@@ -81,7 +81,7 @@ def test_soup_and_shared_vertices_have_the_same_normals() -> None:
     assert np.allclose(shared[2][shared[1]], soup[2][soup[1]])
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_normals_are_unit_and_within_the_crease_of_their_face(seed: int) -> None:
     rng = np.random.default_rng(seed)

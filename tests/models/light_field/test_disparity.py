@@ -29,7 +29,7 @@ def shift_picture(disparity, grid, view):
     }
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(-MAXIMUM_DISPARITY, MAXIMUM_DISPARITY), st.sampled_from(GRIDS))
 def test_a_disparity_is_found_to_a_pixel_beyond_what_networks_search(disparity, case):
     grid, view = case
@@ -108,7 +108,7 @@ def test_each_pixel_of_a_part_has_the_shift_of_its_tile():
     np.testing.assert_array_equal(got, want[2:11, 6:20])
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(1, 60), st.integers(1, 60), st.sampled_from([np.uint8, np.uint16]), st.integers(0, 99))
 def test_luma_of_a_colour_is_the_same_to_the_bit_at_every_pixel(height, width, dtype, seed):
     colours = np.random.default_rng(seed).integers(0, np.iinfo(dtype).max, (2, 3), dtype, endpoint=True)

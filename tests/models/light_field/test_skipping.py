@@ -65,7 +65,7 @@ def test_views_of_many_disparities_are_the_same_with_skipping_in_tiles_and_alone
         assert (0 < statistics.uniform < statistics.pixels) == skip
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.data(),
     st.tuples(st.integers(1, 6), st.integers(1, 6)),

@@ -52,7 +52,7 @@ def test_a_view_requires_its_window():
 grids = st.tuples(st.integers(1, 7), st.integers(1, 7))
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data(), grids, st.sampled_from([1, 3]), st.sampled_from([np.uint8, np.uint16]))
 def test_results_come_in_the_order_of_wanted(data, grid, channels, dtype):
     views = make_light_field(grid, (3, 4, channels), dtype)

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.integers(1, 40).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
 def test_a_window_holds_the_view_and_its_neighbours_inside_the_grid(place):
     position, count = place

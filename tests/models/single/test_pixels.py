@@ -17,7 +17,7 @@ def make_noise(dtype, *shape: int) -> np.ndarray:
     return np.random.default_rng(3).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(
     st.sampled_from(DEPTHS).flatmap(
         lambda dtype: hn.arrays(dtype, st.tuples(st.integers(0, 2), *[st.integers(1, 6)] * 2, st.integers(1, 4)))

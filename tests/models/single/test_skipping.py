@@ -55,7 +55,7 @@ def pictures(draw):
     return np.stack([made[number] for number in order]) if order else np.empty((0, height, width, channels), dtype)
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(pictures(), st.sampled_from([3, 4]))
 def test_skipping_gives_the_same_result(some, layers):
     statistics = SkipStatistics()
@@ -185,7 +185,7 @@ def to_floats(picture):
     return np.ascontiguousarray(picture.transpose(2, 0, 1)[np.newaxis]).astype(np.float32) / 255
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(20, 90), st.integers(20, 90), st.integers(1, 5), st.integers(0, 99))
 def test_boxes_keep_everything_that_sees_a_difference(height, width, radius, seed):
     random = np.random.default_rng(seed)

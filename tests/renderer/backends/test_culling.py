@@ -36,7 +36,7 @@ def render(name, scene, array, views, samples=1):
     return np.stack(list(require_backend(name).render_views(scene, array, views, samples=samples)))
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25)
 @given(
     st.integers(0, 999),
     st.fixed_dictionaries(

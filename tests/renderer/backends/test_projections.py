@@ -16,7 +16,7 @@ def arrays(draw):
     return LensArray(draw(SIDES), draw(SIDES), draw(SIDES), draw(SIDES), draw(LENGTHS), draw(st.floats(0.001, 1)))
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(arrays(), st.data())
 def test_oblique_puts_a_point_of_a_ray_in_the_pixel_of_its_lens(array, data):
     y, x = data.draw(st.integers(0, array.rows - 1)), data.draw(st.integers(0, array.cols - 1))

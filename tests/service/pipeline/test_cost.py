@@ -118,7 +118,7 @@ def test_the_stages_of_many_batches_overlap(monkeypatch):
     assert cost.total([slow, light], 0, 10) == pytest.approx(2 + 120)
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.lists(st.floats(0, 1e4), min_size=1, max_size=4), st.integers(1, 99), st.integers(0, 10**6))
 def test_overlapping_stages_take_at_least_the_slowest_and_at_most_the_sum(given, batches, written):
     writing = written * cost.WRITE_MS

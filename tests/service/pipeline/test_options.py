@@ -99,7 +99,7 @@ def test_a_fault_repeats_only_so_much_of_what_was_given():
         assert str(caught.value).isprintable()
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-999, 999), min_size=3, max_size=3))
 def test_angles_are_written_as_they_are_read(angles):
     texts = write_texts({"rotate": angles})
@@ -112,7 +112,7 @@ def test_other_angles_are_refused(value):
         Options.convert({"rotate": value})
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.floats(-1e8, 1e8), st.floats(-1e8, 1e8), st.integers(2, 999))
 def test_stacks_and_views_are_written_as_they_are_read(first, last, count):
     given = {"stack": (first, last, count), "limits": (first, last), "view": (count, 0)}
@@ -133,7 +133,7 @@ def test_white_space_around_a_value_is_left_aside(space):
         assert Options.parse({name: space + value + space}) == Options.parse({name: value})
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.dictionaries(st.sampled_from(NAMES), st.text(max_size=20)))
 def test_any_text_gives_options_or_a_fault(texts):
     try:

@@ -112,7 +112,7 @@ VALUES = st.one_of(
     st.text(max_size=40),
     st.dictionaries(st.sampled_from(HEADERS), VALUES),
 )
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 def test_no_path_or_header_causes_a_server_error(client, route, id_, headers):
     method, path = route
     response = client.request(method, path.format(id=quote(id_, safe="")), headers=headers)

@@ -20,7 +20,7 @@ def test_whole_numbers_are_pixel_mapping(pickup, dtype):
     assert np.array_equal(views, LightField.from_eia(picture, rows=6, cols=9, pickup=pickup).views)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(7, 15), st.floats(0, 14), st.floats(0, 14), st.floats(-5, 5), SHAPES)
 def test_samples_lie_where_the_grid_says(pitch, y, x, rotation, shape):
     """A picture that is linear in y and in x shows the place of each sample."""

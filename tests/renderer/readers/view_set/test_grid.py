@@ -57,7 +57,7 @@ def test_the_two_numbers_that_make_a_full_grid_are_row_and_column(style, shape):
     assert grid.shape == (3, 5)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(
     shape=st.tuples(st.integers(2, 5), st.integers(2, 5)),
     starts=st.tuples(st.integers(0, 20), st.integers(0, 20)),

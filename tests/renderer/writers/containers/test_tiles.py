@@ -114,7 +114,7 @@ def test_what_is_left_out_is_noted(tmp_path, channels, dtype, notes):
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 20), st.integers(1, 20))
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_any_size_is_read_back(rows, cols, height, width):
     field = make_field(rows, cols, height, width)
     file = io.BytesIO()

@@ -17,7 +17,7 @@ from tests.support.inputs import make_picture
 PIXELS = st.tuples(
     st.sampled_from([np.uint8, np.uint16]), st.integers(1, 9), st.integers(1, 9), st.integers(1, 4)
 ).flatmap(lambda a: hnp.arrays(a[0], a[1:]))
-SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=60)
 
 
 @SETTINGS

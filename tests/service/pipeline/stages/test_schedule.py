@@ -20,7 +20,7 @@ def list_near(wanted, grid, *, is_light_field):
     }
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.data(), st.tuples(st.integers(1, 8), st.integers(1, 8)), st.integers(1, 7), st.booleans())
 def test_each_view_is_made_once_and_in_time(data, grid, size, is_light_field):
     every = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
