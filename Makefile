@@ -46,7 +46,7 @@ demo: $(VENV)/.core
 
 test: $(VENV)/.dev
 	@echo "== running the tests"
-	@$(BIN)/python -m pytest -n 2 --dist worksteal
+	@$(BIN)/python -m pytest -n 4 --dist worksteal
 
 coverage: $(VENV)/.dev
 	@$(BIN)/coverage erase
