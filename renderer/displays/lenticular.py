@@ -116,7 +116,7 @@ def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float],
     if isinstance(value, int | float) and span[0] <= value <= span[1]:
         return float(value)
     raise Unreadable(
-        f"{name}: {key} is {clean_text(str(value))[:40]}; "
+        f"{name}: {key} is {'missing' if value is None else clean_text(str(value))[:40]}; "
         f"give a number from {span[0]:g} to {span[1]:g}, as the display holds it"
     )
 

@@ -233,7 +233,7 @@ def identify(name: str, data: bytes) -> Format:
         raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
     if by_name not in {None, by_content}:
         what = f"the suffix is of {by_name.name if by_name else ''} but the content is of {by_content.name}"
-        raise UnsupportedType(f"{clean_text(name)}: {what}; rename it, or give one of {READ}")
+        raise UnsupportedType(f"{clean_text(name)}: {what}; rename it to end with {by_content.suffixes[0]}")
     return by_content
 
 

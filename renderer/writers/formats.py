@@ -176,8 +176,10 @@ def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
     return "quilt" if is_named else None
 
 
-def find_eslf(path: PurePath) -> str | None:
-    """The format eslf where no format is given and the file's name makes readers take it for one."""
+def find_implied(path: PurePath, options: WriterOptions) -> str | None:
+    """Where no format is given: epi where its line is, eslf where the file's name makes readers take it for one."""
+    if options.epi:
+        return "epi"
     is_named = path.suffix.lower() == ".png" and path.stem.lower().endswith("eslf")
     return "eslf" if is_named else None
 

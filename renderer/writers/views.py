@@ -17,7 +17,7 @@ from ciir.renderer.writers.formats import (
     WHOLE_BY_SUFFIX,
     check_options,
     find_display,
-    find_eslf,
+    find_implied,
     find_whole_format,
 )
 from ciir.renderer.writers.options import WriterOptions
@@ -49,7 +49,7 @@ def save_light_field(
     array = {"rows": height, "cols": width, "pixels_v": rows, "pixels_u": columns, "depth_sense": sense}
     contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
     options = options or WriterOptions()
-    name = name or find_display(path, options) or find_eslf(path)
+    name = name or find_display(path, options) or find_implied(path, options)
     formats: Mapping[str, Format] | None = WHOLE_BY_SUFFIX
     if name is not None:
         found = find_whole_format(name, path)

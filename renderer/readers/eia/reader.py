@@ -77,10 +77,10 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
     view = height // grid[0], width // grid[1]
     tiles = mosaic.reshape(grid[0], view[0], grid[1], view[1], channels)  # (v, y, u, x, c)
     note = (
-        f"arrangement: the picture repeats every {view[0]}x{view[1]} pixels, so it is read as a mosaic of "
+        f"arrangement: the picture repeats about every {view[0]}x{view[1]} pixels, so it is read as a mosaic of "
         f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
     )
-    notes = note_other_views(periods, view, grid) if is_sure else (note,)
+    notes = note_other_views(periods, view, grid) or (() if is_sure else (note,))
     return LightField(tiles.swapaxes(1, 2), notes, depth_sense="cameras")
 
 

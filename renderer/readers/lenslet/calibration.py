@@ -34,6 +34,10 @@ _MOST_TURNED = 15.0  # degrees: half way from rows to columns
 _MOST_SCATTER = {"borders": 0.04, "edges": 0.03}  # pitches
 
 
+class NoGrid(Unreadable):
+    """No lens grid shows in the picture at all."""
+
+
 @dataclass(frozen=True)
 class Calibration:
     """A lens grid, and what speaks for it."""
@@ -90,7 +94,7 @@ def calibrate(
             f"{name}: shows no lens grid{given}, but one of {other.pitch:.2f}; give lens_pitch {other.pitch:.2f}, "
             "or auto"
         )
-    raise Unreadable(
+    raise NoGrid(
         f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
         f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
     )

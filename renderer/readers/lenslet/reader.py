@@ -12,7 +12,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import Layout
-from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate, detect_grid
+from ciir.renderer.readers.lenslet.calibration import Calibration, NoGrid, calibrate, detect_grid
 from ciir.renderer.readers.lenslet.drawing import draw_grid
 from ciir.renderer.readers.lenslet.frames import divide_by_white, subtract_dark
 from ciir.renderer.readers.lenslet.grid import Known
@@ -118,7 +118,7 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     shown = picture if white is None else white
     try:
         calibration = _calibrate(shown, known, camera, name)
-    except Unreadable as error:
+    except NoGrid as error:
         if frames or camera is not None:
             raise
         raise Unreadable(f"{error}; {_describe_elemental_images(picture)}") from error
@@ -179,13 +179,13 @@ def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) 
 
 
 def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixels:
-    frame = pictures.decode(bundle.files[key], name=clean_text(key), max_pixels=bundle.limits.pixels)
+    frame = pictures.decode(bundle.files[key], name=f"{which} picture", max_pixels=bundle.limits.pixels)
     if frame.shape != picture.shape or frame.dtype != picture.dtype:
         given, needed = (
             f"{shown.shape[0]}x{shown.shape[1]} pixels of {shown.shape[2]} channels, {shown.dtype.itemsize * 8} bit"
             for shown in (frame, picture)
         )
-        raise InvalidOption(f"{which}: {clean_text(key)} has {given}, the raw picture {needed}; give one of its kind")
+        raise InvalidOption(f"{which}: the {which} picture has {given}, the raw one {needed}; give one of its kind")
     return frame
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import posixpath
 import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
@@ -150,7 +151,7 @@ def _make_grid(names: NumberedNames, row: int, column: int) -> Grid:
     by_place = {place: at for at, place in enumerate(zip(names.values(row), names.values(column), strict=True))}
     rows, columns = (sorted({place[axis] for place in by_place}) for axis in (0, 1))
     lines = [[by_place[r, c] for c in columns] for r in rows]
-    shown = clean_text(PurePosixPath(names.files[lines[0][-1]]).name)
+    shown = _shorten(names.files[lines[0][-1]], names.files)
     part = ""
     if max(rows[0], columns[0]) > 1:
         part = f" (a part of a larger set, from ({rows[0]}, {columns[0]}), counted from (0, 0) here)"
@@ -168,6 +169,12 @@ def _make_grid(names: NumberedNames, row: int, column: int) -> Grid:
     return Grid(files, naming, transposed_naming, depth_sense)
 
 
+def _shorten(file: str, files: Sequence[str]) -> str:
+    """The path of `file` without the folders that all of `files` are in."""
+    common = posixpath.commonprefix([PurePosixPath(each).parts[:-1] for each in files])
+    return clean_text("/".join(PurePosixPath(file).parts[len(common) :]))
+
+
 def _find_depth_sense(row: Sequence[Sequence[str]], positions: Sequence[int]) -> DepthSense:
     """`lenses` where the positions in the names of a row of cameras, Y and X as in Stanford's, go to the left."""
     return "lenses" if len(positions) > 1 and float(row[0][positions[1]]) > float(row[-1][positions[1]]) else "cameras"
@@ -178,6 +185,9 @@ def _describe_gap(names: NumberedNames, pairs: Sequence[tuple[int, int]], name: 
     places = {pair: Counter(zip(*map(names.values, pair), strict=True)) for pair in pairs}
     single = [pair for pair in pairs if max(places[pair].values()) == 1]
     if not single:
+        stems = Counter(str(PurePosixPath(file).with_suffix("")) for file in names.files)
+        if twice := [stem for stem, count in stems.items() if count > 1]:
+            return f"{name}: {clean_text(twice[0])} is there with two suffixes; give each view once"
         return (
             f"{name}: no two of the {len(names.varying)} numbers that differ in names such as "
             f"{clean_text(names.files[0])} make a full grid of {len(names.files)} views; give one set of views, or "
@@ -252,7 +262,7 @@ def _wrap(files: Sequence[str], rows: int, cols: int, *, by_column: bool) -> Gri
     """The grid that `files` fill row by row, or column by column."""
     length = rows if by_column else cols
     lines = [tuple(files[at : at + length]) for at in range(0, len(files), length)]
-    end = clean_text(PurePosixPath(lines[0][-1]).name)
+    end = _shorten(lines[0][-1], files)
     namings = [f"the names fill {each}s, {end} ends the first" for each in ("row", "column")]
     if by_column:
         return Grid(tuple(zip(*lines, strict=True)), namings[1], namings[0])

@@ -23,7 +23,7 @@ def is_automatic(layout: Layout) -> bool:
 
 
 ASKED = ("given", "rows", "columns", "serpentine")
-"""Orders with which the pictures aren't looked at."""
+"""Orders that the pictures don't change."""
 
 
 def unwind(views: Views) -> Views:
@@ -56,7 +56,7 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
     """
     views = take_order(views, layout.order)
     if layout.order in ASKED:
-        return replace(reorient(views, layout), is_ordered=True)
+        return note_asked(reorient(views, layout), layout)
     found = estimate(views, layout)
     views = reorient(views, layout)
     if found.is_wrong and corrects and is_automatic(layout):
@@ -104,6 +104,22 @@ def describe_other_axis(found: OrderEstimate) -> str:
         f"; columns counted from right to left fit as well, with depth inverted: if near and far are exchanged, "
         f"give {_name_options(found, Layout(), 'u')}"
     )
+
+
+def note_asked(views: Views, layout: Layout) -> Views:
+    """The views in the order that `layout` asks for, one of `ASKED`; with a note where the pictures certainly show that
+    it is a wrong one. With `given` they aren't looked at.
+    """
+    if layout.order == "given":
+        return replace(views, is_ordered=True)
+    found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    if not found.is_wrong:
+        return replace(views, is_ordered=True)
+    note = (
+        f"order: with order {layout.order} the views seem to be {found}, as {_count_tiles(found)} show; without it the "
+        "pictures decide"
+    )
+    return replace(views, notes=(*views.notes, note), is_ordered=True)
 
 
 def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:

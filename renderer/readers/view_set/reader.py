@@ -24,6 +24,7 @@ from ciir.renderer.readers.view_set.order import (
     describe_other_axis,
     estimate,
     is_automatic,
+    note_asked,
     reorient,
     unwind,
 )
@@ -141,7 +142,7 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
         *([f"{naming}; {change} takes them the other way"] if grid.naming and not is_own else []),
     )
     if layout.order in ASKED:
-        return replace(turned, notes=notes, is_ordered=True)
+        return note_asked(replace(turned, notes=notes), layout)
     found = estimate(views, layout)
     if not (found.is_wrong and is_automatic(layout)):
         return add_note(replace(turned, notes=notes), found, layout)

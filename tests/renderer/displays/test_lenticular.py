@@ -169,6 +169,7 @@ def test_a_pattern_of_subpixels_is_noted():
         (b'{"screenW": 9, "screenH": 9, "DPI": "x"}', "DPI is x; give a number from 1 to 100000"),
         (b'{"screenW": 9, "screenH": 9, "DPI": 300, "slope": 0, "pitch": 40}', "slope is 0"),
         (b'{"screenW": NaN}', "screenW is nan"),
+        (b'{"screenH": 9}', "screenW is missing; give a number from"),
     ],
 )
 def test_what_is_no_calibration_is_refused(data, message):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.writers.formats import FOLDER, WHOLE_BY_SUFFIX, find_eslf, find_whole_format
+from ciir.renderer.writers.formats import FOLDER, WHOLE_BY_SUFFIX, find_implied, find_whole_format
 from ciir.service import outputs
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_pictures import find_display, write_picture
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
         write_picture(args, options, display)
         return
     path = Path(args.out)
-    name = _find_format(args.to or find_eslf(path), args.out)
+    name = _find_format(args.to or find_implied(path, options.make_writer_options()), args.out)
     output_path.check_places(args)
     common.check_report(args.report, path)
     options = replace(options, views="all", model=NO_MODEL)

@@ -42,7 +42,7 @@ def test_a_mosaic_is_read_as_what_it_is(layout):
     assert np.array_equal(field.views, VIEWS)
     assert field.depth_sense == "cameras"
     assert field.notes[0] == (
-        "arrangement: the picture repeats every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
+        "arrangement: the picture repeats about every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
         "elemental image array; arrangement eia reads it as one"
     )
     sure = read(MOSAIC, arrangement="mosaic", **layout)
@@ -202,10 +202,14 @@ def test_a_mosaic_whose_period_does_not_show():
     )
 
 
-def test_a_mosaic_read_with_other_numbers_than_its_own_is_noted():
-    (note,) = read(MOSAIC, pixels=(10, 7), arrangement="mosaic", order="given").notes
+@pytest.mark.parametrize(
+    ("pixels", "arrangement", "read_as"),
+    [((10, 7), "mosaic", "10x7 views of 30x60"), ((6, 7), "auto", "6x7 views of 50x60")],
+)
+def test_a_mosaic_read_with_other_numbers_than_its_own_is_noted(pixels, arrangement, read_as):
+    (note,) = read(MOSAIC, pixels=pixels, arrangement=arrangement, order="given").notes
     assert note == (
-        "pixels: read as a mosaic of 10x7 views of 30x60 pixels, but the picture repeats every 60x60 pixels, as a "
+        f"pixels: read as a mosaic of {read_as} pixels, but the picture repeats every 60x60 pixels, as a "
         "mosaic of 5x7 views (rows x columns) does; give pixels 5x7"
     )
 

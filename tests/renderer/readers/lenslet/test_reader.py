@@ -149,7 +149,7 @@ def test_an_elemental_image_array_without_a_grid_of_lenses_is_called_one(scene, 
             {"pixels": (11, 11)},
             "pixels: 11x11 are more than lenses of 9.30 pixels have; give at most 10x10",
         ),
-        ({"raw": RAW, "white": WHITE[:50]}, {}, "white: white.png has 50x180 .*, the raw picture 150x180"),
+        ({"raw": RAW, "white": WHITE[:50]}, {}, "white: the white picture has 50x180 .*, the raw one 150x180"),
         ({"a": RAW, "b": RAW}, {}, "lens_pitch: this is for one raw lenslet picture, and a.zip is none"),
     ],
 )

@@ -158,6 +158,8 @@ def test_a_missing_or_doubled_number_is_named():
 
 def test_names_that_give_no_grid():
     several = [f"frame_{t}_{v}_{u}.png" for t in range(2) for v in range(3) for u in range(3)]
+    doubled = [*several, "frame_0_0_0.jpg"]
+    assert message(doubled) == "set: frame_0_0_0 is there with two suffixes; give each view once"
     assert "no two of the 3 numbers that differ in names such as frame_0_0_0.png make a full grid" in message(several)
     two_sets = [f"{folder}/{v}_{u}.png" for folder in "ab" for v in range(2) for u in range(2)]
     assert "the names are of different kinds (a/0_0.png, b/0_0.png)" in message(two_sets)
@@ -171,3 +173,9 @@ def test_hostile_names():
     numbers = "_".join(["{0}"] * 200)
     files = [numbers.format(number) + ".png" for number in range(9)]
     assert find(files)[0].shape == (3, 3)
+
+
+def test_the_note_names_the_folders_that_tell_views_apart():
+    files = [f"set/row{v}/{u}.png" for v in range(3) for u in range(3)]
+    assert find(files)[0].naming == "of row0/2.png 0 is the row and 2 the column"
+    assert "of 0_2.png 0 is" in find([f"set/{v}_{u}.png" for v in range(3) for u in range(3)])[0].naming

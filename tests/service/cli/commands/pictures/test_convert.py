@@ -45,7 +45,7 @@ def test_a_picture_named_as_eslf_is_eslf(given, tmp_path):
 
 
 def test_an_epi_and_the_report(given, tmp_path):
-    words = ["convert", str(given), "--to", "epi", "--epi", "y=5,v=2", "-o", str(tmp_path / "epi.tif")]
+    words = ["convert", str(given), "--epi", "y=5,v=2", "-o", str(tmp_path / "epi.tif")]
     assert main([*words, "--report", str(tmp_path / "report.json")]) == 0
     epi = decode((tmp_path / "epi.tif").read_bytes(), name="x")
     np.testing.assert_array_equal(epi, FIELD.views[2, :, 5])

@@ -58,7 +58,7 @@ def test_upscale_says_what_it_takes(tmp_path, capsys):
     for name, data, parts in (
         ("a.bmp", b"BM", takes),
         ("a.png", b"hello", ["text", "PNG", "save it again"]),
-        ("b.jpg", encode(EIA, ".png"), takes),
+        ("b.jpg", encode(EIA, ".png"), ["rename it to end with .png"]),
     ):
         (tmp_path / name).write_bytes(data)
         line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
