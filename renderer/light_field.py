@@ -239,6 +239,14 @@ class LightField:
 
         return estimate_disparity(self, view, limits=limits)
 
+    def disparities(
+        self, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
+    ) -> Iterator[DisparityMap]:
+        """`disparity` of each of `views`, by default of all; without `limits` in those of the centre view."""
+        from ciir.renderer.focus.disparity import estimate_disparities
+
+        return estimate_disparities(self, views, limits=limits)
+
     def model(self, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False) -> Model:
         """What the views show as coloured triangles, in the coordinates of the lens array; `save` writes GLB and PLY.
 

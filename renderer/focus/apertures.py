@@ -45,7 +45,7 @@ def read_aperture(
     """
     if aperture is None or isinstance(aperture, np.ndarray):
         return check_weights(aperture, grid)
-    if not isinstance(aperture, Real):
+    if not isinstance(aperture, Real) or np.isnan(float(aperture)):
         raise InvalidOption(f"aperture: {str(aperture)[:40]!r} is no number; give a radius in views, as in 1.5")
     return make_aperture(grid, float(aperture), shape)
 

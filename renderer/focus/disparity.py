@@ -150,7 +150,7 @@ def estimate_disparity(
         own = _focus(views, found)
         sharper, confidence = look(own)
         disparity = np.where(_find_moved(disparity, sharper), sharper, disparity)
-        disparity = refine(views, view, disparity, deviation, LAST, own=own)
+        disparity = np.clip(refine(views, view, disparity, deviation, LAST, own=own), planes[0], planes[-1])
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
 
 

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 BEFORE_BACKGROUND = 40.0
 """8-bit levels that a disparity costs a pixel where all views see background behind it."""
+LEAST_BACKGROUND = 0.05
+"""Share of all pixels that show background; fewer, such as the dark corners of a camera's views, are surface."""
 FARTHER = 0.5
 """How much farther, as a share of the centre view's range of disparities, what it does not see may lie."""
 
@@ -84,7 +86,7 @@ def make_model(
 
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. `keeps_background`: otherwise pixels that are black, or transparent, and
-    joined to the picture's border by others are no surface.
+    joined to the picture's border by others are no surface, where they are over `LEAST_BACKGROUND` of all pixels.
 
     Raises `InvalidOption` for a single view and where nothing but background is there.
     """
@@ -96,7 +98,8 @@ def make_model(
     count_v, count_u, rows, cols, _ = field.shape
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
-    has_background = not is_shown.all()
+    has_background = 1 - is_shown.mean() > LEAST_BACKGROUND
+    is_shown |= not has_background
     coverage = _find_coverage(field, is_shown) if has_background else None
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
@@ -133,7 +136,10 @@ def make_model(
     if model is not None and len(model.faces) and has_background:
         model = replace(model, faces=model.faces[explains_views(model.scene(), field, is_shown, array)])
     if model is None or not len(model.faces):
-        raise InvalidOption("model: the views show nothing but background; keep it, or give views of a scene")
+        raise InvalidOption(
+            "model: the views show nothing but background, which is black or transparent and reaches their borders; "
+            "give views of a scene, or in Python keeps_background"
+        )
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
     model = replace(model, colors=colors.astype(np.uint8))
     notes = () if delta else (f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z",)

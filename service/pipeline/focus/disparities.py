@@ -58,8 +58,10 @@ def find_disparity(
 
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
     """The disparity of a mesh."""
-    if options.limits is not None or options.model != NO_MODEL:
-        raise InvalidOption("limits, model: the disparity of a mesh is rendered, not estimated; leave them out")
+    given = {"limits": options.limits is not None, "model": options.model != NO_MODEL}
+    if any(given.values()):
+        names = ", ".join(name for name, is_given in given.items() if is_given)
+        raise InvalidOption(f"{names}: the disparity of a mesh is rendered, not estimated; leave that out")
     if options.sampling != "pinhole":
         raise InvalidOption("sampling: the disparity of a mesh is that of each lens's centre; leave it out")
     given = Input(source)

@@ -30,6 +30,8 @@ def test_what_is_no_aperture():
         make_aperture((5, 5), 0, "gauss")
     with pytest.raises(InvalidOption, match="shape: 'star' is not known; give disc, square, gauss"):
         make_aperture((4, 4), 1, "star")
+    with pytest.raises(InvalidOption, match="aperture: 'nan' is no number"):
+        read_aperture(np.nan, (2, 2))
     with pytest.raises(InvalidOption, match="aperture: 'wide' is no number"):
         read_aperture("wide", (2, 2))
 

@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.focus.disparity import _find_moved, estimate_disparities, estimate_disparity
+from ciir.renderer.focus.disparity import _find_moved, estimate_disparity
 from ciir.renderer.light_field import LightField
 
 NEAR, FAR = 1.6, 0.4
@@ -55,6 +55,14 @@ def test_another_view_and_given_limits():
     assert found.disparity[y, x] == pytest.approx(NEAR, abs=0.05)
 
 
+def test_what_counts_as_noise_stays_within_given_limits():
+    noise = np.random.default_rng(1).integers(0, 256, (40, 60, 1), np.uint8)
+    views = np.stack([noise[:, at : at + 40] for at in range(5)])[np.newaxis]  # to the left by 1
+    found = estimate_disparity(LightField(views), limits=(0, 0.5)).disparity
+    assert (found >= 0).all()
+    assert (found <= 0.5).all()
+
+
 @pytest.mark.parametrize("axes", ["uv", "u"])
 def test_reversed_views_reverse_the_sign(axes):
     light_field, _ = make_light_field((1, 5))
@@ -66,7 +74,7 @@ def test_reversed_views_reverse_the_sign(axes):
 def test_every_view_has_the_planes_of_the_centre():
     light_field, _ = make_light_field((3, 3))
     centre = estimate_disparity(light_field)
-    found = list(estimate_disparities(light_field))
+    found = list(light_field.disparities())
     assert [one.view for one in found] == [(v, u) for v in range(3) for u in range(3)]
     np.testing.assert_array_equal(found[4].disparity, centre.disparity)
     for one in found:

@@ -122,6 +122,14 @@ def test_background_is_left_out_unless_it_is_kept():
     assert kept >= ARRAY.width
 
 
+def test_few_dark_pixels_at_the_border_are_no_background(captured):
+    bright = np.maximum(captured.views, 9)
+    corner = bright.copy()
+    corner[0, 0, 0, 0] = 0
+    counts = [len(make_model(LightField(views, depth_sense="lenses")).faces) for views in (bright, corner)]
+    assert counts[1] < 1.1 * counts[0]  # each face is four where there is background
+
+
 def test_views_of_nothing_are_refused():
     with pytest.raises(InvalidOption, match="nothing but background"):
         make_model(LightField(np.zeros((3, 3, 8, 8, 3), np.uint8)))

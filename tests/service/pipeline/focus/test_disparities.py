@@ -76,9 +76,9 @@ def test_where_a_mesh_is_not_seen_it_is_as_far_as_its_farthest_point():
     [
         (make_plane(0), {"limits": "2:1"}, "limits: 2:1 is no range"),
         (make_plane(0), {"view": "5,0"}, "view: 5,0 is not there; v goes from 0 to 4"),
-        ("vase", {**MESH, "limits": "0:1"}, "limits, model: the disparity of a mesh is rendered"),
+        ("vase", {**MESH, "limits": "0:1"}, "limits: the disparity of a mesh is rendered"),
         ("vase", {**MESH, "sampling": "lenslet"}, "sampling: the disparity of a mesh is that of each lens's centre"),
-        ("vase", {**MESH, "model": "auto"}, "limits, model: the disparity of a mesh is rendered"),
+        ("vase", {**MESH, "model": "auto"}, "model: the disparity of a mesh is rendered"),
         ("vase", {**MESH, "view": "9,9"}, "views: 9,9 is not there"),
         (LightField(make_plane(0).views[:1, :1]), {}, "one view shows no depth"),
     ],

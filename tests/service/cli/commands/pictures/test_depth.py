@@ -53,7 +53,7 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
     [
         (["-o", "a.jpg"], "a.jpg: no name of a disparity map or a model; end it with .pfm, .png, .npy, .glb, .ply"),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, png"),
-        (["-o", "a.pfm", "--limits", "0:1"], "limits, model: the disparity of a mesh is rendered"),
+        (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],
 )
 def test_what_cannot_be_done(tmp_path, capsys, monkeypatch, words, message):
