@@ -58,9 +58,9 @@ def find_disparity(
 
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
     """The disparity of a mesh."""
-    given = {"limits": options.limits is not None, "model": options.model != NO_MODEL}
-    if any(given.values()):
-        names = ", ".join(name for name, is_given in given.items() if is_given)
+    asked = {"limits": options.limits is not None, "model": options.model != NO_MODEL}
+    if any(asked.values()):
+        names = ", ".join(name for name, is_asked in asked.items() if is_asked)
         raise InvalidOption(f"{names}: the disparity of a mesh is rendered, not estimated; leave that out")
     if options.sampling != "pinhole":
         raise InvalidOption("sampling: the disparity of a mesh is that of each lens's centre; leave it out")
