@@ -8,7 +8,8 @@ square error (Honauer et al., ACCV 2016: the measures of the HCI 4D light field 
 the peak of the process, and by how much `LightField.disparity` raised it.
 
 `--upscale`: the disparity of views upscaled to `--side` pixels by the default, against that of the views of half the
-side, twice as large by linear interpolation.
+side, twice as large by linear interpolation; and PSNR of the plane at the median disparity, against that of the exact
+views, of the plane of the small views, twice as large by cubic interpolation, and of that of the upscaled ones.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
 BAD = 0.07
 """Pixels a view by which the disparity of a bad pixel is wrong at least."""
 HEAD = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("least", "most", "bad %", "mse", "seconds", "MB", "added"))
-HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("bad %", "mse", "upscaled:", "mse"))
+_UPSCALED = ("bad %", "mse", "upscaled", "mse", "plane dB", "upscaled")
+HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in _UPSCALED)
 
 
 def score_map(found: Map, true: Map) -> tuple[float, float]:
@@ -101,9 +103,14 @@ def main(argv: list[str] | None = None) -> int:
 def _measure_upscaled(name: str, meshes: Path, side: int) -> NDArray[np.float64]:
     """The numbers of a line of `--upscale`."""
     small = render_exact(name, meshes, side=side // 2).light_field
-    true = render_exact(name, meshes, side=side).disparity
+    exact = render_exact(name, meshes, side=side)
+    large, middle = upscale(small), float(np.median(exact.disparity))
     plain = 2 * ndimage.zoom(small.disparity().disparity, 2, order=1, mode="nearest", grid_mode=True)
-    return np.array([*score_map(plain, true), *score_map(upscale(small).disparity().disparity, true)])
+    plane = ndimage.zoom(small.refocus(middle / 2), (2, 2, 1), order=3, mode="nearest", grid_mode=True)
+    scores = [*score_map(plain, exact.disparity), *score_map(large.disparity().disparity, exact.disparity)]
+    truth = exact.light_field.refocus(middle).astype(np.float32)
+    planes = [10 * np.log10(255**2 / np.square(found - truth).mean()) for found in (plane, large.refocus(middle))]
+    return np.array([*scores, *planes])
 
 
 def _measure(name: str, meshes: Path, side: int, noise: float) -> NDArray[np.float64]:
@@ -128,7 +135,8 @@ def _measure(name: str, meshes: Path, side: int, noise: float) -> NDArray[np.flo
 
 
 def _format(row: NDArray[np.float64]) -> str:
-    widths = (".2f", ".2f", ".1f", ".2f", ".1f", ".0f", ".0f") if len(row) == 7 else (".1f", ".2f", ".1f", ".2f")
+    upscaled = (".1f", ".2f", ".1f", ".2f", ".2f", ".2f")
+    widths = upscaled if len(row) == len(upscaled) else (".2f", ".2f", ".1f", ".2f", ".1f", ".0f", ".0f")
     return "".join(f"{number:9{width}}" for number, width in zip(row, widths, strict=True))
 
 
