@@ -65,8 +65,11 @@ class ThreadPool:
 
 @contextmanager
 def run_app(folder, **settings):
-    """A client of the application with `settings`; `client.pool` does its work."""
-    found = Settings(folder=folder, **settings)
+    """A client of the application with `settings`; `client.pool` does its work.
+
+    Unlike a real server it waits for a result for a minute: on a busy machine, drawing's start alone may take 10 s.
+    """
+    found = Settings(folder=folder, **{"sync_seconds": 60.0, **settings})
     pool = ThreadPool(found)
     engine = Engine(found, Metrics(), pool if found.workers else None)
     with TestClient(create_app(found, engine), raise_server_exceptions=False) as client:

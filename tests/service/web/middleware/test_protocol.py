@@ -187,7 +187,7 @@ def test_a_refused_request_has_all_headers_and_is_logged_and_counted(port, caplo
     for name, value in (SECURITY_HEADERS | {"X-Request-Id": "mine"}).items():
         assert f"\r\n{name}: {value}".lower() in head.lower()
     assert json.loads(body)["instance"] == "/v1/upscales"
-    (line,) = caplog.messages
+    (line,) = [record.message for record in caplog.records if record.name == "ciir.access"]
     assert line.startswith(f"refused POST /v1/upscales from {client}: 400, Content-Length is no single number; send")
     assert count("POST", "400") == before + 1
 
