@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs, meshes, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.lenslet.grid import Known, KnownShape
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.png import SIGNATURE
 from ciir.renderer.readers.registry import SUFFIXES, Format, identify
@@ -121,6 +122,20 @@ def npz_arrays(data: bytes) -> None:
 def eslf(data: bytes) -> None:
     """A picture that is called as Lytro's."""
     check_content(inputs.read(Bundle.from_upload("upload_eslf.png", seal_png(data), LIMITS), Layout()))
+
+
+def lenslet(data: bytes) -> None:
+    """A raw lenslet picture: seven bytes for its size and the given part of its grid, 0 for none, then its pixels."""
+    height, width, pitch, y, x, rotation, shape = data[:7].ljust(7, b"\0")
+    known = Known(
+        4.5 + pitch / 2 if pitch else None,
+        (y / 2, x / 2) if y else None,
+        (rotation - 128) / 3 if rotation else None,
+        (None, *get_args(KnownShape))[shape % 4],
+    )
+    picture = np.resize(np.frombuffer(data[7:] or b"\0", np.uint8), (height + 1, width + 1, 3 if shape & 128 else 1))
+    bundle = Bundle.from_upload("upload.png", encode_png(picture), LIMITS)
+    check_content(inputs.read(bundle, Layout(lens_grid=known)))
 
 
 def view_set(data: bytes) -> None:

@@ -174,6 +174,7 @@ TARGETS: dict[str, Target] = {
     "mat": Target(readers.container(SUFFIXES[".mat"]), containers.mat),
     "tiff-stack": Target(readers.container(SUFFIXES[".tif"]), containers.tiff_stacks),
     "eslf": Target(readers.eslf, containers.eslf),
+    "lenslet": Target(readers.lenslet, containers.lenslets),
     "h5": Target(readers.container(SUFFIXES[".h5"]), containers.hdf5),
     "mp4": Target(readers.container(SUFFIXES[".mp4"]), containers.mp4),
     "mkv": Target(readers.container(SUFFIXES[".mkv"]), containers.matroska),
