@@ -113,6 +113,8 @@ def _find_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], known: Known, na
         if estimate is None:
             continue
         if estimate.shape == "hexagonal" and known.rotation is None and abs(estimate.rotation) > _MOST_TURNED:
+            if known.shape is not None:  # it isn't the one that was asked for, or has neither rows nor columns
+                return None
             return _find_grid(picture, replace(known, shape="hexagonal-columns"), name)
         found = _refine(luma, cue, estimate, known)
         if found is None:

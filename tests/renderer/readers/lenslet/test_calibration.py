@@ -101,6 +101,21 @@ def test_a_wrong_shape_is_refused_with_the_one_that_the_picture_shows(shape):
         calibrate(take("square")[1], Known(shape=shape))
 
 
+@pytest.mark.parametrize("shape", ["hexagonal", "hexagonal-columns"])
+def test_rows_that_are_called_columns_are_refused_and_columns_that_are_called_rows(shape):
+    picture = take("hexagonal")[1]
+    shown = "hexagonal-columns" if shape == "hexagonal" else "hexagonal"
+    with pytest.raises(Unreadable, match=f"^picture: shows no {shape} lens grid, but a {shown} one of 14.37; give"):
+        calibrate(picture.swapaxes(0, 1) if shape == "hexagonal" else picture, Known(shape=shape))
+
+
+def test_lenses_that_lie_neither_in_rows_nor_in_columns_are_refused():
+    """They were transposed again and again, to Python's limit of calls."""
+    picture = np.resize(np.uint8(200) * (np.arange(286) < 71), (80, 80, 1))
+    with pytest.raises(Unreadable, match=r"shows no lens grid of 7\.5 pixels' pitch by itself"):
+        calibrate(picture, Known(7.5))
+
+
 @pytest.mark.parametrize("rotation", [12, -14])
 def test_a_large_rotation_is_found(rotation):
     """Not the finer hexagonal grid, 19.1 degrees from it, that has all its lenses too."""
