@@ -122,9 +122,9 @@ def _show(source: Source, options: Options, output: Output) -> tuple[str, Report
 
 
 def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Report]:
-    from ciir.service.pipeline.focus.planes import count_planes, refocus
+    from ciir.service.pipeline.focus.planes import refocus
 
-    is_one = count_planes(options) == 1
+    is_one = options.count_planes() == 1
     name, writers = output.format or ("png" if is_one else "zip"), PLANE if is_one else STACK
     if name not in writers:
         what = "one plane" if is_one else "a stack of planes"

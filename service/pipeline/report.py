@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -20,21 +21,32 @@ Report = dict[str, Any]
 """Ready for JSON; `service.pipeline.run` puts its keys together."""
 
 
+class _Nested(threading.local):
+    seconds = 0.0
+    """Of the stages within the one that this thread is in."""
+
+
 class Clock:
-    """Counts wall-clock milliseconds for each stage, which may overlap; each is in one thread at a time."""
+    """Counts wall-clock milliseconds for each stage. Those of several threads overlap; a stage within another isn't
+    counted twice. Each is in one thread at a time.
+    """
 
     def __init__(self) -> None:
         self._begun = time.perf_counter()
         self._seconds: dict[str, float] = {}
+        self._nested = _Nested()
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Counts the time of the block to `name`, one of `STAGES`, also where the block raises."""
+        before, self._nested.seconds = self._nested.seconds, 0.0
         begun = time.perf_counter()
         try:
             yield
         finally:
-            self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - begun
+            took = time.perf_counter() - begun
+            self._seconds[name] = self._seconds.get(name, 0.0) + took - self._nested.seconds
+            self._nested.seconds = before + took
 
     def timings_ms(self) -> dict[str, float]:
         """Milliseconds of the stages that ran, and `total` up to now."""

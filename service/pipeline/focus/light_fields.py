@@ -17,15 +17,12 @@ from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from ciir.renderer.focus.disparity import DisparityMap
-    from ciir.renderer.light_field import LightField
+    from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
-
-CAMERAS = ("focal_length", "sensor", "convergence")
-"""Options that go with `camera_pitch`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +48,6 @@ def estimate_view(captured: Captured, view: View | None, limits: tuple[float, fl
     Raises `InvalidOption`.
     """
     if limits is not None:
-        if limits[0] >= limits[1]:
-            raise InvalidOption(f"limits: {limits[0]:g}:{limits[1]:g} is no range; give the smaller disparity first")
         low, high = sorted(captured.sign * captured.scale * limit for limit in limits)
         limits = low, high
     if view is not None:
@@ -90,30 +85,31 @@ def capture(
         source, replace(options, views="all"), writer, max_pixels=max_pixels, progress=progress, clock=clock
     )
     del report["views"]
-    light_field, array = writer.light_field, report["lens_array"]
+    light_field = writer.light_field
     if light_field.shape[0] * light_field.shape[1] == 1:
         raise InvalidOption(
             f"{report['input']['name']}: one view shows no depth; give an elemental image array with lenses or pixels, "
             "or two views or more"
         )
-    depths = _find_depths(options, array)
+    depths = _find_depths(options, report, light_field.depth_sense)
     sign = 1 if light_field.depth_sense == "cameras" else -1
     return Captured(light_field, report["plan"]["scale"], sign, depths, report)
 
 
-def _find_depths(options: Options, array: Report) -> DepthScale | None:
+def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthScale | None:
     """Raises `InvalidOption`."""
-    if options.camera_pitch is None:
-        for name in CAMERAS:
-            if getattr(options, name) is not None:
-                raise InvalidOption(f"{name}: this needs camera_pitch, focal_length and sensor; give all three")
+    array = report["lens_array"]
+    if options.camera_pitch is None or options.focal_length is None or options.sensor is None:
         if array["pitch"] is None or array["delta"] is None:
             return None
         lenses = LensArray(*(array[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
         return DepthScale.of_lenses(lenses, sense="cameras")
-    if options.focal_length is None or options.sensor is None:
-        raise InvalidOption("camera_pitch: depths need focal_length and sensor too; give all three in millimetres")
     if array["pitch"] is not None or array["delta"] is not None:
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
+    if sense == "lenses":
+        raise InvalidOption(
+            f"camera_pitch: this is for camera arrays, and {report['input']['name']} holds views of a lens array, of "
+            "parallel rays each; give its pitch and delta, or depth_sense cameras where they are a camera array's"
+        )
     zero = math.inf if options.convergence is None else options.convergence
     return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, array["cols"], zero=zero)

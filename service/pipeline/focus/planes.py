@@ -12,9 +12,8 @@ from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.apertures import read_aperture
 from ciir.renderer.focus.occluders import make_planes
 from ciir.renderer.writers.stacks import Stack
-from ciir.service.pipeline.focus.light_fields import CAMERAS, Captured, capture, estimate_view
+from ciir.service.pipeline.focus.light_fields import Captured, capture, estimate_view
 from ciir.service.pipeline.options import KINDS, Options
-from ciir.service.pipeline.options.focus import MOST_PLANES
 from ciir.service.pipeline.report import Clock
 
 if TYPE_CHECKING:
@@ -25,26 +24,6 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
-
-ASKED = ("disparity", "depth", "stack", "all_in_focus")
-"""Options, of which one says what is made."""
-
-
-def count_planes(options: Options) -> int:
-    """How many planes `options` ask for. Raises `InvalidOption` unless they ask in one way."""
-    given = [name for name in ASKED if getattr(options, name) not in (None, "no")]
-    if len(given) != 1:
-        what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
-        raise InvalidOption(f"{what}; give one of disparity, depth, stack and all_in_focus")
-    if options.stack is None:
-        return 1
-    first, last, count = options.stack
-    if first == last or not 2 <= count <= MOST_PLANES:
-        raise InvalidOption(
-            f"stack: {count:g} planes from {first:g} to {last:g} make no stack; give 2 to {MOST_PLANES} planes between "
-            "ends that differ, or one disparity or depth"
-        )
-    return int(count)
 
 
 def refocus(
@@ -62,8 +41,8 @@ def refocus(
     planes. Raises as `service.pipeline.run.reconstruct`, and `InvalidOption`.
     """
     clock = clock or Clock()
-    count = count_planes(options)
-    _check_options(options)
+    count = options.count_planes()
+    options.check_planes()
     captured = capture(
         source,
         options,
@@ -84,25 +63,6 @@ def refocus(
     report = stack.describe()
     report["notes"] += notes
     return report
-
-
-def _check_options(options: Options) -> None:
-    """Raises `InvalidOption` for options that go with others."""
-    if options.stack is None and options.stack_of != "disparities":
-        raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
-    if options.aperture is None and options.aperture_shape != "disc":
-        raise InvalidOption("aperture_shape: this needs aperture, the radius in views; give both")
-    if options.all_in_focus == "yes":
-        for name in ("method", "occluders"):
-            if getattr(options, name) != getattr(Options, name):
-                raise InvalidOption(f"{name}: this is for planes; leave it out or give disparity, depth or stack")
-    elif options.limits is not None:
-        raise InvalidOption("limits: this is for all_in_focus, which looks for disparities; leave it out or give that")
-    uses_depths = options.depth is not None or options.stack_of == "depths"
-    if not uses_depths:
-        for name in ("camera_pitch", *CAMERAS):
-            if getattr(options, name) is not None:
-                raise InvalidOption(f"{name}: this is for depths; give depth, or stack with stack_of depths")
 
 
 class _Planes:

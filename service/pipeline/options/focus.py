@@ -18,6 +18,10 @@ Occluders = Literal["keep", "remove"]
 """As `renderer.focus.occluders.Occluders`."""
 StackKind = Literal["disparities", "depths"]
 MOST_PLANES = 1024
+ASKED = ("disparity", "depth", "stack", "all_in_focus")
+"""Options, of which one says what is made."""
+CAMERAS = ("focal_length", "sensor", "convergence")
+"""Options that go with `camera_pitch`."""
 _NUMBER = r"-?[0-9]{1,9}(\.[0-9]{1,9})?"
 
 
@@ -159,3 +163,55 @@ class FocusOptions:
     view: tuple[int, int] | None = None
     limits: tuple[float, float] | None = None
     """Pixels."""
+
+    def count_planes(self) -> int:
+        """How many planes are asked for. Raises `InvalidOption` unless that is asked for in one way."""
+        given = [name for name in ASKED if getattr(self, name) not in (None, "no")]
+        if len(given) != 1:
+            what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
+            raise InvalidOption(f"{what}; give one of disparity, depth, stack and all_in_focus")
+        if self.stack is None:
+            return 1
+        first, last, count = self.stack
+        if first == last or not 2 <= count <= MOST_PLANES:
+            raise InvalidOption(
+                f"stack: {count:g} planes from {first:g} to {last:g} make no stack; give 2 to {MOST_PLANES} planes "
+                "between ends that differ, or one disparity or depth"
+            )
+        return int(count)
+
+    def check_planes(self) -> None:
+        """Raises `InvalidOption` where options of planes don't go together."""
+        self.count_planes()
+        if self.stack is None and self.stack_of != "disparities":
+            raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
+        if self.aperture is None and self.aperture_shape != "disc":
+            raise InvalidOption("aperture_shape: this needs aperture, the radius in views; give both")
+        if self.all_in_focus == "yes":
+            for name in ("method", "occluders"):
+                if getattr(self, name) != getattr(FocusOptions, name):
+                    raise InvalidOption(f"{name}: this is for planes; leave it out or give disparity, depth or stack")
+        elif self.limits is not None:
+            raise InvalidOption(
+                "limits: this is for all_in_focus, which looks for disparities; leave it out or give that"
+            )
+        self.check_limits()
+        self._check_cameras()
+
+    def check_limits(self) -> None:
+        """Raises `InvalidOption` where `limits` are no range."""
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            least, largest = self.limits
+            raise InvalidOption(f"limits: {least:g}:{largest:g} is no range; give the smaller disparity first")
+
+    def _check_cameras(self) -> None:
+        if self.depth is None and self.stack_of != "depths":
+            for name in ("camera_pitch", *CAMERAS):
+                if getattr(self, name) is not None:
+                    raise InvalidOption(f"{name}: this is for depths; give depth, or stack with stack_of depths")
+        if self.camera_pitch is None:
+            for name in CAMERAS:
+                if getattr(self, name) is not None:
+                    raise InvalidOption(f"{name}: this needs camera_pitch, focal_length and sensor; give all three")
+        elif self.focal_length is None or self.sensor is None:
+            raise InvalidOption("camera_pitch: depths need focal_length and sensor too; give all three in millimetres")

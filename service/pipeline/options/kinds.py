@@ -22,7 +22,7 @@ from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity", "inspection"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
@@ -69,6 +69,8 @@ class Kind:
     """Lines of help that differ from those in `OPTIONS`."""
     defaults: Mapping[str, str] = field(default_factory=dict)
     """Texts of defaults that differ from those of `Options`."""
+    checks: tuple[Callable[[Options], None], ...] = ()
+    """Each raises `InvalidOption` where options don't go together."""
 
     @property
     def plural(self) -> str:
@@ -81,8 +83,12 @@ class Kind:
         return not set(self.options).isdisjoint(MESH)
 
     def parse(self, texts: Mapping[str, str]) -> Options:
-        """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`."""
-        return Options.parse({**self.defaults, **texts})
+        """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`, also for those that don't go
+        together."""
+        options = Options.parse({**self.defaults, **texts})
+        for check in (Options.check_lens_grid, *self.checks):
+            check(options)
+        return options
 
     def list_models(self) -> list[str]:
         """The values of the option `model`."""
@@ -177,6 +183,7 @@ KINDS: dict[KindName, Kind] = {
                 "infinity",
             },
             {"model": NO_MODEL},
+            (Options.check_planes,),
         ),
         Kind(
             "disparity",
@@ -187,6 +194,7 @@ KINDS: dict[KindName, Kind] = {
             "pfm",
             {"model": _MODEL},
             {"model": NO_MODEL},
+            (Options.check_limits,),
         ),
         Kind(
             "inspection",

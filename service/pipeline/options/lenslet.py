@@ -102,12 +102,10 @@ class LensletOptions:
     def known_grid(self) -> Known | None:
         """The given part of the lens grid of a raw lenslet picture; None without `lens_pitch`.
 
-        Raises `InvalidOption` for another option of these without it.
+        Raises as `check_lens_grid`.
         """
+        self.check_lens_grid()
         if self.lens_pitch is None:
-            for name in ("lens_offset", "lens_rotation", "lens_grid"):
-                if getattr(self, name) != getattr(LensletOptions, name):
-                    raise InvalidOption(f"{name}: this needs lens_pitch; give that in pixels, or as auto")
             return None
         return Known(
             None if self.lens_pitch == "auto" else self.lens_pitch,
@@ -115,3 +113,9 @@ class LensletOptions:
             self.lens_rotation,
             None if self.lens_grid == "auto" else self.lens_grid,
         )
+
+    def check_lens_grid(self) -> None:
+        """Raises `InvalidOption` for another option of these without `lens_pitch`."""
+        for name in ("lens_offset", "lens_rotation", "lens_grid"):
+            if self.lens_pitch is None and getattr(self, name) != getattr(LensletOptions, name):
+                raise InvalidOption(f"{name}: this needs lens_pitch; give that in pixels, or as auto")

@@ -1,3 +1,5 @@
+from threading import Thread
+
 import pytest
 
 from ciir.service.pipeline import report
@@ -12,6 +14,33 @@ def test_clock_sums_turns_and_names_only_what_ran(monkeypatch):
         with clock.stage("decode"):
             pass
     assert clock.timings_ms() == {"decode": 2500.0, "total": 10000.0}
+
+
+def test_a_stage_within_another_is_not_counted_twice(monkeypatch):
+    now = iter([0.0, 1.0, 2.0, 4.0, 5.0, 5.5, 6.0, 10.0])
+    monkeypatch.setattr(report.time, "perf_counter", lambda: next(now))
+    clock = Clock()
+    with clock.stage("encode"):
+        for _ in range(2):
+            with clock.stage("focus"):
+                pass
+    assert clock.timings_ms() == {"focus": 2500.0, "encode": 2500.0, "total": 10000.0}
+
+
+def test_stages_of_two_threads_overlap(monkeypatch):
+    now = iter([0.0, 1.0, 3.0, 4.0, 5.0, 6.0])
+    monkeypatch.setattr(report.time, "perf_counter", lambda: next(now))
+    clock = Clock()
+
+    def encode():
+        with clock.stage("encode"):
+            pass
+
+    with clock.stage("render"):
+        thread = Thread(target=encode)
+        thread.start()
+        thread.join()
+    assert clock.timings_ms() == {"render": 4000.0, "encode": 1000.0, "total": 6000.0}
 
 
 def test_clock_counts_what_fails():

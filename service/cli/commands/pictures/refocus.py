@@ -10,7 +10,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, check_rate, write_folder
 from ciir.service.cli import common, output_path
-from ciir.service.pipeline.focus.planes import count_planes, refocus
+from ciir.service.pipeline.focus.planes import refocus
 
 if TYPE_CHECKING:
     import argparse
@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> None:
     output_path.check_places(args)
     common.check_report(args.report, path)
     options = common.parse_options(args, "plane")
-    count = count_planes(options)
+    count = options.count_planes()
     write = _find_writer(args.out, count, options.fps)
     source = common.open_input(args, options)
     with common.progress_bar("picture") as progress:

@@ -5,7 +5,7 @@ from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus import planes as library
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.stacks import round_plane
-from ciir.service.pipeline.focus.planes import count_planes, refocus
+from ciir.service.pipeline.focus.planes import refocus
 from ciir.service.pipeline.options import KINDS
 
 LENSES = LightField(np.random.default_rng(0).integers(0, 256, (3, 4, 16, 20, 3), np.uint8), is_ordered=True)
@@ -114,6 +114,7 @@ def test_progress_counts_views_and_planes():
         ({"depth": "5"}, "nothing relates depth to disparity in light field; give pitch and delta"),
         ({"depth": "5", "camera_pitch": "2"}, "camera_pitch: depths need focal_length and sensor too"),
         ({"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
+        ({"depth": "5", "camera_pitch": "2", "focal_length": "36"}, "camera_pitch: depths need focal_length and"),
         ({"depth": "-5", **CAMERA_ARRAY}, "-5 mm is not in front of the cameras"),
         ({"disparity": "1", **CAMERA_ARRAY}, "camera_pitch: this is for depths"),
         ({"disparity": "1", "stack_of": "depths"}, "stack_of: this says what stack counts"),
@@ -139,6 +140,12 @@ def test_what_is_asked_for_must_fit(texts, message):
         run(CAMERAS, **texts)
 
 
+def test_views_of_a_lens_array_have_no_camera_pitch():
+    """Their rays are parallel, so that depth is proportional to disparity."""
+    with pytest.raises(InvalidOption, match="and light field holds views of a lens array"):
+        run(LENSES, depth="40", **CAMERA_ARRAY)
+
+
 def test_a_single_view_has_no_depth():
     with pytest.raises(InvalidOption, match="light field: one view shows no depth"):
         run(LightField(LENSES.views[:1, :1]), disparity="0")
@@ -151,6 +158,6 @@ def test_camera_options_dont_fit_a_lens_array():
 
 def test_the_limit_on_pixels_counts_all_planes():
     options = KINDS["plane"].parse({"stack": "0:1:20"})
-    assert count_planes(options) == 20
+    assert options.count_planes() == 20
     with pytest.raises(TooLarge, match="20 planes of 16x20 pixels: 6,400 are over the limit of 6,399"):
         refocus(CAMERAS, options, pytest.fail, max_pixels=6399)

@@ -38,6 +38,22 @@ def test_bad_input(client, bad_input):
     assert client.pool.runs == runs  # an input error is final
 
 
+@pytest.mark.parametrize(
+    ("kind", "texts", "said"),
+    [
+        ("plane", {}, "nothing says what to focus on"),
+        ("plane", {"disparity": "1", "stack": "0:1:3"}, "these ask for different pictures"),
+        ("plane", {"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
+        ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is no range"),
+        ("reconstruction", {"lens_rotation": "1"}, "lens_rotation: this needs lens_pitch"),
+    ],
+)
+def test_options_that_dont_go_together_are_refused_before_the_queue(client, eia, kind, texts, said):
+    headers = {"prefer": "respond-async"}
+    sent = client.post(results.find_root(kind), files={"file": ("a.png", eia)}, data=texts, headers=headers)
+    check_problem(sent, 422, said)
+
+
 def test_a_shipped_scene_takes_the_place_of_the_file(own):
     fields = {"lenses": "8x6", "pixels": "3x3", "model": "none"}
     shown = {}
