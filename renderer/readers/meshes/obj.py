@@ -6,8 +6,8 @@ and ignores a missing MTL, material or texture; and opens textures of any format
 
 from __future__ import annotations
 
-import io
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,13 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
 from ciir.renderer.readers.meshes.geometry import parse_numbers, triangulate_fans
+from ciir.renderer.readers.meshes.text_lines import (
+    Rows,
+    count_in_rows,
+    find_words,
+    list_words,
+    sort_lines,
+)
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import WHITE, Surface, check_size
 
@@ -24,39 +31,44 @@ if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
+_NUMBERS = (b"v", b"vt", b"vn", b"f")
+_NAMES = (b"usemtl", b"mtllib")
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
+_COMMENT = re.compile(rb"(?m)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
 MAX_LIBRARIES = 100
 """Most MTL files that an OBJ may name."""
 MAX_MATERIALS = 65_536
 """Most materials that an OBJ may use."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Lines:
-    """The file's lines by keyword, and the line number of each."""
+    """The file's text, and its lines by keyword."""
 
-    words: dict[bytes, list[bytes]] = field(default_factory=dict)
-    numbers: dict[bytes, list[int]] = field(default_factory=dict)
-
-    def count(self, word: bytes) -> int:
-        return len(self.words.get(word, []))
+    text: bytes
+    rows: dict[bytes, Rows]
 
     def count_before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
         """How many lines of `word` come before each of `lines`."""
-        return np.searchsorted(np.array(self.numbers.get(word, []), np.int64), lines)
+        return np.searchsorted(self.rows[word].numbers, lines)
+
+    def list_names(self, word: bytes) -> list[bytes]:
+        """What follows `word` in each of its lines."""
+        rows = self.rows[word]
+        lines = rows.join(self.text).split(b"\n")[: len(rows)]
+        return [b"".join(line.replace(b"\t", b" ").split(None, 1)[1:]).rstrip() for line in lines]
 
     def array(self, word: bytes, least: int, most: int) -> NDArray[np.float64]:
         """The numbers after `word` as `(lines, least to most)`, with the columns that all of the lines have."""
-        lines = self.words.get(word, [])
-        if not lines:
+        rows = self.rows[word]
+        if not len(rows):
             return np.empty((0, least))
-        widths = [len(line.split(None, most)) for line in lines]
-        width = min(widths)
+        width = int(rows.widths.min())
         if width < least:
-            number = self.numbers[word][widths.index(width)]
+            number = rows.numbers[rows.widths.argmin()]
             raise Unreadable(f"line {number + 1}: {clean_text(word.decode())} needs {least} numbers and has {width}")
         width = min(width, most)
-        return parse_numbers(token for line in lines for token in line.split(None, width)[:width]).reshape(-1, width)
+        return parse_numbers(list_words(rows.join(self.text), rows.widths, width)).reshape(-1, width)
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
@@ -74,7 +86,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
     for word, what in _LEFT_OUT.items():
-        if word in lines.words:
+        if len(lines.rows[word]):
             resolver.add_note(f"{what} are left out: only polygons are drawn")
     if texture_coordinates.shape[1] == 1:
         texture_coordinates = np.pad(texture_coordinates, ((0, 0), (0, 1)))
@@ -86,60 +98,63 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 
 
 def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
-    lines = _Lines()
-    most = dict.fromkeys((b"v", b"vt", b"vn", b"usemtl", b"mtllib"), 3 * max_triangles) | {b"f": max_triangles}
-    text = mtl.CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf"))
-    for number, line in enumerate(io.BytesIO(text)):
-        word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
-        if word in _LEFT_OUT:
-            lines.words[word] = []
-        elif word in most:
-            found = lines.words.setdefault(word, [])
-            found.append(rest.partition(b"#")[0] if word[:1] in b"vf" else rest)
-            if len(found) > most[word]:
-                raise TooLarge(
-                    f"{name}: over {most[word]:,} lines of {word.decode()}, more than the {max_triangles:,} triangles "
-                    "that are read at most can use; decimate the mesh",
-                    "triangles",
-                )
-            lines.numbers.setdefault(word, []).append(number)
-    return lines
+    text = data.removeprefix(b"\xef\xbb\xbf")
+    text = mtl.CONTINUED.sub(b" ", text) if b"\\" in text else text
+    rows = sort_lines(text, (*_NUMBERS, *_NAMES, *_LEFT_OUT))
+    if any(b"#" in rows[word].join(text) for word in _NUMBERS):
+        text = _COMMENT.sub(rb"\1", text)
+        rows = sort_lines(text, tuple(rows))
+    for word in (*_NUMBERS, *_NAMES):
+        most = max_triangles if word == b"f" else 3 * max_triangles
+        if len(rows[word]) > most:
+            raise TooLarge(
+                f"{name}: over {most:,} lines of {word.decode()}, more than the {max_triangles:,} triangles that are "
+                "read at most can use; decimate the mesh",
+                "triangles",
+            )
+    return _Lines(text, rows)
 
 
 def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
     line number `(m,)` of each triangle, in the order of the file.
     """
-    faces, line_of = lines.words.get(b"f", []), np.array(lines.numbers.get(b"f", []), np.int64)
-    lengths = np.array([len(face.split()) for face in faces], np.int64)
-    slashes = np.array([face.count(b"/") for face in faces], np.int64)
-    gaps = np.array([b"//" in face for face in faces], bool)
-    lengths[lengths < 3] = 0  # no surface
-    odd = (lengths > 0) & (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths)
+    faces = lines.rows[b"f"]
+    line_of, joined = faces.numbers, faces.join(lines.text)
+    data = np.frombuffer(joined, np.uint8)
+    is_slash = data == ord("/")
+    slashes = count_in_rows(is_slash, faces)
+    is_slash[:-1] &= is_slash[1:]
+    is_slash[-1:] = False
+    gaps = count_in_rows(is_slash, faces) > 0
+    written = count_in_rows(find_words(data, b"/"), faces) - 1
+    lengths = np.where(faces.widths < 3, 0, faces.widths)  # fewer are no surface
+    each = np.where(slashes == 0, 1, np.where((slashes == lengths) | gaps, 2, 3))  # numbers in a corner
+    odd = (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths) | (written != each * lengths)
+    odd &= lengths > 0
     if odd.any():
         raise Unreadable(f"line {line_of[odd.argmax()] + 1}: a face whose corners are written in different ways")
-    check_size(name, int(np.maximum(lengths - 2, 0).sum()), lines.count(b"v"), max_triangles)
+    check_size(name, int(np.maximum(lengths - 2, 0).sum()), len(lines.rows[b"v"]), max_triangles)
     raw = np.zeros((int(lengths.sum()), 3), np.int64)  # as written: from 1, negative from the end, 0 for none
-    each = np.where(slashes == 0, 1, np.where((slashes == lengths) | gaps, 2, 3))  # numbers in a corner
     for per_corner, gap in sorted(set(zip(each.tolist(), gaps.tolist(), strict=True))):
         alike = (lengths > 0) & (each == per_corner) & (gaps == gap)
-        members = np.flatnonzero(alike)
-        words = (word for i in members for word in faces[i].replace(b"/", b" ").split())
+        members = faces.select(alike)
+        words = list_words(members.join(lines.text).replace(b"/", b" "), written[alike])
         values = np.fromiter(map(int, words), np.int64).reshape(-1, per_corner)
         rows = np.flatnonzero(np.repeat(alike, lengths))
         for column, value in zip((0, 2) if gap else (0, 1, 2), values.T, strict=False):
             raw[rows, column] = value
     for column, word in enumerate((b"v", b"vt", b"vn")):
-        written = raw[:, column]
-        index = np.where(written < 0, written + np.repeat(lines.count_before(word, line_of), lengths), written - 1)
-        wrong = ((written != 0) | (column == 0)) & ((index < 0) | (index >= lines.count(word)))
+        given = raw[:, column]
+        index = np.where(given < 0, given + np.repeat(lines.count_before(word, line_of), lengths), given - 1)
+        wrong = ((given != 0) | (column == 0)) & ((index < 0) | (index >= len(lines.rows[word])))
         if wrong.any():
             corner = int(wrong.argmax())
             raise Unreadable(
-                f"line {np.repeat(line_of, lengths)[corner] + 1}: a face names {word.decode()} {written[corner]} "
-                f"but there are {lines.count(word):,}"
+                f"line {np.repeat(line_of, lengths)[corner] + 1}: a face names {word.decode()} {given[corner]} "
+                f"but there are {len(lines.rows[word]):,}"
             )
-        raw[:, column] = np.where(written == 0, -1, index)
+        raw[:, column] = np.where(given == 0, -1, index)
     triangles, face_of = triangulate_fans(lengths)
     return raw[triangles], line_of[face_of]
 
@@ -149,7 +164,7 @@ def _materials(
 ) -> tuple[list[mtl.Material], NDArray[np.intp]]:
     """The distinct materials of the triangles, and the number of each triangle's material."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
-    libraries = list(dict.fromkeys(library.strip() for library in lines.words.get(b"mtllib", [])))
+    libraries = list(dict.fromkeys(lines.list_names(b"mtllib")))
     if len(libraries) > MAX_LIBRARIES:
         raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
     files: dict[bytes, None] = {}  # in the order of their last names: several names may be of one file
@@ -160,7 +175,7 @@ def _materials(
             files[data] = None
     for data in files:
         entries |= mtl.parse_entries(data)
-    names = [b"", *(used.strip() for used in lines.words.get(b"usemtl", []))]
+    names = [b"", *lines.list_names(b"usemtl")]
     if (count := len(set(names))) > MAX_MATERIALS:
         raise TooLarge(f"{name}: {count:,} materials; at most {MAX_MATERIALS:,} are read; join them")
     current = lines.count_before(b"usemtl", face_lines)

@@ -151,6 +151,7 @@ def test_lines_and_points_are_left_out_with_a_note() -> None:
         (SQUARE + b"f -9 1 2\n", "line 5: a face names v -9 but there are 4"),
         (SQUARE + b"f 1/9 2/9 3/9\n", "line 5: a face names vt 9 but there are 0"),
         (SQUARE + b"f 1/1/1 2 3\n", "line 5: a face whose corners are written in different ways"),
+        (SQUARE + b"vn 0 0 1\nf 1//1 2/1/1 3//1\n", "line 6: a face whose corners are written in different ways"),
         (SQUARE + b"v 1 x 3\nf 1 2 3\n", "can be read"),
         (SQUARE + b"v 1 2\nf 1 2 3\n", "line 5: v needs 3 numbers and has 2"),
         (SQUARE + b"f 1 2 3.5\n", "can be read"),

@@ -1,0 +1,92 @@
+"""Sorts the lines of a text by their first words, and counts and parses numbers in them, without a step for a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import compress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+_SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
+_NEWLINE = ord("\n")
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Lines of a text that start with the same word, in its order."""
+
+    numbers: NDArray[np.int64]
+    """Of the lines, from 0."""
+    starts: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    """Of the text, with the line's end."""
+    widths: NDArray[np.int64]
+    """Words in each line after the first one."""
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def select(self, chosen: NDArray[np.bool_]) -> Rows:
+        """The rows where `chosen`."""
+        return Rows(self.numbers[chosen], self.starts[chosen], self.ends[chosen], self.widths[chosen])
+
+    def join(self, text: bytes) -> bytes:
+        """The lines, one after another."""
+        if not len(self):
+            return b""
+        follows = self.starts[1:] == self.ends[:-1]
+        begins = self.starts[np.r_[True, ~follows]].tolist()
+        finishes = self.ends[np.r_[~follows, True]].tolist()
+        return b"".join(text[begin:end] for begin, end in zip(begins, finishes, strict=True))
+
+
+def sort_lines(text: bytes, words: Sequence[bytes]) -> dict[bytes, Rows]:
+    """The lines that start with each of `words`."""
+    data = np.frombuffer(text + b"\n" + b" " * max(map(len, words)), np.uint8)
+    ends = np.flatnonzero(data == _NEWLINE) + 1
+    starts = np.concatenate([[0], ends[:-1]])
+    begins = find_words(data)
+    counts = _count_in_lines(begins, starts)
+    filled = np.flatnonzero(counts)
+    first = np.flatnonzero(begins)[(np.cumsum(counts) - counts)[filled]]
+    rows = {}
+    for word in words:
+        matches = _SPACE[data[first + len(word)]]
+        for place, letter in enumerate(word):
+            matches &= data[first + place] == letter
+        chosen = filled[matches]
+        rows[word] = Rows(chosen, starts[chosen], ends[chosen], counts[chosen] - 1)
+    return rows
+
+
+def find_words(data: NDArray[np.uint8], between: bytes = b"") -> NDArray[np.bool_]:
+    """Where in `data` words begin, which spaces, and the characters `between`, part."""
+    parts = _SPACE | np.isin(np.arange(256), list(between)) if between else _SPACE
+    parting = parts[data]
+    begins = ~parting
+    begins[1:] &= parting[:-1]
+    return begins
+
+
+def count_in_rows(marks: NDArray[np.bool_], rows: Rows) -> NDArray[np.int64]:
+    """How many of `marks`, one for each character of `rows.join()`, lie in each row."""
+    lengths = rows.ends - rows.starts
+    return _count_in_lines(marks, np.cumsum(lengths) - lengths)
+
+
+def _count_in_lines(marks: NDArray[np.bool_], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.add.reduceat(marks, starts, dtype=np.int64) if len(starts) else np.zeros(0, np.int64)
+
+
+def list_words(joined: bytes, widths: NDArray[np.int64], most: int | None = None) -> Iterator[bytes]:
+    """The words of joined rows of `widths` without the first of each, of which at most `most` of a row."""
+    counts = widths + 1
+    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    wanted = place > 0 if most is None else (place > 0) & (place <= most)
+    return compress(joined.split(), wanted.tobytes())
