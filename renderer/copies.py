@@ -35,7 +35,7 @@ def place_surface(surface: Surface, matrices: NDArray[np.float64]) -> Surface:
     faces = faces + (np.arange(copies) * len(surface.vertices))[:, None, None]
     normals = None
     if surface.normals is not None:
-        cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
+        cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])  # (k, 3, 3)
         cofactors[mirrored] *= -1
         normals = (surface.normals @ cofactors.swapaxes(1, 2)).reshape(-1, 3)
     return replace(
