@@ -17,13 +17,20 @@ import struct
 import warnings
 import zipfile
 import zlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field, settle_depth_sense
+from ciir.renderer.readers.containers.samples import (
+    check_array,
+    convert_samples,
+    find_light_field,
+    settle_depth_sense,
+    settle_grid,
+)
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -79,12 +86,22 @@ class Array:
 
 def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The array as it is, `views[v, u, y, x, c]`, with the depth sense behind it, else that of cameras, with a note."""
-    array = Array(data, name)
-    check_array(name, array.shape, array.dtype, limits)
-    views, stated = array.read(), None
+    array, stated = Array(data, name), None
     if data[array.end :].startswith(np.lib.format.MAGIC_PREFIX):
         stated = Array(memoryview(data)[array.end :], name).read_text()
-    return _make_light_field(views, stated, name, layout)
+    return _read_array(array, stated, name, layout, limits)
+
+
+def _read_array(array: Array, stated: object, name: str, layout: Layout, limits: Limits) -> LightField:
+    """Five axes as they are; four, or three of grey views, whose first one counts the views, as a grid of these."""
+    shape: tuple[int, ...] = array.shape
+    notes: tuple[str, ...] = ()
+    if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
+        grid, notes = settle_grid(shape[0], layout, name, "views")
+        shape = (*grid, *shape[1:3], *(shape[3:] or (1,)))
+    check_array(name, shape, array.dtype, limits)
+    made = _make_light_field(array.read().reshape(shape), stated, name, layout)
+    return replace(made, notes=notes + made.notes)
 
 
 def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: Layout) -> LightField:
@@ -94,8 +111,8 @@ def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: La
 
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The array `LF`, or the one with five axes, or the views at their positions, with the depth sense that the report
-    states, else that of cameras, with a note.
+    """The array `LF`, or the only one, or the one with five axes, or the views at their positions, with the depth sense
+    that the report states, else that of cameras, with a note.
     """
     from ciir.renderer.readers.bundle import check_members, check_sum
 
@@ -110,10 +127,13 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     shapes = {key: array.shape for key, array in arrays.items()}
     if VIEWS in arrays and POSITIONS in arrays and 5 not in map(len, shapes.values()):
         return _read_views(arrays, name, layout, limits)
-    key = find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C)")
-    name = f"{name}: {clean_text(key)}"
-    check_array(name, shapes[key], arrays[key].dtype, limits)
-    return _make_light_field(arrays[key].read(), None, name, layout)
+    is_one = len(shapes) == 1
+    key = (
+        next(iter(shapes))
+        if is_one
+        else find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C)")
+    )
+    return _read_array(arrays[key], None, f"{name}: {clean_text(key)}", layout, limits)
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes, name: str) -> bytes | memoryview:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
 
@@ -35,6 +35,30 @@ def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tupl
     if found == "lenses":
         return "lenses", ()
     return "cameras", () if found == "cameras" else (TAKEN_AS_CAMERAS,)
+
+
+def settle_grid(
+    count: int, layout: Layout, name: str, things: str, stated: tuple[int, int] | None = None
+) -> tuple[tuple[int, int], tuple[str, ...]]:
+    """Rows and columns of `count` views, one after another in a file that calls them `things`: those of
+    `layout.pixels`, else the `stated` ones, else a square, with a note. Raises `InvalidOption` where they fill none.
+    """
+    grid = layout.pixels
+    if grid is not None:
+        if grid[0] * grid[1] != count:
+            raise InvalidOption(
+                f"pixels: {grid[0]}x{grid[1]} asks for {grid[0] * grid[1]} views, but {name} has {count} {things}; "
+                "give the rows and columns of views"
+            )
+        return grid, ()
+    if stated is not None and stated[0] * stated[1] == count:
+        return stated, ()
+    side = math.isqrt(count)
+    if side * side != count:
+        raise InvalidOption(f"{name}: {count} {things}, no square number; give pixels ROWSxCOLUMNS (of views)")
+    return (side, side), (
+        f"the {count} {things} are taken as {side}x{side} views, row by row; pixels gives another grid",
+    )
 
 
 def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str) -> str:

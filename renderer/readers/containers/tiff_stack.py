@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import re
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import tifffile
 
-from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import tiff
-from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense
+from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense, settle_grid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,7 +54,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
                 f"{name}: damaged or cut off ({count} pages of the {counted[0]}x{counted[1]} views that its "
                 "description counts); send the whole file, or give pixels ROWSxCOLUMNS of the views that are there"
             )
-        grid, notes = _find_grid(count, layout, described, name)
+        grid, notes = settle_grid(count, layout, name, "pages", described.get("grid"))
         first, dtype = file.pages.first, np.dtype(file.pages.first.dtype)
         tiff.check_page(first, len(data), name, _allow)
         height, width, channels = first.imagelength, first.imagewidth, first.samplesperpixel
@@ -72,27 +71,6 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 
 def _allow(height: int, width: int) -> None:
     """The size was checked with that of all pages."""
-
-
-def _find_grid(
-    count: int, layout: Layout, described: dict[str, Any], name: str
-) -> tuple[tuple[int, int], tuple[str, ...]]:
-    """Rows and columns of views, and a note where they are a guess."""
-    grid = layout.pixels
-    if grid is not None:
-        if grid[0] * grid[1] != count:
-            raise InvalidOption(
-                f"pixels: {grid[0]}x{grid[1]} asks for {grid[0] * grid[1]} views, but {name} has {count} pages; "
-                "give the rows and columns of views"
-            )
-        return grid, ()
-    found = described.get("grid")
-    if found is not None and found[0] * found[1] == count:
-        return found, ()
-    side = math.isqrt(count)
-    if side * side != count:
-        raise InvalidOption(f"{name}: {count} pages, no square number; give pixels ROWSxCOLUMNS (of views)")
-    return (side, side), (f"the {count} pages are taken as {side}x{side} views, row by row; pixels gives another grid",)
 
 
 def _parse_description(text: str) -> dict[str, Any]:

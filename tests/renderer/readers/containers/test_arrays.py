@@ -18,9 +18,9 @@ from ciir.renderer.readers.layout import Layout
 GRID, SIZE = (2, 3), (4, 5)
 
 
-def read(data, kind="npy", **limits):
+def read(data, kind="npy", *, layout=Layout(), **limits):  # noqa: B008 - it is frozen
     reader = arrays.read_npy if kind == "npy" else arrays.read_npz
-    return reader(data, name="a", layout=Layout(), limits=Limits(**limits))
+    return reader(data, name="a", layout=layout, limits=Limits(**limits))
 
 
 def saved(array, **options):
@@ -52,8 +52,25 @@ def test_grey_views_need_no_axis_of_channels():
     np.testing.assert_array_equal(read(saved(grey)).views, grey[..., None])
     np.testing.assert_array_equal(read(saved(np.asfortranarray(grey))).views, grey[..., None])
     np.testing.assert_array_equal(read(zipped(grey=grey), "npz").views, grey[..., None])
-    with pytest.raises(Unreadable, match=r"an array 6x4x5x3 of uint8; give \(V, U, H, W, C\)"):
-        read(saved(np.zeros((6, 4, 5, 3), np.uint8)))  # views one after the other
+
+
+def test_views_one_after_another_are_a_grid():
+    views = numbered("u1")
+    rows, columns, *size = views.shape
+    flat = views.reshape(-1, *size)
+    asked = Layout(pixels=(rows, columns))
+    for array, expected in ((flat, views), (np.asfortranarray(flat), views), (flat[..., 0], views[..., :1])):
+        for data, kind in ((saved(array), "npy"), (zipped(any=array), "npz")):
+            found = read(data, kind, layout=asked)
+            np.testing.assert_array_equal(found.views, expected)
+            assert not any("row by row" in note for note in found.notes)
+    found = read(saved(flat[:4]))
+    np.testing.assert_array_equal(found.views, flat[:4].reshape(2, 2, *size))
+    assert "the 4 views are taken as 2x2 views, row by row; pixels gives another grid" in found.notes
+    with pytest.raises(InvalidOption, match=r"a: 5 views, no square number; give pixels ROWSxCOLUMNS \(of views\)"):
+        read(saved(flat[:5]))
+    with pytest.raises(InvalidOption, match="pixels: 2x2 asks for 4 views, but a has 5 views; give the rows"):
+        read(saved(flat[:5]), layout=Layout(pixels=(2, 2)))
 
 
 def test_axes_that_seem_to_be_exchanged_are_noted():
@@ -86,7 +103,8 @@ def test_floating_point_out_of_range_is_refused(worst, words):
 @pytest.mark.parametrize(
     ("array", "error"),
     [
-        (np.zeros((2, 2, 4, 4), "u1"), Unreadable),
+        (np.zeros((0, 2, 4, 4), "u1"), Unreadable),
+        (np.zeros((2, 4, 3), "u1"), Unreadable),
         (np.zeros((1, 2, 2, 4, 4, 3), "u1"), Unreadable),
         (np.zeros((2, 2, 4, 4, 5), "u1"), Unreadable),
         (np.zeros((2, 0, 4, 4, 3), "u1"), Unreadable),
