@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DEVICES = ("auto", "cpu", "cuda")
-CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
+CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "initial_single", "vgg"})
 """Fields that may change when a run is resumed: none of them changes what is learnt."""
 
 
@@ -48,6 +48,8 @@ class Recipe:
     """Keyword arguments of the network's constructor."""
     initial: str = ""
     """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty: random weights."""
+    initial_single: str = ""
+    """ONNX file of the single-picture generator in `light_field_blend`, which isn't trained."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
     """Degradation -> its share of the crops: see `training.data.crops`."""
@@ -78,7 +80,7 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses.pixel`)."""
+    """Pixel loss: a key of `training.losses.pixel.LOSSES`."""
     perceptual: str = ""
     """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see
     `training.losses.perceptual`)."""

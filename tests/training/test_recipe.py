@@ -23,7 +23,7 @@ def smallest(tmp_path):
 def test_shipped_recipes_read(path):
     recipe = recipes.read_recipe(path)
     assert recipe.name == path.stem
-    assert recipe.light_field == (recipe.network == "light_field")
+    assert recipe.light_field == recipe.network.startswith("light_field")
 
 
 def test_defaults(smallest):
@@ -102,7 +102,8 @@ def list_runs(folder):
 def test_a_shipped_recipe_starts_from_shipped_ones(path):
     """Of the same network: no weight shows a slope or a guard, so these may change; layers may be added at the end.
 
-    A light-field network may start from the single-picture network that it contains.
+    A light-field network may start from the single-picture network that it contains, and a blend from the networks that
+    it blends.
     """
     this = recipes.read_recipe(path)
     for run in list_runs(Path(this.initial).parent.name) if this.initial else []:
@@ -114,6 +115,11 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
             held = make_network(this.network, this.options).single.state_dict()
             alone = make_network(before.network, before.options).state_dict()
             assert {name: weight.shape for name, weight in held.items()} == {k: w.shape for k, w in alone.items()}
+            continue
+        if this.network == "light_field_blend" and before.network == "light_field":
+            beside = recipes.read_recipe(path.with_name(f"{Path(this.initial_single).parent.name}.toml"))
+            assert beside.network == "compact"
+            assert (before.options, this.options) == ({"guard": True}, {})  # the default has the widths of both
             continue
         assert (before.network, before.scale) == (this.network, this.scale)
         without_weights = {"slope", "guard"}

@@ -12,6 +12,7 @@ from torch import nn
 
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.light_field import CHOSEN, FACTORS, LightFieldGenerator
+from ciir.training.networks.light_field_blend import BLENDING
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +30,8 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
     difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
-    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps.
+    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps. A
+    `BlendedGenerator` takes the weights of a light-field network into the one that it contains.
     Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
     or `network` is not made of such convolutions.
     """
@@ -48,7 +50,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
             network = network.single
         elif f"{MERGED}.weight" in found:
             _split_merged(network, found)
-    layers = {name: layer for name, layer in network.named_modules() if isinstance(layer, CollapsibleConv)}
+    layers = _find_layers(network, skipped=() if "blend.weight" in found else BLENDING)
     if not layers:
         raise ValueError(f"initial: {path}: only our own generators start from an ONNX file; name a checkpoint")
     missing = []
@@ -67,6 +69,15 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     for name, parameter in network.named_parameters():
         if "." not in name and name in found:  # a single number, such as `sharpness`
             parameter.copy_(found[name])
+
+
+def _find_layers(network: nn.Module, skipped: tuple[str, ...]) -> dict[str, CollapsibleConv]:
+    """The convolutions of a network by name, without those of the parts `skipped`."""
+    return {
+        name: layer
+        for name, layer in network.named_modules()
+        if isinstance(layer, CollapsibleConv) and name.partition(".")[0] not in skipped
+    }
 
 
 def _place(name: str) -> int:

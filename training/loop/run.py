@@ -18,6 +18,7 @@ from ciir.training.loop import checkpoints
 from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.losses.objective import Objective
 from ciir.training.networks import make_network
+from ciir.training.networks.light_field_blend import BlendedGenerator
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -133,6 +134,10 @@ class Run:
         Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
         network loads the checkpoint of a single-picture generator into the generator that it contains.
         """
+        if self.recipe.initial_single:
+            if not isinstance(self.network, BlendedGenerator):
+                raise ValueError(f"initial_single: {self.recipe.network} has no such part; remove it")
+            load_onnx_weights(self.network.beside, Path(self.recipe.initial_single))
         if path.suffix == ".onnx":
             load_onnx_weights(self.network, path)
             self.average.load_state_dict(self.network.state_dict())

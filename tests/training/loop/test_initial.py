@@ -20,6 +20,7 @@ from ciir.training.networks import make_network
 OPTIONS = {
     "compact": {"widths": [8, 16, 8], "slope": 0.0, "guard": True},
     "light_field": {"widths": [8, 16, 8], "width": 16, "depth": 1, "guard": True},
+    "light_field_blend": {"widths": [8, 16, 8], "width": 16, "depth": 1, "beside": [8, 8], "mixing": [8]},
 }
 
 
@@ -28,8 +29,8 @@ def make(kind, seed, **options):
     torch.manual_seed(seed)
     network = make_network(kind, OPTIONS[kind] | options).eval()
     with torch.no_grad():
-        for weight in network.parameters():
-            if weight.requires_grad:
+        for name, weight in network.named_parameters():
+            if weight.requires_grad or (name.startswith("beside") and name.endswith((".kernel", ".bias"))):
                 weight.add_(0.05 * torch.randn_like(weight))
     return network
 

@@ -32,7 +32,9 @@ def scenes(count=2, *, seed=0, side=24, own=MIDDLE):
 
 @pytest.fixture
 def layers(monkeypatch):
-    """Scenes of layers at these disparities from back to front, flat, none of one colour."""
+    """Scenes of smooth layers at these disparities from back to front, flat, none of one colour, cameras on a grid."""
+    monkeypatch.setattr(layered_scenes, "IRREGULAR", (0.0, 0.0))
+    monkeypatch.setattr(layered_scenes, "HARSH", (0.0, 1.0, 1.0))
     monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
 
@@ -172,3 +174,24 @@ def test_plain_backgrounds(monkeypatch):
     views, colours = scenes(1)
     torch.testing.assert_close(colours[0], torch.tensor([1, 0.2, 0])[:, None, None].expand_as(colours[0]))
     assert (views - float(torch.tensor(layered_scenes.LUMA) @ torch.tensor([1, 0.2, 0]))).abs().max() < 1e-6
+
+
+def test_cameras_off_their_grid_see_the_same_layer_from_there(layers, monkeypatch):
+    """At one disparity each view is the own one moved by that of its camera's place; the own camera stays."""
+    layers(1.0)
+    regular, _ = scenes(1)
+    monkeypatch.setattr(layered_scenes, "IRREGULAR", (1.0, 0.2))
+    irregular, _ = scenes(1)
+    apart = (irregular - regular)[..., 20:-20, 20:-20].abs().amax((0, 2, 3))
+    own = MIDDLE[0] * SIDE + MIDDLE[1]
+    assert apart[own] == 0
+    assert apart[apart.argsort()[1:]].min() > 1e-4
+
+
+def test_raised_contrast_is_clipped(monkeypatch):
+    monkeypatch.setattr(layered_scenes, "HARSH", (1.0, 8.0, 8.0))
+    texture = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
+    harsh = layered_scenes._raise_contrast(np.random.default_rng(0), texture)
+    assert ((harsh == 0) | (harsh == 1)).float().mean() > 0.5
+    monkeypatch.setattr(layered_scenes, "HARSH", (0.0, 8.0, 8.0))
+    assert torch.equal(layered_scenes._raise_contrast(np.random.default_rng(0), texture), texture)
