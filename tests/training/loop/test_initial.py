@@ -1,6 +1,7 @@
 """Runs that start from an ONNX file: the network computes what the exported one did."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from ciir.training.export.export import simplify_network
 from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.loop.run import Run
 from ciir.training.networks import make_network
+from ciir.training.networks.light_field import LightFieldGenerator
 
 OPTIONS = {
     "compact": {"widths": [8, 16, 8], "slope": 0.0, "guard": True},
@@ -99,3 +101,26 @@ def test_a_run_starts_from_the_file(exported, recipe):
     run.start_from(path)
     for one in (run.network, run.average):
         assert_alike(upscale(one.eval().to(memory_format=torch.contiguous_format)), upscale(network))
+
+
+def test_a_blend_starts_from_the_two_networks_that_it_blends(tmp_path, recipe):
+    options = OPTIONS["light_field_blend"]
+    light, single = make("light_field", 5), make("compact", 6, widths=options["beside"])
+    for name, network in (("light", light), ("single", single)):
+        (tmp_path / f"{name}.onnx").write_bytes(to_onnx.convert_network(simplify_network(network), 2))
+    files = {"initial": str(tmp_path / "light.onnx"), "initial_single": str(tmp_path / "single.onnx")}
+    run = Run(replace(recipe, network="light_field_blend", options=options, **files))
+    run.start_from(tmp_path / "light.onnx")
+    for blend in (run.network, run.average):
+        blend.eval().to(memory_format=torch.contiguous_format)
+        assert_alike(upscale(blend.beside), upscale(single))
+        inputs = examples.make_examples(light, 2, 9, 11)
+        with torch.no_grad():
+            made, _ = LightFieldGenerator.forward_with_uncertainty(blend, *inputs)  # without what the blend adds
+            assert_alike(made, light(*inputs))
+
+
+def test_only_a_blend_takes_a_single_picture_generator_beside(recipe):
+    run = Run(replace(recipe, network="compact", options=OPTIONS["compact"], initial_single="a.onnx"))
+    with pytest.raises(ValueError, match="initial_single: compact has no such part; remove it"):
+        run.start_from(Path("b.onnx"))
