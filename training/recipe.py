@@ -49,7 +49,8 @@ class Recipe:
     initial: str = ""
     """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty: random weights."""
     initial_single: str = ""
-    """ONNX file of the single-picture generator in `light_field_blend`, which isn't trained."""
+    """ONNX file of the larger single-picture generator in `light_field_blend`, which isn't trained; `initial` is then
+    the ONNX file of a light-field network."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
     """Degradation -> its share of the crops: see `training.data.crops`."""

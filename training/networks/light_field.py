@@ -153,11 +153,11 @@ class LightFieldGenerator(nn.Module):
         gain = _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
         return Detail(compared, gain, _sum_channels(planes * spread), base, uncertainty)
 
-    def extract_features(self, image: Tensor, detail: Detail) -> Tensor:
-        """The last features of the single-picture generator with the detail as further input, `(N, C, H, W)`."""
+    def extract_features(self, image: Tensor, found: Detail) -> Tensor:
+        """The last features `(N, C, H, W)` of the single-picture generator, with the detail as further input."""
         by_fine, by_spread = self.factors
-        compared = detail.compared
-        selected = torch.cat([_multiply(by_fine, detail.luma_gain), _multiply(by_spread, detail.spread)], 1)
+        compared = found.compared
+        selected = torch.cat([_multiply(by_fine, found.luma_gain), _multiply(by_spread, found.spread)], 1)
         first, activation, second, *rest = self.single.body
         features: Tensor = activation(first(image))
         if self.merged is not None:

@@ -1,7 +1,7 @@
 """Our larger light-field generator: the light one and a larger single-picture one, blended for each pixel.
 
-Where views differ or hide each other, a good single-picture generator is closer than any use of other views. Here both
-make the view, and convolutions over the features of both decide between them and correct the blend.
+Where captured views differ, or objects hide each other, a good single-picture generator can be closer to the truth than
+the light one. Here both make the view, and convolutions over the features of both weight them and correct the blend.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch.nn import functional
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.guard import limit_change
-from ciir.training.networks.light_field import CHOSEN, LightFieldGenerator
+from ciir.training.networks.light_field import LightFieldGenerator
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,10 +34,11 @@ class BlendedGenerator(LightFieldGenerator):
 
     ::
 
-        image = PixelShuffle(bicubic + share * gain + limit(share * light + (1 - share) * single + correction))
+        image = PixelShuffle(bicubic + share * gain + limit(share * light + (1 - share) * alone + correction))
 
-    `light` and `gain`: the light generator's change and the detail of the other views. `single`: the change of the
-    single-picture generator, which isn't trained here: start it from a trained one (`Recipe.initial_single`).
+    `light` and `gain`: the light generator's change and the detail of the other views. `alone`: the change of the
+    larger single-picture generator, `beside`, which isn't trained here: it starts from a trained one
+    (`Recipe.initial_single`).
     """
 
     def __init__(
@@ -50,17 +51,17 @@ class BlendedGenerator(LightFieldGenerator):
         beside: Sequence[int] = (64,) * 10,
         mixing: Sequence[int] = (48,) * 5,
     ) -> None:
-        """`widths`, `slope`, `width`, `depth`: of the light generator, guarded. `beside`: widths of the single-picture
-        generator. `mixing`: channels of the convolutions that blend.
+        """`widths`, `slope`, `width`, `depth`: of the light generator, guarded. `beside`: widths of the larger
+        single-picture generator. `mixing`: channels of the convolutions that blend.
         """
         super().__init__(widths, slope, width, depth, guard=True)
         self.beside = CompactGenerator(beside, self.scale, slope, guard=True).requires_grad_(False)
-        inputs = widths[-1] + width - CHOSEN + beside[-1] + PHASES + 1 + COLOURS * PHASES
+        inputs = widths[-1] + width + beside[-1] + COLOURS * PHASES
         self.mix = nn.Sequential()
         for channels in mixing:
             self.mix.extend([CollapsibleConv(inputs, channels, gain=0.7), nn.ReLU()])
             inputs = channels
-        # Untrained, the blend is the mean of both.
+        # Untrained, the blend is close to the mean of both.
         self.blend = CollapsibleConv(inputs, (1 + COLOURS) * PHASES, gain=0.02)
 
     def forward_with_uncertainty(
@@ -70,9 +71,9 @@ class BlendedGenerator(LightFieldGenerator):
         detail = self.find_detail(image, around, rows, cols)
         features, others = self.extract_features(image, detail), self.beside.body(image)
         light = limit_change(self.single.tail(features).float(), image, detail.room)
-        single = limit_change(self.beside.tail(others).float(), image)
-        small = torch.cat([detail.luma_gain, detail.spread, light + detail.gain - single], 1)
+        alone = limit_change(self.beside.tail(others).float(), image)
+        small = torch.cat([detail.luma_gain, detail.spread, light + detail.gain - alone], 1)
         mixed = self.blend(self.mix(torch.cat([features, detail.compared, others, FACTOR * small], 1))).float()
         share = mixed[:, :PHASES].sigmoid().repeat(1, COLOURS, 1, 1)
-        change = limit_change(share * (light - single) + single + mixed[:, PHASES:], image, detail.room)
+        change = limit_change(share * (light - alone) + alone + mixed[:, PHASES:], image, detail.room)
         return functional.pixel_shuffle(change + share * detail.gain + detail.base, self.scale), detail.uncertainty

@@ -120,7 +120,18 @@ def test_a_blend_starts_from_the_two_networks_that_it_blends(tmp_path, recipe):
             assert_alike(made, light(*inputs))
 
 
-def test_only_a_blend_takes_a_single_picture_generator_beside(recipe):
-    run = Run(replace(recipe, network="compact", options=OPTIONS["compact"], initial_single="a.onnx"))
-    with pytest.raises(ValueError, match="initial_single: compact has no such part; remove it"):
-        run.start_from(Path("b.onnx"))
+@pytest.mark.parametrize(("kind", "initial"), [("compact", "b.onnx"), ("light_field_blend", "b.pt")])
+def test_a_single_picture_generator_beside_goes_with_a_blend_and_an_onnx_file(recipe, kind, initial):
+    run = Run(replace(recipe, network=kind, options=OPTIONS[kind], initial_single="a.onnx"))
+    with pytest.raises(ValueError, match=rf"initial_single is a.onnx: .*, not for {kind} with '{initial}'; remove it"):
+        run.start_from(Path(initial))
+
+
+def test_messages_name_the_key(tmp_path, recipe):
+    light = tmp_path / "light.onnx"
+    light.write_bytes(to_onnx.convert_network(simplify_network(make("light_field", 5)), 2))
+    options = {"network": "light_field_blend", "options": OPTIONS["light_field_blend"]}
+    with pytest.raises(ValueError, match=r"initial: .*light.onnx doesn't hold the weights of beside.body.0"):
+        Run(replace(recipe, **options)).start_from(light)
+    with pytest.raises(ValueError, match=r"initial_single: a.onnx: not an ONNX file that can be read"):
+        Run(replace(recipe, **options, initial_single="a.onnx")).start_from(light)

@@ -40,4 +40,5 @@ def test_weights_of_luma():
     blue = black.clone()
     blue[:, 2] = 0.2
     assert pixel.luma(blue, black).item() == pytest.approx(0.2 * (0.3 / 3 + 0.7 * 0.114))
-    assert pixel.luma_edges(black + 0.2, black).item() == pytest.approx(0.2 + pixel.SQUARED * 0.04)
+    squared = pixel.SQUARED * (0.2 * 0.114) ** 2
+    assert pixel.luma_edges(blue, black).item() == pytest.approx(pixel.luma(blue, black).item() + squared)

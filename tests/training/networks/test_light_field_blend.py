@@ -10,7 +10,7 @@ from ciir.models.light_field.windows import select_axis
 from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.light_field import LightFieldGenerator, fold_factors, merge_layers, split_layers
-from ciir.training.networks.light_field_blend import BlendedGenerator
+from ciir.training.networks.light_field_blend import BLENDING, BlendedGenerator
 
 SMALL = {"widths": (8, 8), "width": 8, "depth": 1, "beside": (8, 8), "mixing": (8,)}
 WHOLE = torch.from_numpy(select_axis(2, 5).present)
@@ -22,17 +22,18 @@ def draw_views(seed=4, height=9, width=7):
 
 
 @torch.no_grad()
-def test_it_starts_as_the_mean_of_the_networks_that_it_starts_from():
+def test_without_its_correction_it_is_the_mean_of_the_networks_that_it_starts_from():
     torch.manual_seed(0)
     network, light = BlendedGenerator(), LightFieldGenerator(guard=True)
-    for part, name in ((network, "field"), (network.beside, "quality"), (light, "field")):
-        load_onnx_weights(part, catalogue.SHIPPED / f"{name}.onnx")
+    load_onnx_weights(network, catalogue.SHIPPED / "field.onnx", skipped=BLENDING)
+    load_onnx_weights(network.beside, catalogue.SHIPPED / "quality.onnx")
+    load_onnx_weights(light, catalogue.SHIPPED / "field.onnx")
     network.blend.widen.zero_()
     network.blend.kernel.zero_()
     image, around = draw_views(height=24, width=20)
     made = network(image, around, WHOLE, WHOLE)
     mean = (light(image, around, WHOLE, WHOLE) + network.beside(image)) / 2
-    # The sum of two limited changes is limited once more, by the same bound: only rounding is left.
+    # The mean of two limited changes is within the wider of their bounds, so limiting it again leaves rounding alone.
     torch.testing.assert_close(made, mean, atol=1e-5, rtol=0)
 
 
@@ -54,7 +55,6 @@ def test_grey_stays_grey_and_flat_stays_flat():
     image, around = draw_views()
     grey = network(image[:, :1].expand(-1, 3, -1, -1), around, WHOLE, WHOLE)
     assert (grey.amax(1) - grey.amin(1)).max() < 1e-5
-    assert (network(image, around, WHOLE, WHOLE).amax(1) - grey.amin(1)).max() > 0.01
     flat = network(torch.full((1, 3, 9, 9), 0.3), torch.full((1, 25, 9, 9), 0.3), WHOLE, WHOLE)
     torch.testing.assert_close(flat, torch.full((1, 3, 18, 18), 0.3), atol=1e-5, rtol=0)
 

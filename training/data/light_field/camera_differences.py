@@ -18,8 +18,8 @@ NOISE = (0.01, 0.1)
 GRAIN = (0.14, 6 / 255)
 """Share of crops with camera grain in the LR views, and its largest standard deviation."""
 VIEW_NOISE = (0.75, 3 / 255)
-"""Share of crops whose other views differ from the wanted one by noise, and its largest standard deviation: what the
-wanted view's own noise is can't be separated from its detail, and belongs to the truth."""
+"""Share of crops whose other views have noise, and its largest standard deviation. The wanted view gets none: in a
+capture its noise is part of the truth."""
 BRIGHTNESS = (0.35, 0.015, 0.004)
 """Share of crops whose views differ in brightness; by which factor, at most, from one view to the next; and the
 standard deviation of the factors about that."""

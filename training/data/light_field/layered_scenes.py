@@ -40,7 +40,8 @@ TEXTURE = 160
 TEXELS = (0.6, 1.8)
 """Texels for each fine sample."""
 HARSH = (0.25, 1.5, 8.0)
-"""Share of textures whose contrast is raised, and the least and the largest factor: twigs before a burnt-out sky."""
+"""Share of textures whose contrast is raised, and the least and the largest factor, as where twigs stand
+before an overexposed sky."""
 FLAT = 0.12
 """Share of layers of one colour."""
 PLAIN = 0.3
@@ -79,8 +80,8 @@ def make_scenes(
     side. `own`: row and column in the window of the view that is to be upscaled.
 
     Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the own one in colour,
-    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view, but
-    for the `IRREGULAR` ones.
+    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view,
+    except in scenes with `IRREGULAR` cameras.
     """
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:

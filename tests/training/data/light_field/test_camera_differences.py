@@ -158,3 +158,5 @@ def test_noise_of_other_views_leaves_the_wanted_one(only):
     deviation = (noisy - around)[:, OTHERS].std((1, 2, 3))
     assert 0.02 < deviation.max() < 0.055  # drawn up to 0.05 for each crop
     assert deviation.min() < 0.02
+    first, second = (noisy - around)[:, OTHERS[:2]].flatten(2).unbind(1)
+    assert torch.corrcoef(torch.stack([first.flatten(), second.flatten()]))[0, 1].abs() < 0.05  # 16384 samples

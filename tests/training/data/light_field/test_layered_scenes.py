@@ -176,16 +176,34 @@ def test_plain_backgrounds(monkeypatch):
     assert (views - float(torch.tensor(layered_scenes.LUMA) @ torch.tensor([1, 0.2, 0]))).abs().max() < 1e-6
 
 
-def test_cameras_off_their_grid_see_the_same_layer_from_there(layers, monkeypatch):
-    """At one disparity each view is the own one moved by that of its camera's place; the own camera stays."""
+def test_content_moves_by_the_place_of_a_camera_off_its_grid(layers, monkeypatch):
     layers(1.0)
+    step = 1 / layered_scenes.FINE  # a fine sample, at this disparity
+    number = 2 * SIDE + 4
     regular, _ = scenes(1)
-    monkeypatch.setattr(layered_scenes, "IRREGULAR", (1.0, 0.2))
-    irregular, _ = scenes(1)
-    apart = (irregular - regular)[..., 20:-20, 20:-20].abs().amax((0, 2, 3))
-    own = MIDDLE[0] * SIDE + MIDDLE[1]
-    assert apart[own] == 0
-    assert apart[apart.argsort()[1:]].min() > 1e-4
+
+    def displace(random, offsets, own):
+        moved = offsets.clone()
+        moved[number] += torch.tensor([step, -2 * step])
+        return moved
+
+    monkeypatch.setattr(layered_scenes, "_displace_cameras", displace)
+    moved, _ = scenes(1)
+    inner = (..., slice(8, -8), slice(8, -8))
+    wanted = regular[:, number].roll((1, -2), (1, 2))
+    torch.testing.assert_close(moved[:, number][inner], wanted[inner], atol=1e-4, rtol=0)  # float32 places
+    others = [view for view in range(SIDE * SIDE) if view != number]
+    assert torch.equal(moved[:, others], regular[:, others])
+
+
+def test_some_cameras_are_off_their_grid_and_never_the_wanted_one(monkeypatch):
+    offsets = torch.cartesian_prod(torch.arange(5.0), torch.arange(5.0)) - 1
+    monkeypatch.setattr(layered_scenes, "IRREGULAR", (0.5, 0.1))
+    random = np.random.default_rng(0)
+    moved = [layered_scenes._displace_cameras(random, offsets, 6) - offsets for _ in range(200)]
+    irregular = [apart for apart in moved if apart.any()]
+    assert 60 < len(irregular) < 140
+    assert all(not apart[6].any() and apart.std() < 0.13 for apart in irregular)
 
 
 def test_raised_contrast_is_clipped(monkeypatch):
