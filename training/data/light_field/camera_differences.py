@@ -17,7 +17,7 @@ NOISE = (0.01, 0.1)
 """Share of crops under heavy noise, different in each view, and its standard deviation."""
 GRAIN = (0.14, 6 / 255)
 """Share of crops with camera grain in the LR views, and its largest standard deviation."""
-VIEW_NOISE = (0.75, 3 / 255)
+VIEW_NOISE = (0.75, 2 / 255)
 """Share of crops whose other views have noise, and its largest standard deviation. The wanted view gets none: in a
 capture its noise is part of the truth."""
 BRIGHTNESS = (0.35, 0.015, 0.004)

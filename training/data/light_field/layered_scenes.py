@@ -37,8 +37,8 @@ BEYOND = 0.05
 """Share of scenes whose disparities are up to 4 times as large: no plane matches these."""
 TEXTURE = 160
 """Texels along each side of a layer's texture, which is mirrored at its edge."""
-TEXELS = (0.6, 1.8)
-"""Texels for each fine sample."""
+TEXELS = (0.4, 1.1)
+"""Texels for each fine sample: with more, which are not averaged, views of one texture differ."""
 HARSH = (0.25, 1.5, 8.0)
 """Share of textures whose contrast is raised, and the least and the largest factor, as where twigs stand
 before an overexposed sky."""
@@ -59,9 +59,9 @@ STEEPNESS = (4.0, 200.0)
 """How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
 """Share of layers with a straight edge that are folded there, as a roof at a wall: only some views see the fold."""
-IRREGULAR = (0.4, 0.1)
+IRREGULAR = (0.4, 0.04)
 """Share of scenes whose cameras are not exactly on a grid, and the largest standard deviation of their positions, in
-distances between cameras: that of the Lego Knights is 0.1."""
+distances between cameras."""
 LUMA = (0.299, 0.587, 0.114)
 
 
