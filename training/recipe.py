@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DEVICES = ("auto", "cpu", "cuda")
-CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "initial_single", "vgg"})
+CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
 """Fields that may change when a run is resumed: none of them changes what is learnt."""
 
 
@@ -48,9 +48,6 @@ class Recipe:
     """Keyword arguments of the network's constructor."""
     initial: str = ""
     """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty: random weights."""
-    initial_single: str = ""
-    """ONNX file of the larger single-picture generator in `light_field_blend`, which isn't trained; `initial` is then
-    the ONNX file of a light-field network."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
     """Degradation -> its share of the crops: see `training.data.crops`."""
@@ -81,7 +78,7 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: a key of `training.losses.pixel.LOSSES`."""
+    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
     """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see
     `training.losses.perceptual`)."""

@@ -23,7 +23,7 @@ def smallest(tmp_path):
 def test_shipped_recipes_read(path):
     recipe = recipes.read_recipe(path)
     assert recipe.name == path.stem
-    assert recipe.light_field == recipe.network.startswith("light_field")
+    assert recipe.light_field == (recipe.network == "light_field")
 
 
 def test_defaults(smallest):
@@ -102,8 +102,7 @@ def list_runs(folder):
 def test_a_shipped_recipe_starts_from_shipped_ones(path):
     """Of the same network: no weight shows a slope or a guard, so these may change; layers may be added at the end.
 
-    A light-field network may start from the single-picture network that it contains, and a blend from the networks that
-    it blends.
+    A light-field network may start from the single-picture network that it contains.
     """
     this = recipes.read_recipe(path)
     for run in list_runs(Path(this.initial).parent.name) if this.initial else []:
@@ -115,19 +114,6 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
             held = make_network(this.network, this.options).single.state_dict()
             alone = make_network(before.network, before.options).state_dict()
             assert {name: weight.shape for name, weight in held.items()} == {k: w.shape for k, w in alone.items()}
-            continue
-        if this.network == "light_field_blend" and before.network == "light_field":
-            beside = recipes.read_recipe(path.with_name(f"{Path(this.initial_single).parent.name}.toml"))
-            pytest.importorskip("torch", reason="needs the training extra")
-            from ciir.training.networks import make_network
-
-            blend = make_network(this.network, this.options)
-            held = {name: weight.shape for name, weight in blend.state_dict().items()}
-            for prefix, of in (("", before), ("beside.", beside)):
-                weights = make_network(of.network, of.options).state_dict()
-                assert {prefix + name: weight.shape for name, weight in weights.items()}.items() <= held.items()
-                assert of.options.get("slope", 0.0 if of.light_field else 0.125) == 0
-                assert of.options["guard"]
             continue
         assert (before.network, before.scale) == (this.network, this.scale)
         without_weights = {"slope", "guard"}

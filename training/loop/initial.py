@@ -14,7 +14,6 @@ from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.light_field import CHOSEN, FACTORS, LightFieldGenerator
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
     from pathlib import Path
 
     from torch import Tensor
@@ -25,23 +24,21 @@ MERGED = "merged"
 
 
 @torch.no_grad()
-def load_onnx_weights(network: nn.Module, path: Path, *, key: str = "initial", skipped: Collection[str] = ()) -> None:
+def load_onnx_weights(network: nn.Module, path: Path) -> None:
     """Loads the float weights in `path` into the convolutions of `network`, whose other branches stay as they are.
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
     difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
-    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps. `key`:
-    of the recipe, for messages. `skipped`: parts of the network that the file doesn't hold, by name.
-
+    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps.
     Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
     or `network` is not made of such convolutions.
     """
     try:
         model = onnx.load(path)
     except (OSError, DecodeError) as error:
-        raise ValueError(f"{key}: {path}: not an ONNX file that can be read ({error}); name another") from error
+        raise ValueError(f"initial: {path}: not an ONNX file that can be read ({error}); name another") from error
     if any(node.op_type == "QuantizeLinear" for node in model.graph.node):
-        raise ValueError(f"{key}: {path} is an int8 network; name the float one")
+        raise ValueError(f"initial: {path} is an int8 network; name the float one")
     found = {
         value.name.removeprefix(PREFIX): torch.from_numpy(numpy_helper.to_array(value).copy())
         for value in model.graph.initializer
@@ -51,13 +48,9 @@ def load_onnx_weights(network: nn.Module, path: Path, *, key: str = "initial", s
             network = network.single
         elif f"{MERGED}.weight" in found:
             _split_merged(network, found)
-    layers = {
-        name: layer
-        for name, layer in network.named_modules()
-        if isinstance(layer, CollapsibleConv) and name.partition(".")[0] not in skipped
-    }
+    layers = {name: layer for name, layer in network.named_modules() if isinstance(layer, CollapsibleConv)}
     if not layers:
-        raise ValueError(f"{key}: {path}: only our own generators start from an ONNX file; name a checkpoint")
+        raise ValueError(f"initial: {path}: only our own generators start from an ONNX file; name a checkpoint")
     missing = []
     last = max((_place(name) for name in found), default=-1)
     for name, layer in layers.items():
@@ -70,7 +63,7 @@ def load_onnx_weights(network: nn.Module, path: Path, *, key: str = "initial", s
         layer.kernel.add_(weight - layer.weight())
         layer.bias.copy_(bias)
     if missing:
-        raise ValueError(f"{key}: {path} doesn't hold the weights of {', '.join(missing[:3])}; name another")
+        raise ValueError(f"initial: {path} doesn't hold the weights of {', '.join(missing[:3])}; name another")
     for name, parameter in network.named_parameters():
         if "." not in name and name in found:  # a single number, such as `sharpness`
             parameter.copy_(found[name])

@@ -18,7 +18,6 @@ from ciir.training.loop import checkpoints
 from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.losses.objective import Objective
 from ciir.training.networks import make_network
-from ciir.training.networks.light_field_blend import BLENDING, BlendedGenerator
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -132,19 +131,10 @@ class Run:
         """Loads the weights of another run's checkpoint. Raises `ValueError` where its network differs.
 
         Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
-        network loads the checkpoint of a single-picture generator into the generator that it contains. With the
-        recipe's `initial_single` a `BlendedGenerator` starts from that and the ONNX file of a light-field network.
+        network loads the checkpoint of a single-picture generator into the generator that it contains.
         """
-        single = self.recipe.initial_single
-        if single and not (isinstance(self.network, BlendedGenerator) and path.suffix == ".onnx"):
-            raise ValueError(
-                f"initial_single is {single}: it is for light_field_blend, with the ONNX file of a light-field network "
-                f"as initial, not for {self.recipe.network} with {str(path)!r}; remove it"
-            )
         if path.suffix == ".onnx":
-            load_onnx_weights(self.network, path, skipped=BLENDING if single else ())
-            if isinstance(self.network, BlendedGenerator) and single:
-                load_onnx_weights(self.network.beside, Path(single), key="initial_single")
+            load_onnx_weights(self.network, path)
             self.average.load_state_dict(self.network.state_dict())
             return
         try:

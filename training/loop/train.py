@@ -19,7 +19,6 @@ from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.loop.progress import Progress
 from ciir.training.loop.run import Run, learning_rate
 from ciir.training.networks.light_field import LightFieldGenerator
-from ciir.training.networks.light_field_blend import BlendedGenerator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +51,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     _check_network(recipe, run.network)
     if checkpoint.exists():
         run.resume(checkpoint)
-    elif recipe.initial or recipe.initial_single:
+    elif recipe.initial:
         run.start_from(Path(recipe.initial))
     if run.step == recipe.steps:
         return checkpoint
@@ -106,10 +105,6 @@ def report_start(recipe: Recipe, step: int) -> None:
 
 def _check_network(recipe: Recipe, network: nn.Module) -> None:
     """Raises `ValueError` where the network does not take the batches of the recipe."""
-    if isinstance(network, BlendedGenerator) and not recipe.initial:
-        raise ValueError(
-            f"initial is empty, and {recipe.network} blends trained networks; set initial and initial_single to them"
-        )
     if isinstance(network, LightFieldGenerator) == recipe.light_field:
         return
     if recipe.light_field:

@@ -11,9 +11,6 @@ if TYPE_CHECKING:
 
 EPSILON = 1e-3
 """Where Charbonnier's loss turns from a parabola into a line: a quarter of an 8-bit step."""
-SQUARED = 6.0
-"""Weight of the squared differences in `luma_edges`: for a grey difference they are as large as the absolute ones at a
-sixth of full scale."""
 
 
 def l1(output: Tensor, high: Tensor) -> Tensor:
@@ -33,29 +30,12 @@ def charbonnier(output: Tensor, high: Tensor) -> Tensor:
 
 def luma(output: Tensor, high: Tensor) -> Tensor:
     """0.3 times the mean absolute difference of RGB and 0.7 times that of Y (BT.601's weights), a scalar."""
-    return 0.3 * l1(output, high) + 0.7 * _luma_difference(output, high).abs().mean()
-
-
-def luma_edges(output: Tensor, high: Tensor) -> Tensor:
-    """`luma` plus `SQUARED` times the mean squared difference of Y, a scalar: the largest errors decide PSNR, and
-    are at strong edges.
-    """
-    return luma(output, high) + SQUARED * _luma_difference(output, high).square().mean()
-
-
-def _luma_difference(output: Tensor, high: Tensor) -> Tensor:
-    """Difference of Y, `(N, H, W)`."""
     difference = output - high
-    return (difference * difference.new_tensor([0.299, 0.587, 0.114])[:, None, None]).sum(1)
+    weights = difference.new_tensor([0.299, 0.587, 0.114])[:, None, None]
+    return 0.3 * difference.abs().mean() + 0.7 * (difference * weights).sum(1).abs().mean()
 
 
-LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
-    "l1": l1,
-    "mse": mse,
-    "charbonnier": charbonnier,
-    "luma": luma,
-    "luma_edges": luma_edges,
-}
+LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"l1": l1, "mse": mse, "charbonnier": charbonnier, "luma": luma}
 """A recipe's `loss` -> function of (output, high), both float of one shape, in [0, 1]."""
 
 

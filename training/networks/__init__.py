@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.light_field import LightFieldGenerator
-from ciir.training.networks.light_field_blend import BlendedGenerator
 from ciir.training.networks.lite import LiteGenerator
 from ciir.training.networks.peers.fsrcnn import FSRCNN
 from ciir.training.networks.peers.rdn import RDN
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 NETWORKS: dict[str, Callable[..., nn.Module]] = {
     "compact": CompactGenerator,
     "light_field": LightFieldGenerator,
-    "light_field_blend": BlendedGenerator,
     "lite": LiteGenerator,
     "srgan": SRGANGenerator,
     "srcnn": SRCNN,

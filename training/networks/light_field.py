@@ -6,7 +6,7 @@ each pixel, or none; its fine picture replaces the interpolated base and is an i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 import torch
 from torch import Tensor, nn
@@ -34,31 +34,6 @@ CHOSEN = 5
 FACTORS = (2.0, 4.0)
 """By which differences of luma and standard deviations are multiplied: they are small compared with colours."""
 LUMA = (0.299, 0.587, 0.114)
-
-
-class Detail(NamedTuple):
-    """What the views around add to a view."""
-
-    compared: Tensor
-    """Features of the comparison, `(N, width - CHOSEN, H, W)`."""
-    luma_gain: Tensor
-    """Luma of the selected plane less that of bicubic interpolation, `(N, 4, H, W)`: by phase."""
-    spread: Tensor
-    """Standard deviation of the views at the selected plane, `(N, 1, H, W)`."""
-    base: Tensor
-    """The view by bicubic interpolation, `(N, 12, H, W)`: colours, then phases."""
-    uncertainty: Tensor
-    """`(N, 1, H, W)`; see `LightFieldGenerator.forward_with_uncertainty`."""
-
-    @property
-    def gain(self) -> Tensor:
-        """`luma_gain` for each colour, `(N, 12, H, W)`."""
-        return self.luma_gain.repeat(1, 3, 1, 1)
-
-    @property
-    def room(self) -> Tensor:
-        """By how much the views allow a further change, `(N, 1, H, W)`; see `guard.limit_change`."""
-        return self.luma_gain.abs().amax(1, keepdim=True)
 
 
 class LightFieldGenerator(nn.Module):
@@ -118,14 +93,6 @@ class LightFieldGenerator(nn.Module):
         plane over their mean deviation. 0.2 to 0.5 where they show the same scene, up to 1 where they don't or show
         noise; low where the picture is flat.
         """
-        detail = self.find_detail(image, around, rows, cols)
-        change = self.single.tail(self.extract_features(image, detail)).float()
-        if self.single.guard:
-            change = limit_change(change, image, detail.room)
-        return functional.pixel_shuffle(change + detail.gain + detail.base, self.scale), detail.uncertainty
-
-    def find_detail(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Detail:
-        """Compares the views and selects a plane for each pixel. Arguments as `forward`."""
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, rows, cols)
             own = _sum_channels(image * self.luma)
@@ -151,15 +118,10 @@ class LightFieldGenerator(nn.Module):
         planes, none = chosen[:, :-1], chosen[:, -1:]
         # (N, 4, H, W): chosen less interpolated
         gain = _sum_channels(planes[:, :, None] * fine)[:, 0] - (1 - none) * alone
-        return Detail(compared, gain, _sum_channels(planes * spread), base, uncertainty)
-
-    def extract_features(self, image: Tensor, found: Detail) -> Tensor:
-        """The last features `(N, C, H, W)` of the single-picture generator, with the detail as further input."""
-        by_fine, by_spread = self.factors
-        compared = found.compared
-        selected = torch.cat([_multiply(by_fine, found.luma_gain), _multiply(by_spread, found.spread)], 1)
+        spread = _sum_channels(planes * spread)
+        selected = torch.cat([_multiply(by_fine, gain), _multiply(by_spread, spread)], 1)
         first, activation, second, *rest = self.single.body
-        features: Tensor = activation(first(image))
+        features = activation(first(image))
         if self.merged is not None:
             features = activation(self.merged(torch.cat([features, compared, selected], 1)))
         elif self.detail is not None:
@@ -168,7 +130,10 @@ class LightFieldGenerator(nn.Module):
             features = activation(second(features) + self.inform(torch.cat([compared, selected], 1)))
         for layer in rest[1:]:
             features = layer(features)
-        return features
+        change = self.single.tail(features).float()
+        if self.single.guard:
+            change = limit_change(change, image, gain.abs().amax(1, keepdim=True))
+        return functional.pixel_shuffle(change + gain.repeat(1, 3, 1, 1) + base, self.scale), uncertainty
 
 
 def _count_views(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:

@@ -10,7 +10,6 @@ from ciir.training.export import measure
 from ciir.training.networks import LiteGenerator, make_network
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.light_field import LightFieldGenerator
-from ciir.training.networks.light_field_blend import BlendedGenerator
 from ciir.training.networks.plane_sweep import REACH
 from ciir.training.networks.separable import separate
 
@@ -75,27 +74,18 @@ def test_radius_and_cost_of_a_light_field_network():
     """Sweep, layers that compare and choose, one that informs, and what is left of the single-picture network."""
     shipped = LightFieldGenerator()
     assert measure.find_receptive_radius(shipped, 2) == REACH + 4 + 1 + 1 + 5 + 1
-    blend = BlendedGenerator()
-    assert measure.find_receptive_radius(collapse(blend), 2) == REACH + 4 + 1 + 1 + 5 + 1 + 5 + 1
-    parts = {
-        part: measure.count_parameters(collapse(of)) for part, of in (("light", shipped), ("beside", blend.beside))
-    }
-    assert measure.count_parameters(collapse(blend)) > sum(parts.values()) > 500_000  # the one beside is counted too
     assert measure.count_macs(collapse(shipped), Sizes()) * 25 * 64**2 <= 10e9  # 20 GFLOPs for 5x5 of 32x32
 
 
-@pytest.mark.parametrize("is_blend", [False, True])
 @pytest.mark.parametrize("place", examples.WINDOWS)
-def test_the_radius_of_a_light_field_network_is_exact(place, is_blend):
+def test_the_radius_of_a_light_field_network_is_exact(place):
     """The outputs of the middle pixel against every pixel beyond the radius, and against those at its end. Views next
     to the one that is upscaled are shifted by half as much, so that less is seen of a window that has only those.
     """
     torch.manual_seed(2)
-    sizes = {"widths": (8, 16, 8), "width": 16, "depth": 1}
-    made = BlendedGenerator(**sizes, beside=(8,), mixing=(8, 8)) if is_blend else LightFieldGenerator(**sizes)
-    network = collapse(made).double()
+    network = collapse(LightFieldGenerator(widths=(8, 16, 8), width=16, depth=1)).double()
     radius = measure.find_receptive_radius(network, 2)
-    assert radius == REACH + 2 + 1 + 1 + 1 + 1 + 3 * is_blend
+    assert radius == REACH + 2 + 1 + 1 + 1 + 1
     side, middle = 2 * radius + 11, radius + 5
     inputs = [part.double() for part in examples.make_examples(network, 1, side, side, place=place)]
     rows, cols = torch.meshgrid(torch.arange(side), torch.arange(side), indexing="ij")

@@ -1,7 +1,6 @@
 """Runs that start from an ONNX file: the network computes what the exported one did."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -17,12 +16,10 @@ from ciir.training.export.export import simplify_network
 from ciir.training.loop.initial import load_onnx_weights
 from ciir.training.loop.run import Run
 from ciir.training.networks import make_network
-from ciir.training.networks.light_field import LightFieldGenerator
 
 OPTIONS = {
     "compact": {"widths": [8, 16, 8], "slope": 0.0, "guard": True},
     "light_field": {"widths": [8, 16, 8], "width": 16, "depth": 1, "guard": True},
-    "light_field_blend": {"widths": [8, 16, 8], "width": 16, "depth": 1, "beside": [8, 8], "mixing": [8]},
 }
 
 
@@ -31,8 +28,8 @@ def make(kind, seed, **options):
     torch.manual_seed(seed)
     network = make_network(kind, OPTIONS[kind] | options).eval()
     with torch.no_grad():
-        for name, weight in network.named_parameters():
-            if weight.requires_grad or (name.startswith("beside") and name.endswith((".kernel", ".bias"))):
+        for weight in network.parameters():
+            if weight.requires_grad:
                 weight.add_(0.05 * torch.randn_like(weight))
     return network
 
@@ -101,37 +98,3 @@ def test_a_run_starts_from_the_file(exported, recipe):
     run.start_from(path)
     for one in (run.network, run.average):
         assert_alike(upscale(one.eval().to(memory_format=torch.contiguous_format)), upscale(network))
-
-
-def test_a_blend_starts_from_the_two_networks_that_it_blends(tmp_path, recipe):
-    options = OPTIONS["light_field_blend"]
-    light, single = make("light_field", 5), make("compact", 6, widths=options["beside"])
-    for name, network in (("light", light), ("single", single)):
-        (tmp_path / f"{name}.onnx").write_bytes(to_onnx.convert_network(simplify_network(network), 2))
-    files = {"initial": str(tmp_path / "light.onnx"), "initial_single": str(tmp_path / "single.onnx")}
-    run = Run(replace(recipe, network="light_field_blend", options=options, **files))
-    run.start_from(tmp_path / "light.onnx")
-    for blend in (run.network, run.average):
-        blend.eval().to(memory_format=torch.contiguous_format)
-        assert_alike(upscale(blend.beside), upscale(single))
-        inputs = examples.make_examples(light, 2, 9, 11)
-        with torch.no_grad():
-            made, _ = LightFieldGenerator.forward_with_uncertainty(blend, *inputs)  # without what the blend adds
-            assert_alike(made, light(*inputs))
-
-
-@pytest.mark.parametrize(("kind", "initial"), [("compact", "b.onnx"), ("light_field_blend", "b.pt")])
-def test_a_single_picture_generator_beside_goes_with_a_blend_and_an_onnx_file(recipe, kind, initial):
-    run = Run(replace(recipe, network=kind, options=OPTIONS[kind], initial_single="a.onnx"))
-    with pytest.raises(ValueError, match=rf"initial_single is a.onnx: .*, not for {kind} with '{initial}'; remove it"):
-        run.start_from(Path(initial))
-
-
-def test_messages_name_the_key(tmp_path, recipe):
-    light = tmp_path / "light.onnx"
-    light.write_bytes(to_onnx.convert_network(simplify_network(make("light_field", 5)), 2))
-    options = {"network": "light_field_blend", "options": OPTIONS["light_field_blend"]}
-    with pytest.raises(ValueError, match=r"initial: .*light.onnx doesn't hold the weights of beside.body.0"):
-        Run(replace(recipe, **options)).start_from(light)
-    with pytest.raises(ValueError, match=r"initial_single: a.onnx: not an ONNX file that can be read"):
-        Run(replace(recipe, **options, initial_single="a.onnx")).start_from(light)

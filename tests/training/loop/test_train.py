@@ -179,11 +179,6 @@ def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path
         ({"light_field": True}, 'light_field is true, and lite takes single pictures; set network = "light_field", or'),
         (SMALL_FIELD, "light_field is false, and light_field takes a window of views; set light_field = true, or"),
         ({"initial": "gone.pt"}, r"gone\.pt"),
-        ({"initial_single": "a.onnx"}, r"initial_single is a\.onnx: it is for light_field_blend, .*; remove it"),
-        (
-            {"network": "light_field_blend", "options": {}, "light_field": True},
-            "initial is empty, and light_field_blend blends trained",
-        ),
         ({"crop": 48}, "smaller"),
     ],
 )

@@ -40,5 +40,3 @@ def test_weights_of_luma():
     blue = black.clone()
     blue[:, 2] = 0.2
     assert pixel.luma(blue, black).item() == pytest.approx(0.2 * (0.3 / 3 + 0.7 * 0.114))
-    squared = pixel.SQUARED * (0.2 * 0.114) ** 2
-    assert pixel.luma_edges(blue, black).item() == pytest.approx(pixel.luma(blue, black).item() + squared)

@@ -17,9 +17,6 @@ NOISE = (0.01, 0.1)
 """Share of crops under heavy noise, different in each view, and its standard deviation."""
 GRAIN = (0.14, 6 / 255)
 """Share of crops with camera grain in the LR views, and its largest standard deviation."""
-VIEW_NOISE = (0.75, 2 / 255)
-"""Share of crops whose other views have noise, and its largest standard deviation. The wanted view gets none: in a
-capture its noise is part of the truth."""
 BRIGHTNESS = (0.35, 0.015, 0.004)
 """Share of crops whose views differ in brightness; by which factor, at most, from one view to the next; and the
 standard deviation of the factors about that."""
@@ -54,8 +51,6 @@ def differ(
     around = torch.where(share(often), (around * factors[..., None, None]).clamp(0, 1), around)
     often, most = BLUR
     around = torch.where(share(often), _blur(around, uniform(0, most, *around.shape[:2], 1, 1)), around)
-    often, most = VIEW_NOISE
-    around = around + share(often) * uniform(0, most, len(image), 1, 1, 1) * normal(around)
     seldom, strong = NOISE
     often, most = GRAIN
     deviation = share(seldom) * strong + share(often) * uniform(0, most, len(image), 1, 1, 1)

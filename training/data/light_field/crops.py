@@ -37,7 +37,7 @@ KEPT_BLOCKS = 3
 """Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prefetched."""
 MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
-OWN = ((2, 0.35), (1, 0.3), (0, 0.35))
+OWN = ((2, 0.45), (1, 0.3), (0, 0.25))
 """Row or column in the window of the view to be upscaled, and the share of such windows; the others are mirrored."""
 SMALL_GRIDS = 0.25
 """Share of windows that are cut to the 3x3 views around, or as many as are there."""

@@ -37,11 +37,8 @@ BEYOND = 0.05
 """Share of scenes whose disparities are up to 4 times as large: no plane matches these."""
 TEXTURE = 160
 """Texels along each side of a layer's texture, which is mirrored at its edge."""
-TEXELS = (0.4, 1.1)
-"""Texels for each fine sample: with more, which are not averaged, views of one texture differ."""
-HARSH = (0.25, 1.5, 8.0)
-"""Share of textures whose contrast is raised, and the least and the largest factor, as where twigs stand
-before an overexposed sky."""
+TEXELS = (0.45, 1.6)
+"""Texels for each fine sample."""
 FLAT = 0.12
 """Share of layers of one colour."""
 PLAIN = 0.3
@@ -59,9 +56,6 @@ STEEPNESS = (4.0, 200.0)
 """How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
 """Share of layers with a straight edge that are folded there, as a roof at a wall: only some views see the fold."""
-IRREGULAR = (0.4, 0.04)
-"""Share of scenes whose cameras are not exactly on a grid, and the largest standard deviation of their positions, in
-distances between cameras."""
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -80,8 +74,7 @@ def make_scenes(
     side. `own`: row and column in the window of the view that is to be upscaled.
 
     Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the own one in colour,
-    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view,
-    except in scenes with `IRREGULAR` cameras.
+    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view.
     """
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:
@@ -109,11 +102,10 @@ def make_scenes(
     views: list[Tensor] = []
     colours: list[Tensor] = []
     for scene in range(count):
-        positions = _displace_cameras(random, offsets, middle)
         seen, colour = torch.zeros(()), torch.zeros(())
         for layer in range(int(numbers[scene])):
             place_of_layer = disparity[scene, layer], slope[scene, layer]
-            at = planes.intersect_layer(positions, *place_of_layer)
+            at = planes.intersect_layer(offsets, *place_of_layer)
             texture = _draw_texture(random, pictures)
             if layer == 0 and random.random() < PLAIN:
                 shade = torch.tensor(draw_background(random)).float().div(255)
@@ -128,7 +120,7 @@ def make_scenes(
             if normal is not None and random.random() < FOLDED:
                 edge = float(threshold[scene, layer]) * MASK_REACH * side * (MASK - 1) / MASK
                 shade = _draw_texture(random, pictures).mean((1, 2))[:, None, None]
-                there = planes.make_fold(random, normal, edge).coverage(along, positions, *place_of_layer)
+                there = planes.make_fold(random, normal, edge).coverage(along, offsets, *place_of_layer)
                 seen = seen + there * ((shade * weights).sum() - seen)
                 colour = colour + there[middle] * (shade - colour)
                 steepness[scene, layer] = STEEPNESS[1]
@@ -138,15 +130,6 @@ def make_scenes(
         views.append(seen)
         colours.append(colour)
     return torch.stack(views), torch.stack(colours)
-
-
-def _displace_cameras(random: np.random.Generator, offsets: Tensor, own: int) -> Tensor:
-    """The offsets of the views `(V, 2)`, away from their grid in some scenes; number `own` stays where it is."""
-    often, most = IRREGULAR
-    deviation = random.uniform(0, most) * (random.random() < often)
-    moved = offsets + torch.from_numpy(random.normal(0, deviation, offsets.shape).astype(np.float32))
-    moved[own] = offsets[own]
-    return moved
 
 
 def _draw_disparities(uniform: Callable[..., Tensor], count: int, side: int) -> tuple[Tensor, Tensor]:
@@ -178,19 +161,7 @@ def _draw_texture(random: np.random.Generator, pictures: SupportsLenAndGetItem[P
     picture = pictures[int(random.integers(len(pictures)))]
     y, x = (int(random.integers(length - TEXTURE + 1)) for length in picture.shape[:2])
     part = torch.from_numpy(picture[y : y + TEXTURE, x : x + TEXTURE].copy()).permute(2, 0, 1).float().div(255)
-    if random.random() < FLAT:
-        return part.mean((1, 2), keepdim=True).expand_as(part)
-    return _raise_contrast(random, part)
-
-
-def _raise_contrast(random: np.random.Generator, texture: Tensor) -> Tensor:
-    """Raises the contrast of some textures `(3, h, w)` about one of their levels, and clips them as a sensor does."""
-    often, least, most = HARSH
-    if random.random() >= often:
-        return texture
-    factor = math.exp(random.uniform(math.log(least), math.log(most)))
-    middle = torch.quantile(texture.mean(0), random.uniform(0.1, 0.9))
-    return ((texture - middle) * factor + random.uniform(0.2, 0.8)).clamp(0, 1)
+    return part.mean((1, 2), keepdim=True).expand_as(part) if random.random() < FLAT else part
 
 
 def _draw_mask(random: np.random.Generator) -> tuple[Tensor, Tensor | None]:

@@ -14,7 +14,6 @@ NONE = {
     "MISMATCHED": 0.0,
     "NOISE": (0.0, 0.1),
     "GRAIN": (0.0, 0.1),
-    "VIEW_NOISE": (0.0, 0.1),
     "BRIGHTNESS": (0.0, 0.1, 0.1),
     "BLUR": (0.0, 0.1),
     "JPEG": (0.0, 0.0, 50),
@@ -146,17 +145,3 @@ def test_shares_of_jpeg(only):
         assert 0 < (window - around).abs().max() < 0.2
         assert 0 < (found - image).abs().max() < 0.2
     assert not torch.equal(*results)
-
-
-def test_noise_of_other_views_leaves_the_wanted_one(only):
-    only(VIEW_NOISE=(1.0, 0.05))
-    image, around = make_crops(16, 32)
-    made, noisy = run(image, around)
-    # float32: the luma is computed again, and its change added.
-    torch.testing.assert_close(made, image, atol=1e-6, rtol=0)
-    torch.testing.assert_close(noisy[:, NUMBER], around[:, NUMBER], atol=1e-6, rtol=0)
-    deviation = (noisy - around)[:, OTHERS].std((1, 2, 3))
-    assert 0.02 < deviation.max() < 0.055  # drawn up to 0.05 for each crop
-    assert deviation.min() < 0.02
-    first, second = (noisy - around)[:, OTHERS[:2]].flatten(2).unbind(1)
-    assert torch.corrcoef(torch.stack([first.flatten(), second.flatten()]))[0, 1].abs() < 0.05  # 16384 samples

@@ -32,9 +32,7 @@ def scenes(count=2, *, seed=0, side=24, own=MIDDLE):
 
 @pytest.fixture
 def layers(monkeypatch):
-    """Scenes of smooth layers at these disparities from back to front, flat, none of one colour, cameras on a grid."""
-    monkeypatch.setattr(layered_scenes, "IRREGULAR", (0.0, 0.0))
-    monkeypatch.setattr(layered_scenes, "HARSH", (0.0, 1.0, 1.0))
+    """Scenes of layers at these disparities from back to front, flat, none of one colour."""
     monkeypatch.setattr(layered_scenes, "PLAIN", 0.0)
     monkeypatch.setattr(layered_scenes, "FLAT", 0.0)
 
@@ -174,42 +172,3 @@ def test_plain_backgrounds(monkeypatch):
     views, colours = scenes(1)
     torch.testing.assert_close(colours[0], torch.tensor([1, 0.2, 0])[:, None, None].expand_as(colours[0]))
     assert (views - float(torch.tensor(layered_scenes.LUMA) @ torch.tensor([1, 0.2, 0]))).abs().max() < 1e-6
-
-
-def test_content_moves_by_the_place_of_a_camera_off_its_grid(layers, monkeypatch):
-    layers(1.0)
-    step = 1 / layered_scenes.FINE  # a fine sample, at this disparity
-    number = 2 * SIDE + 4
-    regular, _ = scenes(1)
-
-    def displace(random, offsets, own):
-        moved = offsets.clone()
-        moved[number] += torch.tensor([step, -2 * step])
-        return moved
-
-    monkeypatch.setattr(layered_scenes, "_displace_cameras", displace)
-    moved, _ = scenes(1)
-    inner = (..., slice(8, -8), slice(8, -8))
-    wanted = regular[:, number].roll((1, -2), (1, 2))
-    torch.testing.assert_close(moved[:, number][inner], wanted[inner], atol=1e-4, rtol=0)  # float32 places
-    others = [view for view in range(SIDE * SIDE) if view != number]
-    assert torch.equal(moved[:, others], regular[:, others])
-
-
-def test_some_cameras_are_off_their_grid_and_never_the_wanted_one(monkeypatch):
-    offsets = torch.cartesian_prod(torch.arange(5.0), torch.arange(5.0)) - 1
-    monkeypatch.setattr(layered_scenes, "IRREGULAR", (0.5, 0.1))
-    random = np.random.default_rng(0)
-    moved = [layered_scenes._displace_cameras(random, offsets, 6) - offsets for _ in range(200)]
-    irregular = [apart for apart in moved if apart.any()]
-    assert 60 < len(irregular) < 140
-    assert all(not apart[6].any() and apart.std() < 0.13 for apart in irregular)
-
-
-def test_raised_contrast_is_clipped(monkeypatch):
-    monkeypatch.setattr(layered_scenes, "HARSH", (1.0, 8.0, 8.0))
-    texture = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
-    harsh = layered_scenes._raise_contrast(np.random.default_rng(0), texture)
-    assert ((harsh == 0) | (harsh == 1)).float().mean() > 0.5
-    monkeypatch.setattr(layered_scenes, "HARSH", (0.0, 8.0, 8.0))
-    assert torch.equal(layered_scenes._raise_contrast(np.random.default_rng(0), texture), texture)
