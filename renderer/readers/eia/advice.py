@@ -120,6 +120,11 @@ def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...
     return (f"pixels: read as a mosaic of {grid[0]}x{grid[1]} views of {view[0]}x{view[1]} pixels, but {seen}",)
 
 
+def advise_quilt(view: Pair, grid: Pair) -> str:
+    """What a quilt of `grid` views of `view` pixels would have to be called: only its name tells it from a mosaic."""
+    return f"a quilt is known by its name, here NAME_qs{grid[1]}x{grid[0]}a{view[1] / view[0]:.3g}.png"
+
+
 def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     """What the picture's own period would be, for a message; empty where it shows none.
 
@@ -140,7 +145,8 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     own = " or ".join("{}x{}".format(*size) for size in fitting or [found])
     if nearest == [*found]:
         views = "{}x{}".format(*counts)
-        return f"{words}, the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
+        words += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
+        return f"{words}; {advise_quilt(found, (counts[0], counts[1]))}"
     if fitting:
         words += f", which doesn't divide it as elemental images would (pixels {own})"
     return f"{words}; {RAW}"

@@ -5,6 +5,7 @@ import pytest
 
 import ciir
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.quilt import QuiltLayout, parse_name
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -43,7 +44,7 @@ def test_a_mosaic_is_read_as_what_it_is(layout):
     assert field.depth_sense == "cameras"
     assert field.notes[0] == (
         "arrangement: the picture repeats about every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
-        "elemental image array; arrangement eia reads it as one"
+        "elemental image array; arrangement eia reads it as one; a quilt is known by its name, here NAME_qs7x5a1.png"
     )
     sure = read(MOSAIC, arrangement="mosaic", **layout)
     assert np.array_equal(sure.views, VIEWS)
@@ -230,3 +231,11 @@ def test_elemental_images_taken_for_a_mosaic_are_noted(vase):
         "arrangement: read as a mosaic of 9x9 views, but the picture repeats about every 8x9 pixels, as elemental "
         "images of 9x9 do; arrangement eia reads it so"
     )
+
+
+def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
+    """The name that is advised is one that the quilt's reader understands."""
+    wide = np.repeat(MOSAIC, 2, axis=1)  # views twice as wide as high
+    (note,) = (note for note in read(wide, pixels=(5, 7), order="given").notes if note.startswith("arrangement"))
+    advised = note.rpartition(" ")[2]
+    assert parse_name(advised) == QuiltLayout(7, 5, 2.0)
