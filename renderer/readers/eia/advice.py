@@ -121,7 +121,7 @@ def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...
 
 
 def advise_quilt(view: Pair, grid: Pair) -> str:
-    """What a quilt of `grid` views of `view` pixels would have to be called: only its name tells it from a mosaic."""
+    """The name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a mosaic."""
     return f"a quilt is known by its name, here NAME_qs{grid[1]}x{grid[0]}a{view[1] / view[0]:.3g}.png"
 
 
