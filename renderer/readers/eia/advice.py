@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ciir.renderer.displays.quilt import MAX_ASPECT, MAX_TILES, QuiltLayout
 from ciir.renderer.readers.eia.period import is_about, is_near
 
 if TYPE_CHECKING:
@@ -121,8 +122,13 @@ def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...
 
 
 def advise_quilt(view: Pair, grid: Pair) -> str:
-    """The name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a mosaic."""
-    return f"a quilt is known by its name, here NAME_qs{grid[1]}x{grid[0]}a{view[1] / view[0]:.3g}.png"
+    """The name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a mosaic. Empty where
+    no quilt is like that: views with no more pixels than there are views are elemental images of many lenses.
+    """
+    aspect = view[1] / view[0]
+    if min(view) <= max(grid) or max(grid) > MAX_TILES or not 1 / MAX_ASPECT <= aspect <= MAX_ASPECT:
+        return ""
+    return f"; a quilt is known by its name, here NAME{QuiltLayout(grid[1], grid[0], aspect).suffix}.png"
 
 
 def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
@@ -146,7 +152,7 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     if nearest == [*found]:
         views = "{}x{}".format(*counts)
         words += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
-        return f"{words}; {advise_quilt(found, (counts[0], counts[1]))}"
+        return words + advise_quilt(found, (counts[0], counts[1]))
     if fitting:
         words += f", which doesn't divide it as elemental images would (pixels {own})"
     return f"{words}; {RAW}"

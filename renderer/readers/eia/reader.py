@@ -79,7 +79,7 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
     tiles = mosaic.reshape(grid[0], view[0], grid[1], view[1], channels)  # (v, y, u, x, c)
     note = (
         f"arrangement: the picture repeats about every {view[0]}x{view[1]} pixels, so it is read as a mosaic of "
-        f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one; "
+        f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
         f"{advise_quilt(view, grid)}"
     )
     notes = note_other_views(periods, view, grid) or (() if is_sure else (note,))

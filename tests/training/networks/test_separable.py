@@ -11,5 +11,5 @@ from ciir.training.networks.separable import SeparableBicubic
 def test_it_is_the_same_interpolation(scale, colours):
     base = Bicubic(scale, colours)
     image = torch.rand(2, colours, 7, 9, generator=torch.Generator().manual_seed(0))
-    # Sums of up to 25 products in float32, in another order.
+    # Sums of up to 25 products in float32, in another order: up to 1.2e-6 in 400 pictures.
     torch.testing.assert_close(SeparableBicubic(base)(image), base(image), atol=2e-6, rtol=0)

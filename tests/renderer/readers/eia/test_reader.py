@@ -9,7 +9,7 @@ from ciir.renderer.displays.quilt import QuiltLayout, parse_name
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.eia.advice import RAW
+from ciir.renderer.readers.eia.advice import RAW, advise_quilt
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.writers.pictures import encode_png
 from tests.renderer.readers.eia.test_period import make_mosaic
@@ -147,7 +147,9 @@ def test_a_pitch_that_is_no_whole_number_is_not_called_the_size_of_elemental_ima
         profile = np.sin(np.pi * np.arange(720) / pitch) ** 8
         return np.repeat(np.uint8(255 * np.outer(profile, profile))[..., None], 3, axis=2)
 
-    assert "every 15x15 pixels, the size of an elemental image (pixels 15x15) or of" in message(make_lenses(15))
+    whole = message(make_lenses(15))
+    assert "every 15x15 pixels, the size of an elemental image (pixels 15x15) or of" in whole
+    assert "quilt" not in whole
     for options in ({}, {"pixels": (14, 14)}, {"lenses": (51, 51)}):
         text = message(make_lenses(14.4), **options)
         assert text.endswith(f"; its lenses are 14.40 pixels apart: {RAW}")
@@ -239,3 +241,16 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
     (note,) = (note for note in read(wide, pixels=(5, 7), order="given").notes if note.startswith("arrangement"))
     advised = note.rpartition(" ")[2]
     assert parse_name(advised) == QuiltLayout(7, 5, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("view", "grid", "advice"),
+    [
+        ((560, 420), (6, 8), "; a quilt is known by its name, here NAME_qs8x6a0.75.png"),
+        ((15, 15), (50, 50), ""),  # elemental images of 50x50 lenses
+        ((3, 303), (2, 2), ""),  # wider than a quilt's views may be
+        ((2000, 2000), (1001, 2), ""),  # more than a quilt may have
+    ],
+)
+def test_only_what_may_be_a_quilt_gets_a_name(view, grid, advice):
+    assert advise_quilt(view, grid) == advice
