@@ -9,10 +9,11 @@ tiles tells the orders apart. Reversing both axes only inverts depth, which no d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ciir.renderer.order_evidence import AROUND, ORDERS, REACH, TILE, correlate, fit_slopes, sweep_disparities
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Plane = NDArray[np.float32]
-    """Luma in [0, 1], or what is computed of it; the last axes are rows and columns."""
+    from ciir.renderer.order_evidence import Order, Plane
+
     Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
     class Views(Protocol):
@@ -35,19 +36,12 @@ if TYPE_CHECKING:
             """View (v, u)."""
 
 
-Order = Literal["as given", "reversed along one axis", "transposed", "transposed and reversed along one axis"]
-ORDERS: tuple[Order, ...] = get_args(Order)
-"""Of rows (down) and columns (right) of views, the order that they should have, against the order that they have:
-`as given`, (down, right); `reversed along one axis`, (-down, right); `transposed`, (right, down); both, (-right, down).
-"""
-
-TILE, REACH = 16, 6
-"""Pixels along a side of a tile, and how far it is searched for to each side."""
-SHIFTS = np.arange(-2 * REACH, 2 * REACH + 1) / 2
-"""Shifts from one view to another that are tried, pixels."""
 SWEEPS = ((1, 2), (1, 1), (4, 1), (1, 3))
 """(factor by which views are downscaled, step from the centre view to those around): for small, medium, large and very
 small disparities. A smaller grid limits the step. All but the last look at the 5x5 views that upscaling takes too."""
+SLOPES = (1, 2, 3)
+"""Steps for which disparities are fitted to slopes of brightness, where no sweep settles the order: the views hardly
+differ."""
 TILES = 24
 """Most tiles of a sweep."""
 LARGEST_SIDE = 640
@@ -57,6 +51,8 @@ LEAST_TEXTURE = 1.5 / 255
 LEAST_CORRELATION, CLEAR = 0.7, 0.65
 """A tile votes for the order that explains the views around with the highest mean correlation, where this is at least
 the first, and leaves at most the second as a share of what the next best order leaves unexplained."""
+LEAST_SLOPE, CLEAR_SLOPE = 0.9, 0.65
+"""The same of what slopes explain."""
 LEAST_RESIDUAL = 0.02
 """What is unexplained counts as at least this, since shifts are half pixels apart."""
 CERTAIN_VOTES, CERTAIN_SHARE = 5, 0.9
@@ -64,7 +60,6 @@ CERTAIN_VOTES, CERTAIN_SHARE = 5, 0.9
 the right order, parts of captured ones and rendered ones, half of them with noise, 2 were for another order."""
 LIKELY_VOTES, LIKELY_SHARE = 3, 0.7
 """The same from which it is likely."""
-_AROUND = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0))
 
 
 @dataclass(frozen=True)
@@ -120,6 +115,10 @@ def estimate_order(views: Views) -> OrderEstimate:
                 places[factor] = _find_tiles(_make_luma(center[rows, cols], factor))
             counted = _count_votes(views, (rows, cols), places[factor], factor, step)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
+    for step in dict.fromkeys(min(step, largest) for step in SLOPES):
+        if largest and not (_sum_up(votes).is_certain or _sum_up(votes_unwound).is_certain):
+            counted = _count_votes(views, (rows, cols), places[1], 1, step, by_slope=True)
+            votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)
     return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
 
@@ -131,11 +130,17 @@ def _sum_up(votes: NDArray[np.intp]) -> OrderEstimate:
 
 
 def _count_votes(
-    views: Views, crop: tuple[slice, slice], places: Sequence[tuple[int, int]], factor: int, step: int
+    views: Views,
+    crop: tuple[slice, slice],
+    places: Sequence[tuple[int, int]],
+    factor: int,
+    step: int,
+    *,
+    by_slope: bool = False,
 ) -> NDArray[np.intp]:
     """Tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with every other
     row reversed, `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no
-    row is.
+    row is. `by_slope`: whether disparities are fitted to slopes rather than swept.
     """
     v, u = center_view(*views.shape[:2])
     votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
@@ -150,27 +155,36 @@ def _count_votes(
 
     center = cut(views[v, u], 0)
 
-    given = unwound = [(v + step * down, u + step * right) for down, right in _AROUND]
+    given = unwound = [(v + step * down, u + step * right) for down, right in AROUND]
     if step % 2:
         mirror = views.shape[1] - 1
         at = mirror - u if v % 2 else u  # where the centre view is once every other row is reversed
-        around = [(v + step * down, at + step * right) for down, right in _AROUND]
+        around = [(v + step * down, at + step * right) for down, right in AROUND]
         unwound = [(row, mirror - column if row % 2 else column) for row, column in around]
     needed = list(dict.fromkeys([*given, *unwound]))
-    correlation = _correlate(center, np.stack([cut(views[view], REACH) for view in needed], axis=1))
-    explained = [_sweep(correlation[:, [needed.index(view) for view in each]]) for each in (given, unwound)]
-    votes[0] = _vote(explained[0])
+    pictures = np.stack([cut(views[view], REACH) for view in needed], axis=1)
+    which = [[needed.index(view) for view in each] for each in (given, unwound)]
+    if by_slope:
+        explained = [fit_slopes(center, pictures[:, each]) for each in which]
+        limits = 1 - LEAST_SLOPE, CLEAR_SLOPE
+    else:
+        correlation = correlate(center, pictures)
+        explained = [sweep_disparities(correlation[:, each]) for each in which]
+        limits = 1 - LEAST_CORRELATION, CLEAR
+    votes[0] = _vote(explained[0], *limits)
     if step % 2:
-        votes[1] = _vote(np.concatenate(explained, axis=1))
+        votes[1] = _vote(np.concatenate(explained, axis=1), *limits)
     return votes
 
 
-def _vote(explained: Plane) -> NDArray[np.intp]:
-    """How many tiles `(T, orders)` clearly vote for each order, `(8,)`."""
+def _vote(explained: Plane, largest: float, clear: float) -> NDArray[np.intp]:
+    """How many tiles `(T, orders)` clearly vote for each order, `(8,)`: it leaves at most `largest` unexplained, and at
+    most `clear` of what the next best order leaves.
+    """
     residuals = np.maximum(1 - explained, LEAST_RESIDUAL)
     ranked = np.argsort(residuals, axis=1)
     best, second = np.take_along_axis(residuals, ranked[:, :2], axis=1).T
-    is_clear = (best <= 1 - LEAST_CORRELATION) & (best <= CLEAR * second)
+    is_clear = (best <= largest) & (best <= clear * second)
     return np.bincount(ranked[is_clear, 0], minlength=2 * len(ORDERS))
 
 
@@ -213,62 +227,3 @@ def _make_luma(pictures: Pixels, factor: int) -> Plane:
     weight = 1 / (np.iinfo(pictures.dtype).max * colours * factor**2)
     luma: Plane = values.astype(np.float32) @ np.full(factor * colours, weight, np.float32)
     return luma
-
-
-def _correlate(tiles: Plane, around: Plane) -> Plane:
-    """The correlation of `tiles` `(T, TILE, TILE)` with `around` `(T, N, TILE + 2*REACH, TILE + 2*REACH)` at each whole
-    shift, `(T, N, 2*REACH + 1, 2*REACH + 1)`.
-    """
-    size, count = around.shape[-1], 2 * REACH + 1
-    tiles = tiles - tiles.mean(axis=(1, 2), keepdims=True)
-    around = around - around.mean(axis=(2, 3), keepdims=True)
-    product = np.fft.rfft2(around) * np.fft.rfft2(tiles, s=(size, size)).conj()[:, None]
-    covariance = np.fft.irfft2(product, s=(size, size))[..., :count, :count]
-    pixels = TILE**2
-    variance = _sum_windows(around * around) - _sum_windows(around) ** 2 / pixels
-    own = (tiles * tiles).sum(axis=(1, 2))[:, None, None, None]
-    correlation: Plane = (covariance / np.sqrt(np.maximum(variance * own, 1e-9))).astype(np.float32)
-    return correlation
-
-
-def _sum_windows(values: Plane) -> Plane:
-    """Sums over each window of `TILE x TILE`, of the last two axes: of two, then of four, and so on."""
-    step = 1
-    while step < TILE:
-        values = values[..., :-step, :] + values[..., step:, :]
-        values = values[..., :-step] + values[..., step:]
-        step *= 2
-    return values
-
-
-def _sweep(correlation: Plane) -> Plane:
-    """The highest mean correlation with all views around that a disparity has in each of `ORDERS`, `(T, 4)`."""
-    lines = {
-        (0, 1): correlation[:, :, REACH] @ _WEIGHTS.T,
-        (1, 0): correlation[:, :, :, REACH] @ _WEIGHTS.T,
-        (1, 1): np.einsum("tnsj,sj->tns", _WEIGHTS @ correlation, _WEIGHTS),
-        (1, -1): np.einsum("tnsj,sj->tns", _WEIGHTS @ correlation, _WEIGHTS[::-1]),
-    }
-    lines |= {(-down, -right): line[..., ::-1] for (down, right), line in lines.items()}
-    means = [
-        np.mean([lines[way][:, number] for number, way in enumerate(ways)], axis=0)
-        for ways in (
-            _AROUND,
-            [(-down, right) for down, right in _AROUND],
-            [(right, down) for down, right in _AROUND],
-            [(-right, down) for down, right in _AROUND],
-        )
-    ]
-    return np.stack([mean.max(axis=1) for mean in means], axis=1)
-
-
-def _make_weights() -> Plane:
-    """Cubic interpolation from whole shifts to `SHIFTS`, `(shifts, 2*REACH + 1)` (Catmull-Rom)."""
-    far = np.abs(SHIFTS[:, None] - np.arange(-REACH, REACH + 1))
-    near = np.where(far < 1, 1.5 * far**3 - 2.5 * far**2 + 1, -0.5 * far**3 + 2.5 * far**2 - 4 * far + 2)
-    weights = np.where(far < 2, near, 0)
-    normed: Plane = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
-    return normed
-
-
-_WEIGHTS = _make_weights()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from ciir.errors import InvalidImage
+from ciir.models.light_field.antialiasing import find_single_share
 from ciir.models.light_field.disparity import (
     crop_luma,
     measure_shifts,
@@ -47,6 +48,15 @@ MINIMUM_FALLBACK_SHARE = 0.1
 """Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
 
 
+class SingleShares(NamedTuple):
+    """How much of the views the single-picture network made."""
+
+    fallback: float = 0.0
+    """Of all pixels, those that come mostly from it because confidence is low."""
+    averaged: float = 0.0
+    """Of all views, those that are the mean of both networks (`models.light_field.antialiasing`)."""
+
+
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
     """Every view (v, u) of the windows around `wanted`, in a grid of `grid` views, row by row and each once."""
     return sorted({other for view in wanted for other, _ in list_window(view, grid)})
@@ -61,16 +71,18 @@ def upscale_views(
     *,
     skip: bool = True,
     statistics: SkipStatistics | None = None,
-) -> tuple[Pixels, float]:
+    averages: bool = True,
+) -> tuple[Pixels, SingleShares]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
-    to it.
+    to it. `averages`: whether a view that was made small with an antialiasing filter becomes the mean with what
+    `fallback` makes of it; False where views are known to be samples, as those of meshes are.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
-    channels; and the fallback share: of all pixels, those that come mostly from `fallback`.
+    channels; and what `fallback` made of it.
 
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
     noise, or disparities beyond the network's planes. From `CONFIDENT` to `UNCERTAIN` the two are blended, in views of
@@ -89,9 +101,10 @@ def upscale_views(
     distinct = sorted(set(firsts))
     statistics.repeated += (len(wanted) - len(distinct)) * pixels
     job = _Job(network, views, grid, skip, statistics)
-    result, shares = _upscale_distinct(job, fallback, [wanted[number] for number in distinct])
+    result, shares = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], averages=averages)
     places = np.searchsorted(distinct, firsts)
-    return result if len(distinct) == len(wanted) else result[places], float(shares[places].mean())
+    means = SingleShares(*shares[places].mean(axis=0).tolist())
+    return result if len(distinct) == len(wanted) else result[places], means
 
 
 class _Job(NamedTuple):
@@ -125,8 +138,10 @@ class _Output(NamedTuple):
     """`(R, C)` each, from `measure_shifts`: which run fills which part."""
 
 
-def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> tuple[Pixels, NDArray[np.float64]]:
-    """The views `wanted`, and the fallback share of each."""
+def _upscale_distinct(
+    job: _Job, fallback: Upscaler, wanted: Sequence[View], *, averages: bool
+) -> tuple[Pixels, NDArray[np.float64]]:
+    """The views `wanted`, and the `SingleShares` of each, `(len(wanted), 2)`."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     output = _Output(
@@ -141,12 +156,18 @@ def _upscale_distinct(job: _Job, fallback: Upscaler, wanted: Sequence[View]) -> 
     backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
     for shift, group in by_shift.items():
         _run_network(job, group, backgrounds, shift, output)
-    shares = np.zeros(len(wanted))
+    shares = np.zeros((len(wanted), 2))
     for number, view in enumerate(wanted):
+        picture, small = output.pictures[number], job.views[view]
         weight = np.clip((output.uncertainty[number, ..., 0] - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
-        if np.mean(weight > 0) > MINIMUM_FALLBACK_SHARE:
-            blend_pictures(output.pictures[number], _upscale_single(fallback, job.views[view], job.skip), weight)
-            shares[number] = np.mean(weight > 0.5)
+        if np.mean(weight > 0) <= MINIMUM_FALLBACK_SHARE:
+            weight[:] = 0
+        shares[number, 0] = np.mean(weight > 0.5)
+        if averages and (least := find_single_share(picture, small)):
+            shares[number, 1] = 1
+            np.maximum(weight, np.float32(least), out=weight)
+        if weight.any():
+            blend_pictures(picture, _upscale_single(fallback, small, job.skip), weight)
     return output.pictures, shares
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
-from ciir.models.light_field.views import list_required_views
 from ciir.renderer.lens_array import LensArray, compute_delta
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -16,6 +15,7 @@ from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
 from ciir.renderer.view_order import estimate_order
 from ciir.renderer.views import parse_views
+from ciir.service.pipeline.arrangement import Arrangement, arrange_views
 from ciir.service.pipeline.limits import check_view_count
 from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 
@@ -90,7 +90,7 @@ class Job:
     def is_transparent(self) -> bool:
         """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""
         if isinstance(self.content, ViewFiles):
-            return self.content.is_transparent(list_required_views(self.wanted, self.grid))
+            return self.content.is_transparent(self.arrangement.list_required(self.wanted))
         return isinstance(self.content, LightField) and self.content.is_transparent()
 
     @cached_property
@@ -99,6 +99,11 @@ class Job:
         if isinstance(self.content, Scene) or self.content.is_ordered:
             return None
         return estimate_order(self.content if isinstance(self.content, ViewFiles) else self.content.views)
+
+    @cached_property
+    def arrangement(self) -> Arrangement:
+        """Which views lie around which."""
+        return arrange_views(self.grid, self.order)
 
 
 def resolve_job(name: str, content: Content, options: Options, *, max_views: int, max_pixels: int | None = None) -> Job:

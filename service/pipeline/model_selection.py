@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import list_required_views
 from ciir.models.light_field.windows import MINIMUM_GRID
+from ciir.renderer.scene import Scene
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.prediction import predict_extra
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
-    from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
 
 
@@ -54,26 +54,21 @@ def select_model(job: Job) -> Selection:
         return Selection(default, reasons=(replaced,), note=replaced)
     neighbours = _count_neighbours(job)
     rendered = f"{job.model}: views around those asked for are rendered too, {neighbours} of them"
-    note = f"{job.model}: {wrong}" if (wrong := _describe_wrong_order(job)) else ""
-    return Selection(job.model, True, (rendered,) if neighbours else (), note)
+    return Selection(job.model, True, (rendered,) if neighbours else (), _describe_wrong_order(job))
 
 
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """The model that `auto` takes, of the installed `networks` by name."""
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
-    reason, note = _reason_against(light_field, networks.get(light_field), job), ""
-    if not reason and (reason := _describe_wrong_order(job)):
-        note = f"{default}, view by view, in place of {light_field}, as {reason}"
-    rendered = ""
+    reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
     if not reason and job.mesh is not None:
         reason, rendered = _judge_neighbours(job, job.mesh, networks[light_field], networks[default])
     if reason:
         precision = _describe_precision(networks[default])
-        return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",), note=note)
+        return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",))
     precision = _describe_precision(networks[light_field])
-    return Selection(
-        light_field, True, (f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}",)
-    )
+    why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
+    return Selection(light_field, True, (why,), _describe_wrong_order(job))
 
 
 def _describe_precision(network: Entry) -> str:
@@ -98,13 +93,16 @@ def _no_light_field(job: Job) -> str:
 
 
 def _describe_wrong_order(job: Job) -> str:
-    """Why views in a certainly wrong order can't help each other; empty where they are not in one."""
+    """The note on views in a certainly wrong order; empty where they are not in one."""
     order = job.order
-    if order is None or not order.is_wrong:
+    if order is None or not order.is_wrong or isinstance(job.content, Scene):
         return ""
+    done = "each view is upscaled with those around it in the right order, and written where it was"
+    if any(note.startswith("order: ") for note in job.content.notes):  # what the reader found
+        return f"order: {done}"
     return (
-        f"the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles, and views in a "
-        "wrong order can't help each other; put them in order, or give order given (in Python is_ordered=True)"
+        f"order: the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles: {done}; "
+        "if they are in order, give order given (in Python is_ordered=True)"
     )
 
 

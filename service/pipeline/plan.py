@@ -39,6 +39,9 @@ class Plan:
     """Whether the model takes a view with those around it."""
     restores_means: bool = False
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
+    averages: bool = False
+    """Whether views that were made small with an antialiasing filter become the mean of a light-field network's picture
+    and its fallback's (`models.light_field.antialiasing`)."""
     notes: tuple[str, ...] = ()
     """What the user should know: of the model that was selected, and of an option that changes nothing."""
 
@@ -76,6 +79,7 @@ def make_plan(job: Job) -> Plan:
         tuple(reasons),
         selected.is_light_field,
         restores_means,
+        selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
         tuple(notes),
     )
 

@@ -12,6 +12,7 @@ from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.framing import find_extremes, make_frame
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Contents
+from ciir.service.pipeline.arrangement import Arrangement
 from ciir.service.pipeline.job import Job, resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
@@ -24,7 +25,13 @@ from ciir.service.pipeline.stages.opening import open_session
 from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
 from ciir.service.pipeline.stages.times import FrameWriter, join_reports
-from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped, fallback_notes, load_upscaler
+from ciir.service.pipeline.stages.upscaling import (
+    averaging_reasons,
+    describe_model,
+    describe_skipped,
+    fallback_notes,
+    load_upscaler,
+)
 from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
 
 if TYPE_CHECKING:
@@ -145,19 +152,20 @@ def _reconstruct(
     upscale: UpscaleViews | None = None
     if plan.model != NO_MODEL:
         with clock.stage("upscale"):  # the first call in a process reads the network
-            upscale = load_upscaler(plan, job.grid, skip=job.skip, statistics=statistics)
+            upscale = load_upscaler(plan, _arrange(job, plan), skip=job.skip, statistics=statistics)
     writer.begin(_describe_contents(job, plan, views.sample))
     if progress is not None:
         progress(0, len(job.wanted))
     views.open()
 
     written: list[dict[str, Any]] = []
-    fallback = 0.0
+    fallback = averaged = 0.0
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted))
     with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
-        for wanted, pictures, share in finished:
-            fallback += share * len(wanted) / len(job.wanted)
+        for wanted, pictures, shares in finished:
+            fallback += shares.fallback * len(wanted) / len(job.wanted)
+            averaged += shares.averaged * len(wanted) / len(job.wanted)
             with clock.stage("encode"):
                 for view, picture in zip(wanted, pictures, strict=True):
                     height, width = picture.shape[:2]
@@ -181,7 +189,12 @@ def _reconstruct(
             "samples": plan.samples,
             "model": plan.model,
             "scale": plan.scale,
-            "reasons": [*plan.reasons, *described["reasons"], *skip_reasons(skipped)],
+            "reasons": [
+                *plan.reasons,
+                *described["reasons"],
+                *averaging_reasons(plan.model, averaged),
+                *skip_reasons(skipped),
+            ],
             "skipped": skipped,
             "predicted_ms": round(predicted, 3),
         },
@@ -245,11 +258,16 @@ def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
     """The batches of the job. Raises `TooLarge` where they are over its limits."""
     check_size(job.lenses, plan.scale, count=len(job.wanted) * job.times, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
-    batches = schedule_batches(job.wanted, job.grid, size=size, is_light_field=plan.is_light_field)
+    batches = schedule_batches(job.wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)
     neighbours = count - len(job.wanted)
     check_samples(views.samples, count * job.times, job.max_pixels, plan.strategy, neighbours=neighbours * job.times)
     return batches
+
+
+def _arrange(job: Job, plan: Plan) -> Arrangement:
+    """Which views lie around which; what the pictures show of it is looked at only where the model takes several."""
+    return job.arrangement if plan.is_light_field else Arrangement(job.grid)
 
 
 def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 import ciir
+from ciir.renderer.order_evidence import ORDERS
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
 from tests.support.inputs import EIA, EIA_PNG, make_picture
-from tests.support.light_fields import make_views, write_views
+from tests.support.light_fields import make_views, put_in, wind, write_views
 
 SMALL = {"lenses": (12, 10), "pixels": (3, 4), "backend": "raytrace"}
 
@@ -155,13 +156,28 @@ def test_the_order_of_views_is_checked_where_it_is_not_known(stand_in, tmp_path)
     assert "of 0_4.png 0 is the column and 4 the row" in field.notes[0]
     assert np.array_equal(field.views, views)
     assert np.array_equal(ciir.open(tmp_path / "views", order="given").views, views.transpose(1, 0, 2, 3, 4))
-    for content, model in (
-        (field, "field"),
-        (ciir.LightField(views[::-1]), "fast"),
-        (ciir.LightField(views[::-1], is_ordered=True), "field"),
+    for content, is_noted in (
+        (field, False),
+        (ciir.LightField(views[::-1]), True),
+        (ciir.LightField(views[::-1], is_ordered=True), False),
     ):
-        result = ciir.reconstruct(content, views="center")
-        assert result.report["plan"]["model"] == model
-        assert any("seem to be reversed" in note for note in result.report["notes"]) == (model == "fast")
+        notes = ciir.reconstruct(content, views="center").report["notes"]
+        assert any("seem to be reversed" in note for note in notes) == is_noted
     for order in ("given", "rows", "columns", "serpentine"):
-        assert ciir.reconstruct(ciir.LightField(views[::-1]), order=order).report["plan"]["model"] == "field"
+        notes = ciir.reconstruct(ciir.LightField(views[::-1]), order=order).report["notes"]
+        assert not any("seem to be reversed" in note for note in notes)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("winds", [False, True])
+def test_views_in_a_wrong_order_are_upscaled_as_in_the_right_one(stand_in, order, winds):
+    views = make_views((3, 5), channels=3)
+    given = put_in(order, views)
+    given = wind(given) if winds else given
+    right = ciir.reconstruct(ciir.LightField(views), views="all").views
+    want = put_in(order, np.reshape(list(right.values()), (3, 5, 192, 192, 3)))
+    want = wind(want) if winds else want
+    got = ciir.reconstruct(ciir.LightField(given), views="all")
+    assert list(got.views) == list(np.ndindex(given.shape[:2]))
+    assert all(np.array_equal(picture, want[view]) for view, picture in got.views.items())
+    assert any("in the right order" in note for note in got.report["notes"]) == (winds or order != "as given")

@@ -183,6 +183,7 @@ def warm_up() -> None:
     from ciir.renderer.views import parse_views
     from ciir.renderer.writers.formats import FileWriter
     from ciir.service.pipeline import run as pipeline
+    from ciir.service.pipeline.arrangement import Arrangement
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages import upscaling
@@ -190,7 +191,8 @@ def warm_up() -> None:
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
     for model, is_light_field in ((catalogue.default_name(), False), (catalogue.light_field_default_name(), True)):
         if model in catalogue.list_names():
-            run = upscaling.load_upscaler(Plan("upscale", model, 2, 1, (), is_light_field), _WARM_GRID, skip=False)
+            plan = Plan("upscale", model, 2, 1, (), is_light_field)
+            run = upscaling.load_upscaler(plan, Arrangement(_WARM_GRID), skip=False)
             every = parse_views("all", *_WARM_GRID)
             for wanted in ([(1, 1)], every):  # one view uses all cores, many use one each: separate sessions
                 run(dict.fromkeys(every, view), wanted)

@@ -6,6 +6,8 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+from ciir.models.light_field.views import SingleShares
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
     from contextlib import AbstractContextManager
@@ -32,20 +34,20 @@ def upscale_batches(
     opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
     statistics: SkipStatistics,
-) -> Generator[tuple[Sequence[View], Iterable[Pixels], float]]:
-    """Each batch's wanted views, the pictures that are written of them, and their fallback share."""
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], SingleShares]]:
+    """Each batch's wanted views, the pictures that are written of them, and what the fallback made of them."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:
             kept.update(zip(batch.new, new, strict=True))
             pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
-            share = 0.0
+            shares = SingleShares()
             if upscale is not None:
                 with clock.stage("upscale"):
                     wait()
                     begun = time.perf_counter()
-                    pictures, share = upscale(kept, batch.wanted)
+                    pictures, shares = upscale(kept, batch.wanted)
                     statistics.seconds += time.perf_counter() - begun
             for view in batch.done:
                 del kept[view]
-            yield batch.wanted, pictures, share
+            yield batch.wanted, pictures, shares

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.views import list_required_views
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ciir.renderer.views import View
-
+    from ciir.service.pipeline.arrangement import Arrangement
 
 BATCH_PIXELS = 500_000
 """Most output pixels of a batch of several views. It bounds memory, and lets the stages overlap."""
@@ -34,10 +32,12 @@ def batch_size(pixels: int) -> int:
     return max(1, BATCH_PIXELS // pixels)
 
 
-def schedule_batches(wanted: Sequence[View], grid: tuple[int, int], *, size: int, is_light_field: bool) -> list[Batch]:
-    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows in `grid`."""
+def schedule_batches(
+    wanted: Sequence[View], arrangement: Arrangement, *, size: int, is_light_field: bool
+) -> list[Batch]:
+    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows."""
     parts = [wanted[first : first + size] for first in range(0, len(wanted), size)]
-    windows = [list_required_views(part, grid) for part in parts] if is_light_field else parts
+    windows = [arrangement.list_required(part) for part in parts] if is_light_field else parts
     first_use = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}
     last_use = {view: number for number, window in enumerate(windows) for view in window}
     return [

@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE
+from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, SingleShares
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,52 +18,62 @@ if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
+    from ciir.service.pipeline.arrangement import Arrangement
     from ciir.service.pipeline.plan import Plan
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", float]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", SingleShares]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
-the share of their pixels that the single-image fallback made."""
+what a light-field network's single-image fallback made of them."""
 
 
 def load_upscaler(
-    plan: Plan, grid: tuple[int, int], *, skip: bool = True, statistics: SkipStatistics | None = None
+    plan: Plan, arrangement: Arrangement, *, skip: bool = True, statistics: SkipStatistics | None = None
 ) -> UpscaleViews:
-    """Loads `plan.model` for views of a light field of `grid` views. `skip`: whether pixels with a known result are
+    """Loads `plan.model` for views of a light field. `skip`: whether pixels with a known result are
     skipped; they are counted in `statistics`.
 
     Raises as `models.catalogue.load_upscaler`.
     """
-    upscale = _load_model(plan, grid, skip, statistics)
+    upscale = _load_model(plan, arrangement, skip, statistics)
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
-        made, share = upscale(views, wanted)
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
+        made, shares = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
-        return made, share
+        return made, shares
 
     return upscale_lenslets
 
 
-def _load_model(plan: Plan, grid: tuple[int, int], skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
+def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
     if plan.is_light_field:
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(catalogue.default_name(), scale=plan.scale)
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
             colours, alpha = _split_alpha(views)
-            made, share = upscale_views(network, fallback, colours, wanted, grid, skip=skip, statistics=statistics)
-            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, share
+            made, shares = upscale_views(
+                network,
+                fallback,
+                {arrangement.find_place(view): picture for view, picture in colours.items()},
+                [arrangement.find_place(view) for view in wanted],
+                arrangement.grid,
+                skip=skip,
+                statistics=statistics,
+                averages=plan.averages,
+            )
+            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, shares
 
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, float]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), 0.0
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), SingleShares()
 
     return upscale_singly
 
@@ -112,6 +122,15 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     return (
         {"pixels": statistics.pixels} | {why: round(n / pixels, 4) for why, n in shares.items()} | {"saved_ms": saved}
     )
+
+
+def averaging_reasons(model: str, share: float) -> list[str]:
+    """A sentence on the share of the views that are the mean of two networks' pictures; none where no view is."""
+    if not share:
+        return []
+    networks = f"{model} and {catalogue.default_name()}"
+    filtered = f"{100 * share:.0f} % of the views were made small with an antialiasing filter"
+    return [f"{filtered}, and others add little to those: they are means of what {networks} make of them"]
 
 
 def fallback_notes(share: float) -> list[str]:

@@ -5,12 +5,12 @@ import pytest
 
 from ciir.renderer import view_order
 from ciir.renderer.light_field import LightField
+from ciir.renderer.order_evidence import ORDERS
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.order import settle_order
 from ciir.renderer.readers.view_set.view_files import Decoder
-from ciir.renderer.view_order import ORDERS
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.light_fields import make_views, put_in, wind, write_views
 

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ciir.service.pipeline.arrangement import Arrangement
 from ciir.service.pipeline.stages.schedule import BATCH_PIXELS, batch_size, schedule_batches
 
 
@@ -25,7 +26,7 @@ def list_near(wanted, grid, *, is_light_field):
 def test_each_view_is_made_once_and_in_time(data, grid, size, is_light_field):
     every = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     wanted = data.draw(st.lists(st.sampled_from(every), min_size=1, unique=True))
-    batches = schedule_batches(wanted, grid, size=size, is_light_field=is_light_field)
+    batches = schedule_batches(wanted, Arrangement(grid), size=size, is_light_field=is_light_field)
     assert [view for batch in batches for view in batch.wanted] == wanted
     assert max(len(batch.wanted) for batch in batches) <= size
     kept, made = set(), []
@@ -44,7 +45,7 @@ def test_each_view_is_made_once_and_in_time(data, grid, size, is_light_field):
 def test_row_by_row_five_rows_are_kept(size):
     every = [(v, u) for v in range(15) for u in range(15)]
     kept = most = 0
-    for batch in schedule_batches(every, (15, 15), size=size, is_light_field=True):
+    for batch in schedule_batches(every, Arrangement((15, 15)), size=size, is_light_field=True):
         kept += len(batch.new)
         most = max(most, kept)
         kept -= len(batch.done)

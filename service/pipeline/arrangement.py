@@ -1,0 +1,56 @@
+"""Which views of a light field lie around which, where they were given in a wrong order too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ciir.models.light_field.views import list_required_views
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ciir.renderer.view_order import OrderEstimate
+    from ciir.renderer.views import View
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Where the views (v, u) that were given lie in the right order."""
+
+    grid: tuple[int, int]
+    """Views down and across, (V, U), in the right order."""
+    places: Mapping[View, View] | None = None
+    """The view that was given -> its place in the right order; None where that is the same one."""
+
+    def find_place(self, view: View) -> View:
+        """The place of the view that was given as `view`."""
+        return view if self.places is None else self.places[view]
+
+    def list_required(self, wanted: Sequence[View]) -> list[View]:
+        """Every view, as it was given, of the windows around `wanted`."""
+        if self.places is None:
+            return list_required_views(wanted, self.grid)
+        given = {place: view for view, place in self.places.items()}
+        return [given[place] for place in list_required_views([self.places[view] for view in wanted], self.grid)]
+
+
+def arrange_views(grid: tuple[int, int], order: OrderEstimate | None) -> Arrangement:
+    """The arrangement of `grid` views that were given in `order`; the right one where that is None or not certain.
+
+    Where one axis is reversed, the pictures don't show which. Both readings have the same views around each, with depth
+    inverted, which upscaling doesn't depend on.
+    """
+    if order is None or not order.is_wrong:
+        return Arrangement(grid)
+    given = np.moveaxis(np.indices(grid), 0, -1)  # (V, U, 2): the view that was given, by its place
+    if order.is_serpentine:
+        given[1::2] = given[1::2, ::-1].copy()
+    if order.order.startswith("transposed"):
+        given = given.swapaxes(0, 1)
+    if order.order.endswith("axis"):
+        given = given[::-1]
+    places = {(int(given[place][0]), int(given[place][1])): place for place in np.ndindex(given.shape[:2])}
+    return Arrangement((given.shape[0], given.shape[1]), places)
