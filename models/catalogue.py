@@ -99,31 +99,32 @@ _lock = threading.Lock()
 """Held while a model is loaded, so that threads which ask at once share one."""
 
 
-def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None) -> Upscaler:
+def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emulates_int8: bool = False) -> Upscaler:
     """The single-image model `name`, loaded once for each combination of arguments. Thread-safe.
 
-    `threads`: cores for each call of a network; None: all cores of the process.
+    `threads`: cores for each call of a network; None: all cores of the process. `emulates_int8`: as of
+    `models.sessions.OnnxNetwork`.
 
     Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedModel` for a light-field network, `UnsuitedProcessor` for an
     int8 network on a processor that computes it wrongly, or `BadCard` where the installation is damaged.
     """
     with _lock:
-        return _load_upscaler(name, scale, threads)
+        return _load_upscaler(name, scale, threads, emulates_int8)
 
 
 def load_light_field_network(
-    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, threads: int | None = None
+    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, threads: int | None = None, emulates_int8: bool = False
 ) -> LightFieldNetwork:
     """The light-field network `name`, loaded once; `models.light_field.views` calls it. Thread-safe.
 
     Raises as `load_upscaler`, and `UnsuitedModel` for a single-image model.
     """
     with _lock:
-        return _load_light_field_network(name, scale, threads)
+        return _load_light_field_network(name, scale, threads, emulates_int8)
 
 
 @cache
-def _load_upscaler(name: str, scale: int, threads: int | None) -> Upscaler:
+def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bool) -> Upscaler:
     if name in BASELINES:
         return BASELINES[name](scale)
     if _find_entry(name, scale).is_light_field:
@@ -131,14 +132,14 @@ def _load_upscaler(name: str, scale: int, threads: int | None) -> Upscaler:
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
         )
-    return SingleImageNetwork(SHIPPED / f"{name}.json", threads=threads)
+    return SingleImageNetwork(SHIPPED / f"{name}.json", threads=threads, emulates_int8=emulates_int8)
 
 
 @cache
-def _load_light_field_network(name: str, scale: int, threads: int | None) -> LightFieldNetwork:
+def _load_light_field_network(name: str, scale: int, threads: int | None, emulates_int8: bool) -> LightFieldNetwork:
     if not _find_entry(name, scale).is_light_field:
         raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
-    return LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads)
+    return LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads, emulates_int8=emulates_int8)
 
 
 def _find_entry(name: str, scale: int) -> Entry:

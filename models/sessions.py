@@ -35,14 +35,17 @@ results would depend on which thread computed which part. No 16-bit picture has 
 class OnnxNetwork:
     """A network and its card. Thread-safe: calls share a session and run in parallel."""
 
-    def __init__(self, path: Path, *, threads: int | None = None) -> None:
+    def __init__(self, path: Path, *, threads: int | None = None, emulates_int8: bool = False) -> None:
         """`path`: the card; its `.onnx` lies beside it. `threads`: for each call; None: all cores of the process.
+        `emulates_int8`: whether an int8 network is emulated in float on a processor that would compute it wrongly:
+        slower than its float twin, for measurements.
 
         Raises `BadCard` where the card is invalid, or the network is missing or not the one that the card describes;
-        `UnsuitedProcessor` for an int8 network on a processor that computes it wrongly.
+        `UnsuitedProcessor` for an int8 network on such a processor, unless it is emulated.
         """
         self.card = cards.read_card(path)
-        _check_processor(self.card)
+        if not emulates_int8:
+            _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or count_available_cores()
         self._network = _read_network(path.with_suffix(".onnx"), self.card)
@@ -74,7 +77,7 @@ class OnnxNetwork:
         with self._opening:
             cores = cores or next(iter(self._sessions), self.threads)
             if cores not in self._sessions:
-                self._sessions[cores] = open_session(self._network, cores)
+                self._sessions[cores] = open_session(self._network, cores, is_int8=self.card.precision == "int8")
             return self._sessions[cores]
 
 
@@ -105,8 +108,13 @@ def _read_network(path: Path, card: cards.Card) -> bytes:
     return network
 
 
-def open_session(network: bytes, threads: int) -> Any:
-    """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` threads for each run."""
+def open_session(network: bytes, threads: int, *, is_int8: bool = False) -> Any:
+    """An `onnxruntime.InferenceSession` on the CPU for a serialised network, with `threads` threads for each run.
+
+    `is_int8`: whether it has int8 layers. On a processor without support for them they are emulated: without
+    onnxruntime's optimisations they stay float layers between QuantizeLinear and DequantizeLinear, whose results are
+    the same but for the rounding of float32.
+    """
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # else it reports each session, and keeps a file in ~/.cache
     import onnxruntime  # slow to import, and `ciir models` doesn't need it
 
@@ -115,6 +123,8 @@ def open_session(network: bytes, threads: int) -> Any:
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.enable_mem_pattern = False  # it would keep a plan for every input shape
+    if is_int8 and processor.int8_unsupported_reason():
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.set_denormal_as_zero", "1")
     # The thread that creates a session flushes denormals to zero from then on, and so does every thread that it starts:

@@ -21,10 +21,10 @@ MOST = 0.5
 """The single picture's share in the mean. On 34 views of four captured light fields, made small by bicubic
 interpolation, it gains -0.2 to 0.5 dB over the light-field network, 0.15 in the mean; 0.35, or a share that depends on
 the network's uncertainty, is as good. Where few views are around, it is what makes up for 0.1 to 0.5 dB of loss."""
-FILTERED, AVERAGED = 0.9, 1.04
+FILTERED, AVERAGED = 0.95, 1.05
 """Ratio of the difference after the filter to that after means, up to which a view counts as filtered, and from which
-it doesn't. On those light fields, and rendered ones, it is 0.5 to 0.98 after bicubic interpolation, 1.09 and more where
-pixels are samples or means; 0.98 and more where they are means and hardly any detail is left."""
+it doesn't. On those light fields it is 0.5 to 1.01 after bicubic interpolation, but for the corner of a grid of 15x15,
+where it is 1.09. Of samples and means it is 1.06 and more, on rendered views too; 0.98 once, where little detail is."""
 BORDER = 2
 """Pixels along each border that are not compared: filters end there in different ways."""
 WHOLE_ROWS, BANDS, BAND_ROWS = 128, 4, 16

@@ -92,6 +92,8 @@ def score(
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
+    int8 is emulated where the processor doesn't support it.
+
     Raises `ciir.errors.ModelError` where there is no such model, or it doesn't upscale by `scale`.
     """
     if model.endswith(".json"):
@@ -99,7 +101,8 @@ def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
         card = cards.read_card(path)
         if card.scale != scale:
             raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
-        return LightFieldNetwork(path) if card.is_light_field else SingleImageNetwork(path)
+        kind = LightFieldNetwork if card.is_light_field else SingleImageNetwork
+        return kind(path, emulates_int8=True)
     if model in catalogue.list_names() and model not in catalogue.list_single_image_names():
-        return catalogue.load_light_field_network(model, scale=scale)
-    return catalogue.load_upscaler(model, scale=scale)
+        return catalogue.load_light_field_network(model, scale=scale, emulates_int8=True)
+    return catalogue.load_upscaler(model, scale=scale, emulates_int8=True)

@@ -69,9 +69,13 @@ def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "")
 def load_model(model: str, *, scale: int = 2) -> Upscaler:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
+    int8 is emulated where the processor doesn't support it.
+
     Raises `ciir.errors.ModelError` where there is no such model.
     """
-    return SingleImageNetwork(Path(model)) if model.endswith(".json") else load_upscaler(model, scale=scale)
+    if model.endswith(".json"):
+        return SingleImageNetwork(Path(model), emulates_int8=True)
+    return load_upscaler(model, scale=scale, emulates_int8=True)
 
 
 def find_low_files(folder: Path) -> list[Path]:

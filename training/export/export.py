@@ -188,9 +188,9 @@ def _command(card: cards.Card, folders: Sequence[Path]) -> str:
 def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
     """Scores of a network on each folder; of a light-field network, with each degradation."""
     if not cards.read_card(path).is_light_field:
-        upscaler = SingleImageNetwork(path)
+        upscaler = SingleImageNetwork(path, emulates_int8=True)
         return tuple(pictures.score(upscaler, folder) for folder in folders)
-    network = LightFieldNetwork(path)
+    network = LightFieldNetwork(path, emulates_int8=True)
     tries = itertools.product(folders, KINDS)
     return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
 

@@ -6,7 +6,10 @@ from PIL import Image
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 from ciir import models
+from ciir.models import processor
+from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
+from ciir.models.single.network import SingleImageNetwork
 from ciir.training.evaluation.pictures import evaluate, score
 from tests.support.paths import SHARED
 
@@ -35,6 +38,17 @@ def test_the_measured_accuracy_is_the_cards():
     assert measured.psnr == pytest.approx(claimed.psnr, abs=0.01)
     assert measured.ssim == pytest.approx(claimed.ssim, abs=0.0002)
     assert measured.psnr >= 36.5
+
+
+@needs_shared
+def test_emulated_int8_has_the_cards_accuracy(monkeypatch):
+    """The card's figures are of a processor with VNNI."""
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
+    network = SingleImageNetwork(SHIPPED / "fast-int8.json", emulates_int8=True)
+    (claimed,) = (score for score in network.card.accuracy if score.data == "Set5")
+    measured = score(network, IMAGES / "Set5")
+    assert measured.psnr == pytest.approx(claimed.psnr, abs=0.002)
+    assert measured.ssim == pytest.approx(claimed.ssim, abs=0.00005)
 
 
 def test_a_known_error(tmp_path):

@@ -12,7 +12,7 @@ import onnxruntime
 import torch
 from PIL import Image
 
-from ciir.models import cards, processor
+from ciir.models import cards
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.windows import select_axis
 from ciir.models.sessions import open_session
@@ -25,8 +25,6 @@ from ciir.training.export.export import compare_with_torch, export_int8, export_
 from ciir.training.loop import checkpoints
 from ciir.training.networks.light_field import LightFieldGenerator
 
-reason = processor.int8_unsupported_reason()
-suited = pytest.mark.skipif(bool(reason), reason=reason or "it is suited")
 OPTIONS = {"widths": [8, 16, 16], "width": 16, "depth": 1, "guard": True}
 
 
@@ -135,7 +133,6 @@ def test_the_kernels_of_the_sweep_stay_in_float(exported):
     assert names == [f"network.{layer}.weight" for layer in layers]
 
 
-@suited
 def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "SCENES", ["vase"])
     monkeypatch.setattr(calibration, "LIGHT_FIELDS", 1)
@@ -152,7 +149,9 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     random = np.random.default_rng(2)
     image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
     inputs = (image, around, select_axis(0, 5).present, select_axis(3, 5).present)
-    (made, uncertainty), (wanted, exact) = (LightFieldNetwork(card)(*inputs) for card in (path, exported))
+    (made, uncertainty), (wanted, exact) = (
+        LightFieldNetwork(card, emulates_int8=True)(*inputs) for card in (path, exported)
+    )
     difference = np.abs(made - wanted)
     np.testing.assert_allclose(uncertainty, exact, atol=1e-6)
     assert 0 < difference.mean() < 0.02  # in noise two planes suit equally in places, and the other one is chosen

@@ -13,16 +13,13 @@ pytest.importorskip("onnx", reason=NEEDS)
 import onnx
 import torch
 
-from ciir.models import cards, processor
+from ciir.models import cards
 from ciir.models.sessions import open_session
 from ciir.models.single.network import SingleImageNetwork
 from ciir.training.export import calibration, export, qdq, quantise, to_onnx
 from ciir.training.export.export import export_int8, simplify_network
 from ciir.training.loop import checkpoints, train
 from ciir.training.networks import make_network
-
-reason = processor.int8_unsupported_reason()
-suited = pytest.mark.skipif(bool(reason), reason=reason or "it is suited")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -81,7 +78,6 @@ def test_the_grid_before_a_leaky_relu_has_fewer_negative_codes():
     )
 
 
-@suited
 def test_a_relu_behind_a_layer_that_is_padded(pairs):
     """8 channels become 16 with zeros, and what they make is cut off before the ReLU."""
     torch.manual_seed(5)
@@ -135,23 +131,22 @@ def test_the_picture_itself_is_not_rounded():
     assert "tail.weight" not in [layer.name for layer in qdq.find_layers(model)]
 
 
-@suited
 @pytest.mark.parametrize("shape", [(1, 3, 1, 1), (2, 3, 9, 13), (1, 3, 40, 31)])
 def test_int8_is_near_float(weights, made, shape):
     network, kept = made
     images = np.random.default_rng(1).random(shape, dtype=np.float32)
-    float_output, output = (open_session(w, 1).run(None, {to_onnx.INPUT: images})[0] for w in (weights, network))
+    float_output, output = (
+        open_session(w, 1, is_int8=True).run(None, {to_onnx.INPUT: images})[0] for w in (weights, network)
+    )
     assert kept == []
     assert output.dtype == np.float32
     assert 0 < np.abs(output - float_output).max() < 0.02  # the change to interpolation is some 0.1, in 256 steps
 
 
-@suited
 def test_quantisation_is_deterministic(weights, pairs, made):
     assert quantise.quantise_network(weights, pairs) == made
 
 
-@suited
 def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
     """Made bad on purpose: what the middle layer makes has 3 levels. The truth is what the float network makes."""
     choose, session = quantise.choose_grids, open_session(weights, 1)
@@ -177,7 +172,6 @@ def test_what_costs_too_much_stays_in_float(weights, pairs, monkeypatch):
         quantise.quantise_network(weights, pairs)
 
 
-@suited
 def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     recipe = dataclasses.replace(recipe, network="compact", options={"widths": [8]}, steps=1, validate_every=1)
     checkpoint = train.train(recipe, tmp_path / "run")
@@ -194,10 +188,4 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
         wanted = simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))(
             torch.from_numpy(images)
         ).clamp(0, 1)
-    assert 0 < np.abs(SingleImageNetwork(path)(images) - wanted.numpy()).max() < 0.01
-
-
-def test_no_int8_is_made_where_it_cannot_be_measured(weights, pairs, monkeypatch):
-    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
-    with pytest.raises(ValueError, match="no VNNI; export on another machine"):
-        quantise.quantise_network(weights, pairs)
+    assert 0 < np.abs(SingleImageNetwork(path, emulates_int8=True)(images) - wanted.numpy()).max() < 0.01
