@@ -163,8 +163,10 @@ def _upscale_distinct(
         if np.mean(weight > 0) <= MINIMUM_FALLBACK_SHARE:
             weight[:] = 0
         shares[number, 0] = np.mean(weight > 0.5)
-        if averages and (least := find_single_share(picture, small)):
-            shares[number, 1] = 1
+        if averages:
+            sides = (min(at, count - 1 - at) for at, count in zip(view, job.grid, strict=True))
+            least = find_single_share(picture, small, is_surrounded=min(sides) >= WINDOW_SIDE // 2)
+            shares[number, 1] = least > 0
             np.maximum(weight, np.float32(least), out=weight)
         if weight.any():
             blend_pictures(picture, _upscale_single(fallback, small, job.skip), weight)

@@ -13,16 +13,16 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
-from ciir.renderer.view_order import estimate_order
+from ciir.renderer.view_order.estimate import estimate_order
 from ciir.renderer.views import parse_views
-from ciir.service.pipeline.arrangement import Arrangement, arrange_views
 from ciir.service.pipeline.limits import check_view_count
 from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
+from ciir.service.pipeline.stages.arrangement import Arrangement, arrange_views
 
 if TYPE_CHECKING:
     from ciir.renderer.light_field import DepthSense
     from ciir.renderer.placement import Placement
-    from ciir.renderer.view_order import OrderEstimate
+    from ciir.renderer.view_order.estimate import OrderEstimate
     from ciir.renderer.views import View
     from ciir.service.pipeline.options import Backend, Sampling, Strategy
     from ciir.service.pipeline.source import Content

@@ -12,7 +12,6 @@ from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.framing import find_extremes, make_frame
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Contents
-from ciir.service.pipeline.arrangement import Arrangement
 from ciir.service.pipeline.job import Job, resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
@@ -20,6 +19,7 @@ from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
+from ciir.service.pipeline.stages.arrangement import Arrangement
 from ciir.service.pipeline.stages.batches import make_views, upscale_batches
 from ciir.service.pipeline.stages.opening import open_session
 from ciir.service.pipeline.stages.prefetch import prefetch

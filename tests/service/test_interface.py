@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 import ciir
-from ciir.renderer.order_evidence import ORDERS
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.view_order.evidence import ORDERS
 from tests.support.inputs import EIA, EIA_PNG, make_picture
 from tests.support.light_fields import make_views, put_in, wind, write_views
 

@@ -41,10 +41,8 @@ def install_stand_in(monkeypatch):
     load = catalogue.load_light_field_network
     network = StandIn()
 
-    def load_light_field(name=catalogue.LIGHT_FIELD_DEFAULT, *, scale=2, threads=None):
-        return (
-            network if (name, scale) == (catalogue.LIGHT_FIELD_DEFAULT, 2) else load(name, scale=scale, threads=threads)
-        )
+    def load_light_field(name=catalogue.LIGHT_FIELD_DEFAULT, *, scale=2, **more):
+        return network if (name, scale) == (catalogue.LIGHT_FIELD_DEFAULT, 2) else load(name, scale=scale, **more)
 
     monkeypatch.setattr(catalogue, "list_entries", lambda: entries)
     monkeypatch.setattr(catalogue, "prefer_int8", lambda name: name)

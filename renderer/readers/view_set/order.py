@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.view_files import ViewFiles
-from ciir.renderer.view_order import estimate_order
+from ciir.renderer.view_order.estimate import estimate_order
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.layout import OrderCheck
-    from ciir.renderer.view_order import OrderEstimate
+    from ciir.renderer.view_order.estimate import OrderEstimate
 
 Views = TypeVar("Views", LightField, ViewFiles)
 

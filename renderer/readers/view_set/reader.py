@@ -29,7 +29,7 @@ from ciir.renderer.readers.view_set.order import (
     unwind,
 )
 from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
-from ciir.renderer.view_order import estimate_order
+from ciir.renderer.view_order.estimate import estimate_order
 from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:

@@ -183,10 +183,10 @@ def warm_up() -> None:
     from ciir.renderer.views import parse_views
     from ciir.renderer.writers.formats import FileWriter
     from ciir.service.pipeline import run as pipeline
-    from ciir.service.pipeline.arrangement import Arrangement
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages import upscaling
+    from ciir.service.pipeline.stages.arrangement import Arrangement
 
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
     for model, is_light_field in ((catalogue.default_name(), False), (catalogue.light_field_default_name(), True)):

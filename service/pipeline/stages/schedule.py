@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ciir.renderer.views import View
-    from ciir.service.pipeline.arrangement import Arrangement
+    from ciir.service.pipeline.stages.arrangement import Arrangement
 
 BATCH_PIXELS = 500_000
 """Most output pixels of a batch of several views. It bounds memory, and lets the stages overlap."""

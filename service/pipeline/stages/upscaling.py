@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
-    from ciir.service.pipeline.arrangement import Arrangement
     from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.stages.arrangement import Arrangement
 
 UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", SingleShares]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and

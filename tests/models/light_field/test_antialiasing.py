@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ciir.models.light_field.antialiasing import MOST, WHOLE_ROWS, find_single_share
+from ciir.models.light_field import antialiasing
+from ciir.models.light_field.antialiasing import MOST, SURROUNDED, WHOLE_ROWS
 from ciir.models.light_field.views import upscale_views
+
+
+def find_single_share(large, small, *, is_surrounded=False):
+    return antialiasing.find_single_share(large, small, is_surrounded=is_surrounded)
 
 
 def make_fine(height, width, channels=3, dtype=np.uint8):
@@ -33,6 +38,7 @@ def average_down(fine):
 def test_what_was_filtered_is_told_from_means_and_samples(height, channels, dtype):
     fine = make_fine(height, 40, channels, dtype)
     assert find_single_share(fine, filter_down(fine)) == MOST
+    assert find_single_share(fine, filter_down(fine), is_surrounded=True) == SURROUNDED
     assert find_single_share(fine, average_down(fine)) == 0
 
 
@@ -95,13 +101,13 @@ class Black:
 
 def test_filtered_views_are_means_of_both_networks():
     fine = make_fine(40, 30)
-    every = [(v, u) for v in range(3) for u in range(3)]
+    every = [(v, u) for v in range(5) for u in range(6)]
     for small, is_filtered in ((filter_down(fine), True), (average_down(fine), False)):
         for averages in (True, False):
-            made, shares = upscale_views(
-                Making(fine), Black(), dict.fromkeys(every, small), every, (3, 3), averages=averages
-            )
+            views = dict.fromkeys(every, small)
+            made, shares = upscale_views(Making(fine), Black(), views, every, (5, 6), averages=averages)
             is_mean = is_filtered and averages
             assert shares == (0, float(is_mean))
-            for picture in made:
-                np.testing.assert_allclose(picture, fine * (1 - MOST) if is_mean else fine, atol=1)  # rounded twice
+            for picture, view in zip(made, every, strict=True):
+                share = (SURROUNDED if view in {(2, 2), (2, 3)} else MOST) if is_mean else 0
+                np.testing.assert_allclose(picture, fine * (1 - share), atol=1)  # rounded twice

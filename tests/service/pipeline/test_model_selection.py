@@ -5,7 +5,7 @@ import pytest
 from ciir.models import catalogue, processor
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
 from ciir.renderer.light_field import LightField
-from ciir.renderer.order_evidence import ORDERS
+from ciir.renderer.view_order.evidence import ORDERS
 from ciir.service.pipeline import model_selection
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.model_selection import select_model

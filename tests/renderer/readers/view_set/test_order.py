@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from ciir.renderer import view_order
 from ciir.renderer.light_field import LightField
-from ciir.renderer.order_evidence import ORDERS
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.order import settle_order
 from ciir.renderer.readers.view_set.view_files import Decoder
+from ciir.renderer.view_order import estimate
+from ciir.renderer.view_order.evidence import ORDERS
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.light_fields import make_views, put_in, wind, write_views
 
@@ -95,7 +95,7 @@ def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are():
 
 
 def test_an_order_that_is_likely_is_noted(monkeypatch):
-    monkeypatch.setattr(view_order, "CERTAIN_VOTES", 1000)
+    monkeypatch.setattr(estimate, "CERTAIN_VOTES", 1000)
     views = make_views()[::-1]
     field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
     assert np.array_equal(field.views, views)

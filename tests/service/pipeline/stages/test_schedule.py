@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.service.pipeline.arrangement import Arrangement
+from ciir.service.pipeline.stages.arrangement import Arrangement
 from ciir.service.pipeline.stages.schedule import BATCH_PIXELS, batch_size, schedule_batches
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ciir.renderer.order_evidence import AROUND, ORDERS, REACH, TILE, correlate, fit_slopes, sweep_disparities
+from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, TILE, correlate, fit_slopes, sweep_disparities
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.order_evidence import Order, Plane
+    from ciir.renderer.view_order.evidence import Order, Plane
 
     Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from ciir.renderer.light_field import LightField
-from ciir.renderer.order_evidence import ORDERS
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set import reader as view_set
 from ciir.renderer.readers.view_set.order import correct
-from ciir.renderer.view_order import estimate_order
+from ciir.renderer.view_order.estimate import estimate_order
+from ciir.renderer.view_order.evidence import ORDERS
 from tests.support.light_fields import is_same_light_field, make_views, put_in, wind
 from tests.support.paths import SHARED
 

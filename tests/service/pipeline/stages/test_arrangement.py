@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ciir.models.light_field.views import list_required_views
-from ciir.renderer.order_evidence import ORDERS
-from ciir.renderer.view_order import OrderEstimate
-from ciir.service.pipeline.arrangement import Arrangement, arrange_views
+from ciir.renderer.view_order.estimate import OrderEstimate
+from ciir.renderer.view_order.evidence import ORDERS
+from ciir.service.pipeline.stages.arrangement import Arrangement, arrange_views
 from tests.support.light_fields import put_in, wind
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.order_evidence import AROUND, ORDERS, REACH, TILE, fit_slopes
+from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, TILE, fit_slopes
 
 
 def make_tiles(motion, *, noise=0.0, count=6):

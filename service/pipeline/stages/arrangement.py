@@ -12,7 +12,7 @@ from ciir.models.light_field.views import list_required_views
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from ciir.renderer.view_order import OrderEstimate
+    from ciir.renderer.view_order.estimate import OrderEstimate
     from ciir.renderer.views import View
 
 

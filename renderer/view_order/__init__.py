@@ -1,0 +1,1 @@
+"""The order of a light field's views, found from the pictures."""
