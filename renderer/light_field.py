@@ -108,16 +108,19 @@ class LightField:
         Reversing both exchanges the depth senses `lenses` and `cameras`. Reversing one alone is for a light field that
         was in a wrong order: afterwards content moves along that axis as it does along the other one. Done to one in
         the right order, near content moves to the left across and upwards or, down, the opposite way, as no scene does.
-        The depth sense is that of u, so it changes with `u` and not with `v`.
+        The depth sense is that of u, so it changes with `u` and not with `v`. After reversing one alone the order
+        counts as unknown.
         """
         views, depth_sense = flip_axes(self.views, axes, self.depth_sense)
-        return replace(self, views=views, depth_sense=depth_sense)
+        return replace(
+            self, views=views, depth_sense=depth_sense, is_ordered=self.is_ordered and axes in ("none", "uv")
+        )
 
     def transpose(self) -> LightField:
         """The light field with rows and columns of views exchanged, for one whose first index is the column; shares
-        memory. The pictures stay as they are.
+        memory. The pictures stay as they are, and the order counts as unknown.
         """
-        return replace(self, views=self.views.swapaxes(0, 1))
+        return replace(self, views=self.views.swapaxes(0, 1), is_ordered=False)
 
     def save(self, path: str | PathLike[str], /, format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
         """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.

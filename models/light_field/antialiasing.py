@@ -1,8 +1,8 @@
-"""Finds views that were made small with an antialiasing filter, such as bicubic interpolation.
+"""Finds views that look as if they were made small with an antialiasing filter, as that of bicubic interpolation.
 
-They show no aliasing, from which other views could tell more detail. The picture that errs least is then the mean of a
-light-field network's and one from the view alone. What a network makes fits the view: made small again in the same way,
-it is close to it. So the filter is compared with means of cells, which are what lenslets and sensors see.
+They have no aliasing, which is what makes other views useful. The mean of a light-field network's picture and one from
+the view alone then has the smallest error. A network's picture fits its input: made small again in the same way, it is
+close to it. So two ways are compared: the filter, and means of cells, which are what lenslets and sensors see.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from ciir.models.light_field.disparity import Pixels, Plane
 
 SURROUNDED, MOST = 0.25, 0.5
-"""The single picture's share in the mean: of a view with two views on each side, and of others, which the
+"""The fallback's share in the mean: of a view with two views on each side, and of others, which the
 light-field network upscales less well. On 48 views of four captured light fields, made small by bicubic interpolation,
 it gains -0.04 to 0.5 dB over the network, 0.16 in the mean. Shares by the network's uncertainty are no better."""
-FILTERED, AVERAGED = 0.95, 1.05
+FILTERED, UNFILTERED = 0.95, 1.05
 """Ratio of the difference after the filter to that after means, up to which a view counts as filtered, and from which
-it doesn't. On those light fields it is 0.5 to 1.01 after bicubic interpolation, but for the corner of a grid of 15x15,
-where it is 1.09. Of samples and means it is 1.06 and more, on rendered views too; 0.98 once, where little detail is."""
+it doesn't; between them the share falls. On those light fields it is 0.5 to 1.01 after bicubic interpolation, but for
+the corner of a grid of 15x15, where it is 1.09. Of samples and means it is 1.06 and more, on rendered views too; 0.98
+once, where little detail is."""
 BORDER = 2
 """Pixels along each border that are not compared: filters end there in different ways."""
 WHOLE_ROWS, BANDS, BAND_ROWS = 128, 4, 16
@@ -34,9 +35,9 @@ FLAT = 1e-9
 """Sum of squared differences, of values in [0, 1], up to which a view counts as flat."""
 
 
-def find_single_share(large: Pixels, small: Pixels, *, is_surrounded: bool) -> float:
-    """The share of a single picture in the mean with `large` `(scale*H, scale*W, C)`, which a light-field network made
-    of the view `small` `(H, W, C)`: `SURROUNDED` or `MOST` where the view was filtered, 0 where it was not or is flat.
+def find_fallback_share(large: Pixels, small: Pixels, *, is_surrounded: bool) -> float:
+    """The share of the fallback's picture in the mean with `large` `(scale*H, scale*W, C)`, which a light-field network
+    made of the view `small` `(H, W, C)`: `SURROUNDED` or `MOST` where it was filtered, 0 where it was not or is flat.
 
     `is_surrounded`: whether there are two views on each side.
     """
@@ -45,17 +46,17 @@ def find_single_share(large: Pixels, small: Pixels, *, is_surrounded: bool) -> f
     scale, peak, height = len(large) // len(small), float(np.iinfo(small.dtype).max), len(small)
     count = height if height <= WHOLE_ROWS else BAND_ROWS
     tops = [0] if count == height else np.linspace(0, height - count, BANDS).astype(int).tolist()
-    filtered = averaged = 0.0
+    after_filter = after_means = 0.0
     for top in tops:
         fine = Image.fromarray(compute_luma(large[scale * top : scale * (top + count)], peak))
         seen = compute_luma(small[top : top + count], peak)
-        filtered += _compare(fine.resize((seen.shape[1], count), Image.Resampling.BICUBIC), seen)
-        averaged += _compare(fine.reduce(scale), seen)
-    if averaged <= FLAT:
+        after_filter += _compare(fine.resize((seen.shape[1], count), Image.Resampling.BICUBIC), seen)
+        after_means += _compare(fine.reduce(scale), seen)
+    if after_means <= FLAT:
         return 0.0
-    ratio = (filtered / averaged) ** 0.5
+    ratio = (after_filter / after_means) ** 0.5
     most = SURROUNDED if is_surrounded else MOST
-    return float(most * np.clip((AVERAGED - ratio) / (AVERAGED - FILTERED), 0, 1))
+    return float(most * np.clip((UNFILTERED - ratio) / (UNFILTERED - FILTERED), 0, 1))
 
 
 def _compare(made: Image.Image, seen: Plane) -> float:

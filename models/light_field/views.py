@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from ciir.errors import InvalidImage
-from ciir.models.light_field.antialiasing import find_single_share
+from ciir.models.light_field.antialiasing import find_fallback_share
 from ciir.models.light_field.disparity import (
     crop_luma,
     measure_shifts,
@@ -48,8 +48,8 @@ MINIMUM_FALLBACK_SHARE = 0.1
 """Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
 
 
-class SingleShares(NamedTuple):
-    """How much of the views the single-picture network made."""
+class FallbackShares(NamedTuple):
+    """How much the single-image fallback made."""
 
     fallback: float = 0.0
     """Of all pixels, those that come mostly from it because confidence is low."""
@@ -71,15 +71,15 @@ def upscale_views(
     *,
     skip: bool = True,
     statistics: SkipStatistics | None = None,
-    averages: bool = True,
-) -> tuple[Pixels, SingleShares]:
+    averages: bool = False,
+) -> tuple[Pixels, FallbackShares]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
-    to it. `averages`: whether a view that was made small with an antialiasing filter becomes the mean with what
-    `fallback` makes of it; False where views are known to be samples, as those of meshes are.
+    to it. `averages`: whether a view that looks as if it was made small with an antialiasing filter becomes the
+    mean with what `fallback` makes of it.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
     channels; and what `fallback` made of it.
@@ -103,7 +103,7 @@ def upscale_views(
     job = _Job(network, views, grid, skip, statistics)
     result, shares = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], averages=averages)
     places = np.searchsorted(distinct, firsts)
-    means = SingleShares(*shares[places].mean(axis=0).tolist())
+    means = FallbackShares(*shares[places].mean(axis=0).tolist())
     return result if len(distinct) == len(wanted) else result[places], means
 
 
@@ -141,7 +141,7 @@ class _Output(NamedTuple):
 def _upscale_distinct(
     job: _Job, fallback: Upscaler, wanted: Sequence[View], *, averages: bool
 ) -> tuple[Pixels, NDArray[np.float64]]:
-    """The views `wanted`, and the `SingleShares` of each, `(len(wanted), 2)`."""
+    """The views `wanted`, and the `FallbackShares` of each, `(len(wanted), 2)`."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     output = _Output(
@@ -165,9 +165,9 @@ def _upscale_distinct(
         shares[number, 0] = np.mean(weight > 0.5)
         if averages:
             sides = (min(at, count - 1 - at) for at, count in zip(view, job.grid, strict=True))
-            least = find_single_share(picture, small, is_surrounded=min(sides) >= WINDOW_SIDE // 2)
-            shares[number, 1] = least > 0
-            np.maximum(weight, np.float32(least), out=weight)
+            share = find_fallback_share(picture, small, is_surrounded=min(sides) >= WINDOW_SIDE // 2)
+            shares[number, 1] = share > 0
+            np.maximum(weight, np.float32(share), out=weight)
         if weight.any():
             blend_pictures(picture, _upscale_single(fallback, small, job.skip), weight)
     return output.pictures, shares

@@ -2,8 +2,9 @@
 every other row reversed, as a gantry takes them that moves to and fro.
 
 Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
-In a wrong order no disparity explains all views around the centre view at once, so a small plane sweep on textured
-tiles tells the orders apart. Reversing both axes only inverts depth, which no disparity shows.
+In a wrong order no disparity explains all views around the centre view at once. That is tried on textured tiles, by a
+small plane sweep, and by slopes of brightness where views hardly differ. Reversing both axes only inverts depth, which
+no disparity shows.
 """
 
 from __future__ import annotations
@@ -116,7 +117,9 @@ def estimate_order(views: Views) -> OrderEstimate:
             counted = _count_votes(views, (rows, cols), places[factor], factor, step)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     for step in dict.fromkeys(min(step, largest) for step in SLOPES):
-        if largest and not (_sum_up(votes).is_certain or _sum_up(votes_unwound).is_certain):
+        # Only odd steps show whether every other row is reversed: they alone have votes in `votes_unwound`.
+        is_settled = _sum_up(votes_unwound).is_certain or (step > 1 and _sum_up(votes).is_certain)
+        if largest and not is_settled:
             counted = _count_votes(views, (rows, cols), places[1], 1, step, by_slope=True)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)

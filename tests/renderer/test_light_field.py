@@ -90,6 +90,13 @@ def test_flipping_reverses_views_and_in_u_the_depth_sense(sense):
     assert field.transpose().depth_sense == sense
 
 
+def test_after_a_flip_of_one_axis_and_after_a_transposition_the_order_is_unknown():
+    for is_ordered in (True, False):
+        field = LightField(np.zeros((3, 4, 2, 2, 3), np.uint8), is_ordered=is_ordered)
+        assert field.flip("uv").is_ordered == field.flip("none").is_ordered == is_ordered
+        assert not any(other.is_ordered for other in (field.flip("u"), field.flip("v"), field.transpose()))
+
+
 def test_near_content_moves_as_the_depth_sense_says_after_a_flip():
     # A point one pixel further right in each view to the right: near in a lens array, far in a camera array.
     views = np.zeros((3, 3, 9, 9, 1), np.uint8)

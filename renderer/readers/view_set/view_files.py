@@ -103,11 +103,13 @@ class ViewFiles:
     def flip(self, axes: Flip) -> ViewFiles:
         """As `LightField.flip`."""
         files, depth_sense = flip_axes(self.files, axes, self.depth_sense)
-        return replace(self, files=files, depth_sense=depth_sense)
+        return replace(
+            self, files=files, depth_sense=depth_sense, is_ordered=self.is_ordered and axes in ("none", "uv")
+        )
 
     def transpose(self) -> ViewFiles:
         """As `LightField.transpose`."""
-        return replace(self, files=self.files.T)
+        return replace(self, files=self.files.T, is_ordered=False)
 
     def __getitem__(self, view: View) -> Pixels:
         """View (v, u), `(H, W, C)`, which stays in memory. Raises as `Decoder.keep`."""

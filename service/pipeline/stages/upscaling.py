@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, SingleShares
+from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, FallbackShares
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", SingleShares]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", FallbackShares]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
 what a light-field network's single-image fallback made of them."""
 
@@ -38,7 +38,7 @@ def load_upscaler(
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
         made, shares = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
@@ -54,7 +54,7 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(catalogue.default_name(), scale=plan.scale)
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
             colours, alpha = _split_alpha(views)
             made, shares = upscale_views(
                 network,
@@ -71,9 +71,9 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, SingleShares]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), SingleShares()
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), FallbackShares()
 
     return upscale_singly
 
@@ -124,13 +124,14 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     )
 
 
-def averaging_reasons(model: str, share: float) -> list[str]:
-    """A sentence on the share of the views that are the mean of two networks' pictures; none where no view is."""
-    if not share:
+def averaging_reasons(model: str, averaged: float) -> list[str]:
+    """A sentence on views that are the mean of two networks' pictures, where some share of all is."""
+    if not averaged:
         return []
-    networks = f"{model} and {catalogue.default_name()}"
-    filtered = f"{100 * share:.0f} % of the views were made small with an antialiasing filter"
-    return [f"{filtered}, and others add little to those: they are means of what {networks} make of them"]
+    filtered = "views that look as if they were made small with an antialiasing filter"
+    return [
+        f"{filtered} are means of what {model} and {catalogue.default_name()} make of them: others add little there"
+    ]
 
 
 def fallback_notes(share: float) -> list[str]:
@@ -138,4 +139,5 @@ def fallback_notes(share: float) -> list[str]:
     if share < MINIMUM_FALLBACK_SHARE:
         return []
     made = f"{100 * share:.0f} % of the pixels were made by {catalogue.default_name()} from their view alone"
-    return [f"{made}: the views around don't match there (another scene, noise, or depths too far apart)"]
+    causes = "another scene, a wrong order of views, noise, or depths too far apart"
+    return [f"{made}: the views around don't match there ({causes})"]

@@ -9,8 +9,8 @@ from ciir.models.light_field.antialiasing import MOST, SURROUNDED, WHOLE_ROWS
 from ciir.models.light_field.views import upscale_views
 
 
-def find_single_share(large, small, *, is_surrounded=False):
-    return antialiasing.find_single_share(large, small, is_surrounded=is_surrounded)
+def find_fallback_share(large, small, *, is_surrounded=False):
+    return antialiasing.find_fallback_share(large, small, is_surrounded=is_surrounded)
 
 
 def make_fine(height, width, channels=3, dtype=np.uint8):
@@ -37,9 +37,9 @@ def average_down(fine):
 @pytest.mark.parametrize("height", [9, WHOLE_ROWS, WHOLE_ROWS + 1, 300])
 def test_what_was_filtered_is_told_from_means_and_samples(height, channels, dtype):
     fine = make_fine(height, 40, channels, dtype)
-    assert find_single_share(fine, filter_down(fine)) == MOST
-    assert find_single_share(fine, filter_down(fine), is_surrounded=True) == SURROUNDED
-    assert find_single_share(fine, average_down(fine)) == 0
+    assert find_fallback_share(fine, filter_down(fine)) == MOST
+    assert find_fallback_share(fine, filter_down(fine), is_surrounded=True) == SURROUNDED
+    assert find_fallback_share(fine, average_down(fine)) == 0
 
 
 def test_samples_are_not_taken_for_filtered():
@@ -47,14 +47,14 @@ def test_samples_are_not_taken_for_filtered():
     for axis in (0, 1):
         finer = ((finer.astype(np.uint16) + np.roll(finer, 1, axis)) // 2).astype(np.uint8)
     small = average_down(finer[1:-1, 1:-1])[::2, ::2]  # the middle of each 4x4 samples
-    assert find_single_share(average_down(finer), small) == 0
+    assert find_fallback_share(average_down(finer), small) == 0
 
 
 def test_between_both_the_share_falls():
     fine = make_fine(60, 40)
     ends = filter_down(fine).astype(float), average_down(fine).astype(float)
     mixed = [np.rint((1 - part) * ends[0] + part * ends[1]).astype(np.uint8) for part in np.linspace(0, 1, 21)]
-    shares = [find_single_share(fine, small) for small in mixed]
+    shares = [find_fallback_share(fine, small) for small in mixed]
     assert shares == sorted(shares, reverse=True)
     assert any(0 < share < MOST for share in shares)
 
@@ -62,11 +62,11 @@ def test_between_both_the_share_falls():
 @pytest.mark.parametrize("shape", [(2, 2), (4, 30), (30, 4), (1, 1)])
 def test_a_view_that_is_all_border_is_not_averaged(shape):
     fine = make_fine(*shape)
-    assert find_single_share(fine, filter_down(fine)) == 0
+    assert find_fallback_share(fine, filter_down(fine)) == 0
 
 
 def test_a_flat_view_is_not_averaged():
-    assert find_single_share(np.full((80, 60, 3), 77, np.uint8), np.full((40, 30, 3), 77, np.uint8)) == 0
+    assert find_fallback_share(np.full((80, 60, 3), 77, np.uint8), np.full((40, 30, 3), 77, np.uint8)) == 0
 
 
 @pytest.mark.parametrize("height", [WHOLE_ROWS, 4 * WHOLE_ROWS])
@@ -75,7 +75,7 @@ def test_both_halves_of_a_view_count(height):
     for half in (slice(height // 2), slice(height // 2, None)):
         small = filter_down(fine)
         small[half] = average_down(fine)[half]
-        assert 0 < find_single_share(fine, small) < MOST
+        assert 0 < find_fallback_share(fine, small) < MOST
 
 
 class Making:

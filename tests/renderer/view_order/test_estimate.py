@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set import reader as view_set
 from ciir.renderer.readers.view_set.order import correct
+from ciir.renderer.view_order import estimate
 from ciir.renderer.view_order.estimate import estimate_order
 from ciir.renderer.view_order.evidence import ORDERS
 from tests.support.light_fields import is_same_light_field, make_views, put_in, wind
@@ -37,6 +39,25 @@ def test_each_order_is_found_and_put_right(order, options):
     found = estimate_order(wound)
     assert (found.order, found.is_serpentine, found.is_certain, found.is_wrong) == (order, True, True, True)
     assert is_same_light_field(correct(LightField(wound), found).views, views)
+
+
+def make_near_views(grid):
+    """Views whose content moves by a sixth of a pixel and a third from one to the next."""
+    views = make_views(grid, side=6 * 96, disparities=(1, -2)).astype(float)
+    small = ndimage.gaussian_filter(views.reshape(*grid, 96, 6, 96, 6, 1).mean(axis=(3, 5)) - 128, (0, 0, 1, 1, 0))
+    return np.rint(128 + 40 / small.std() * small).clip(0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("grid", [(3, 3), (5, 6)])
+def test_views_that_hardly_differ(order, grid, monkeypatch):
+    given = put_in(order, make_near_views(grid))
+    found = estimate_order(given)
+    assert (str(found), found.is_certain) == (order, True)
+    found = estimate_order(wind(given))
+    assert (found.order, found.is_serpentine, found.is_certain) == (order, True, True)
+    monkeypatch.setattr(estimate, "SLOPES", ())
+    assert not estimate_order(wind(given)).is_serpentine
 
 
 def test_one_axis_reversed_is_the_same_for_both_axes():

@@ -45,6 +45,14 @@ def test_a_lenslet_averages_over_its_pitch():
     assert mesh(sampling="lenslet").samples == 4
 
 
+def test_pictures_may_be_averaged_where_they_are_not_known_to_be_samples_or_means():
+    grid = {"grid": (3, 3)}
+    assert pictures(**grid).averages
+    assert pictures(model="field", **grid).averages
+    for made in (pictures(model="fast", **grid), pictures(sampling="lenslet", **grid), mesh(), mesh(model="field")):
+        assert not made.averages
+
+
 def test_networks_keep_the_means_of_lenslets():
     assert mesh(sampling="lenslet", model="fast").restores_means
     assert not mesh(sampling="pinhole", model="fast").restores_means

@@ -149,6 +149,23 @@ def test_the_fallback_share_is_noted(stand_in):
     assert note.startswith("100 % of the pixels were made by fast from their view alone: the views around don't match")
 
 
+@pytest.mark.parametrize("share", [0.0, 0.4])
+def test_filtered_views_are_means_and_the_report_says_so(stand_in, monkeypatch, share):
+    monkeypatch.setattr("ciir.models.light_field.views.find_fallback_share", lambda *_, is_surrounded: share)
+    eia = Bundle.from_upload("eia.png", EIA_PNG)
+    (alone, other, made), reports = zip(
+        *(run(eia, lenses=(6, 9), **options) for options in ({"sampling": "lenslet"}, {"model": "fast"}, {})),
+        strict=True,
+    )
+    del alone
+    views, _ = run(eia, lenses=(6, 9), views="all", model="none")
+    (view,) = made
+    want = (1 - share) * upscale_as_stand_in(as_array(views, (4, 4)), view) + share * other[view]
+    assert np.abs(made[view] - want).max() < 2 * ROUNDED  # rounded twice
+    said = [any("are means of what field and fast" in why for why in report["plan"]["reasons"]) for report in reports]
+    assert said == [False, False, share > 0]
+
+
 def test_the_network_that_is_shipped():
     views, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), views="0,0;1,2")
     assert report["plan"]["model"] == catalogue.light_field_default_name()
