@@ -47,8 +47,8 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
         v, u = int(match[1]), int(match[2])
         if v >= pixels_v or u >= pixels_u:
             raise InvalidOption(
-                f"views: {v},{u} is not there; of {pixels_v}x{pixels_u} views (pixels under each lens) v goes from 0 to "
-                f"{pixels_v - 1} and u from 0 to {pixels_u - 1}"
+                f"views: {v},{u} is not there; of {pixels_v}x{pixels_u} views (pixels under each lens) v goes from 0 "
+                f"to {pixels_v - 1} and u from 0 to {pixels_u - 1}"
             )
         pairs.append((v, u))
     return list(dict.fromkeys(pairs))

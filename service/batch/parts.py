@@ -196,14 +196,15 @@ def _link(source: Path, target: Path) -> None:
 
 
 def _join_reports(reports: Sequence[Report], options: Options) -> Report:
-    """The first part's report, with the views, the notes and the times of all."""
+    """The first part's report, with the views, the reasons, the notes and the times of all."""
     first = reports[0]
     timings: dict[str, float] = {}
     for report in reports:
         for stage, ms in report["timings_ms"].items():
             timings[stage] = round(timings.get(stage, 0.0) + ms, 3)
     plan: dict[str, Any] = first["plan"]
-    reasons = [reason for reason in plan["reasons"] if not reason.startswith("skipped: ")]
+    every = dict.fromkeys(reason for report in reports for reason in report["plan"]["reasons"])
+    reasons = [reason for reason in every if not reason.startswith("skipped: ")]
     made = f"made in {len(reports)} parts, whose times are added up" if len(reports) > 1 else ""
     predicted = sum(report["plan"]["predicted_ms"] for report in reports)
     joined = {"reasons": [*reasons, *([made] if made else [])], "skipped": None, "predicted_ms": round(predicted, 3)}

@@ -119,3 +119,13 @@ def test_a_large_light_field_goes_through_the_engine_in_parts(folder, tmp_path, 
     assert len(made) == 9
     reasons = json.loads((tmp_path / "out" / "vase" / "report.json").read_bytes())["plan"]["reasons"]
     assert "made in 3 parts, whose times are added up" in reasons
+
+
+def test_a_joined_report_has_the_reasons_and_notes_of_every_part():
+    def make_report(reason, note):
+        plan = {"reasons": ["one for all", reason, "skipped: some pixels"], "predicted_ms": 1.0}
+        return {"plan": plan, "notes": [note], "views": [], "options": {}, "timings_ms": {"total": 2.0}}
+
+    joined = parts._join_reports([make_report("a", "x"), make_report("b", "x")], Options())
+    assert joined["plan"]["reasons"] == ["one for all", "a", "b", "made in 2 parts, whose times are added up"]
+    assert (joined["notes"], joined["plan"]["predicted_ms"], joined["timings_ms"]) == (["x"], 2.0, {"total": 4.0})
