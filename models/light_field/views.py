@@ -48,13 +48,13 @@ MINIMUM_FALLBACK_SHARE = 0.1
 """Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
 
 
-class FallbackShares(NamedTuple):
-    """How much the single-image fallback made."""
+class FallbackUse(NamedTuple):
+    """What the single-image fallback made."""
 
-    fallback: float = 0.0
+    share: float = 0.0
     """Of all pixels, those that come mostly from it because confidence is low."""
-    averaged: float = 0.0
-    """Of all views, those that are the mean of both networks (`models.light_field.antialiasing`)."""
+    is_averaged: bool = False
+    """Whether some view is the mean of both networks (`models.light_field.antialiasing`)."""
 
 
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
@@ -72,7 +72,7 @@ def upscale_views(
     skip: bool = True,
     statistics: SkipStatistics | None = None,
     averages: bool = False,
-) -> tuple[Pixels, FallbackShares]:
+) -> tuple[Pixels, FallbackUse]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
@@ -101,10 +101,11 @@ def upscale_views(
     distinct = sorted(set(firsts))
     statistics.repeated += (len(wanted) - len(distinct)) * pixels
     job = _Job(network, views, grid, skip, statistics)
-    result, shares = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], averages=averages)
+    result, used = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], averages=averages)
     places = np.searchsorted(distinct, firsts)
-    means = FallbackShares(*shares[places].mean(axis=0).tolist())
-    return result if len(distinct) == len(wanted) else result[places], means
+    share = float(np.mean([used[place].share for place in places]))
+    total = FallbackUse(share, any(each.is_averaged for each in used))
+    return result if len(distinct) == len(wanted) else result[places], total
 
 
 class _Job(NamedTuple):
@@ -140,8 +141,8 @@ class _Output(NamedTuple):
 
 def _upscale_distinct(
     job: _Job, fallback: Upscaler, wanted: Sequence[View], *, averages: bool
-) -> tuple[Pixels, NDArray[np.float64]]:
-    """The views `wanted`, and the `FallbackShares` of each, `(len(wanted), 2)`."""
+) -> tuple[Pixels, list[FallbackUse]]:
+    """The views `wanted`, and what `fallback` made of each."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     output = _Output(
@@ -156,21 +157,21 @@ def _upscale_distinct(
     backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
     for shift, group in by_shift.items():
         _run_network(job, group, backgrounds, shift, output)
-    shares = np.zeros((len(wanted), 2))
+    used = []
     for number, view in enumerate(wanted):
         picture, small = output.pictures[number], job.views[view]
         weight = np.clip((output.uncertainty[number, ..., 0] - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
         if np.mean(weight > 0) <= MINIMUM_FALLBACK_SHARE:
             weight[:] = 0
-        shares[number, 0] = np.mean(weight > 0.5)
+        share, least = float(np.mean(weight > 0.5)), 0.0
         if averages:
             sides = (min(at, count - 1 - at) for at, count in zip(view, job.grid, strict=True))
-            share = find_fallback_share(picture, small, is_surrounded=min(sides) >= WINDOW_SIDE // 2)
-            shares[number, 1] = share > 0
-            np.maximum(weight, np.float32(share), out=weight)
+            least = find_fallback_share(picture, small, is_surrounded=min(sides) >= WINDOW_SIDE // 2)
+            np.maximum(weight, np.float32(least), out=weight)
+        used.append(FallbackUse(share, least > 0))
         if weight.any():
             blend_pictures(picture, _upscale_single(fallback, small, job.skip), weight)
-    return output.pictures, shares
+    return output.pictures, used
 
 
 def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pixels | None:

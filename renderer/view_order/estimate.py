@@ -57,8 +57,9 @@ LEAST_SLOPE, CLEAR_SLOPE = 0.9, 0.65
 LEAST_RESIDUAL = 0.02
 """What is unexplained counts as at least this, since shifts are half pixels apart."""
 CERTAIN_VOTES, CERTAIN_SHARE = 5, 0.9
-"""Votes for an order, and their share of all votes, from which it is certain. Of 5,661 votes on 532 light fields in
-the right order, parts of captured ones and rendered ones, half of them with noise, 2 were for another order."""
+"""Votes for an order, and their share of all votes, from which it is certain. Of 5,661 votes of sweeps on 532 light
+fields in the right order, parts of captured ones and rendered ones, half of them with noise, 2 were for another order.
+With slopes, of 1,044 captured cases in three orders 885 are certain, all of them right."""
 LIKELY_VOTES, LIKELY_SHARE = 3, 0.7
 """The same from which it is likely."""
 
@@ -75,6 +76,16 @@ class OrderEstimate:
     """Tiles that vote."""
     is_serpentine: bool = False
     """Whether every other row of views is reversed; `order` is then what they are in once that is put right."""
+
+    def put_right(self, views: NDArray[Any]) -> NDArray[Any]:
+        """`views`, whose first two axes are the rows and columns of views in this order, in the right one. Where one
+        axis is reversed, the pictures don't show which: rows are taken from the bottom up.
+        """
+        if self.is_serpentine:
+            views = reverse_every_other_row(views)
+        if self.order.startswith("transposed"):
+            views = views.swapaxes(0, 1)
+        return views[::-1] if self.order.endswith("axis") else views
 
     def __str__(self) -> str:
         if not self.is_serpentine:
@@ -95,6 +106,15 @@ class OrderEstimate:
     def is_wrong(self) -> bool:
         """Whether the views are certainly in another order than they should be."""
         return self.is_certain and (self.is_serpentine or self.order != ORDERS[0])
+
+
+def reverse_every_other_row(views: NDArray[Any]) -> NDArray[Any]:
+    """A copy of `views`, whose first two axes are rows and columns of views, with every other row reversed, the second
+    one first.
+    """
+    turned = views.copy()
+    turned[1::2] = views[1::2, ::-1]
+    return turned
 
 
 def estimate_order(views: Views) -> OrderEstimate:

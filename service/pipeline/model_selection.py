@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from ciir.models import catalogue, processor
 from ciir.models.light_field.views import list_required_views
 from ciir.models.light_field.windows import MINIMUM_GRID
-from ciir.renderer.scene import Scene
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.prediction import predict_extra
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
+    from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
 
 
@@ -95,14 +95,12 @@ def _no_light_field(job: Job) -> str:
 def _describe_wrong_order(job: Job) -> str:
     """The note on views in a certainly wrong order; empty where they are not in one."""
     order = job.order
-    if order is None or not order.is_wrong or isinstance(job.content, Scene):
+    if order is None or not order.is_wrong:
         return ""
-    done = "each view is upscaled with those around it in the right order, and written where it was"
-    if any(note.startswith("order: ") for note in job.content.notes):  # what the reader found
-        return f"order: {done}"
     return (
-        f"order: the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles: {done}; "
-        "if they are in order, give order given (in Python is_ordered=True)"
+        f"order: the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles: each view is "
+        "upscaled with those around it in the right order, and written where it was; if they are in order, give order "
+        "given (in Python is_ordered=True)"
     )
 
 

@@ -159,13 +159,13 @@ def _reconstruct(
     views.open()
 
     written: list[dict[str, Any]] = []
-    fallback = averaged = 0.0
+    fallback, is_averaged = 0.0, False
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted))
     with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
-        for wanted, pictures, shares in finished:
-            fallback += shares.fallback * len(wanted) / len(job.wanted)
-            averaged += shares.averaged * len(wanted) / len(job.wanted)
+        for wanted, pictures, used in finished:
+            fallback += used.share * len(wanted) / len(job.wanted)
+            is_averaged |= used.is_averaged
             with clock.stage("encode"):
                 for view, picture in zip(wanted, pictures, strict=True):
                     height, width = picture.shape[:2]
@@ -192,7 +192,7 @@ def _reconstruct(
             "reasons": [
                 *plan.reasons,
                 *described["reasons"],
-                *averaging_reasons(plan.model, averaged),
+                *averaging_reasons(plan.model, is_averaged=is_averaged),
                 *skip_reasons(skipped),
             ],
             "skipped": skipped,

@@ -50,7 +50,7 @@ def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, l
     grids = choose_grids(model, pairs)
     kept: list[str] = []
     order: list[str] = []
-    before = _score(weights, pairs)
+    before = _score(weights, pairs, is_int8=False)
     while True:
         made = _serialise(qdq.insert_qdq(model, grids, kept))
         loss = float(np.mean(before - _score(made, pairs)))
@@ -136,9 +136,9 @@ def _sort_by_cost(
     return sorted(names, key=cost, reverse=True)
 
 
-def _score(weights: bytes, pairs: Sequence[Example]) -> Values:
+def _score(weights: bytes, pairs: Sequence[Example], *, is_int8: bool = True) -> Values:
     """Y-PSNR in dB of each pair, with outputs not rounded, at most 60 dB."""
-    session = open_session(weights, count_available_cores(), is_int8=True)
+    session = open_session(weights, count_available_cores(), is_int8=is_int8)
     scores = []
     for inputs, high in pairs:
         output, *_ = session.run(None, inputs)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set.view_files import ViewFiles
-from ciir.renderer.view_order.estimate import estimate_order
+from ciir.renderer.view_order.estimate import estimate_order, reverse_every_other_row
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ciir.renderer.readers.layout import OrderCheck
     from ciir.renderer.view_order.estimate import OrderEstimate
 
@@ -28,10 +30,7 @@ ASKED = ("given", "rows", "columns", "serpentine")
 
 def unwind(views: Views) -> Views:
     """The views with every other row reversed, the second one first: as a gantry takes them that moves to and fro."""
-    grid = views.files if isinstance(views, ViewFiles) else views.views
-    turned = grid.copy()
-    turned[1::2] = grid[1::2, ::-1]
-    return replace(views, files=turned) if isinstance(views, ViewFiles) else replace(views, views=turned)
+    return _replace_grid(views, reverse_every_other_row(_find_grid(views)))
 
 
 def take_order(views: Views, order: OrderCheck) -> Views:
@@ -75,10 +74,17 @@ def reorient(views: Views, layout: Layout) -> Views:
 
 
 def correct(views: Views, found: OrderEstimate) -> Views:
-    """Views in the order `found`, in the right one. Where one axis is reversed, the pictures don't show which: rows."""
-    views = unwind(views) if found.is_serpentine else views
-    turned = views.transpose() if found.order.startswith("transposed") else views
-    return turned.flip("v") if found.order.endswith("axis") else turned
+    """Views in the order `found`, in the right one."""
+    return _replace_grid(views, found.put_right(_find_grid(views)))
+
+
+def _find_grid(views: Views) -> NDArray[Any]:
+    """The views, or their files, by row and column."""
+    return views.files if isinstance(views, ViewFiles) else views.views
+
+
+def _replace_grid(views: Views, grid: NDArray[Any]) -> Views:
+    return replace(views, files=grid) if isinstance(views, ViewFiles) else replace(views, views=grid)
 
 
 def describe_correction(found: OrderEstimate) -> str:

@@ -40,17 +40,11 @@ class Arrangement:
 def arrange_views(grid: tuple[int, int], order: OrderEstimate | None) -> Arrangement:
     """The arrangement of `grid` views that were given in `order`; the right one where that is None or not certain.
 
-    Where one axis is reversed, the pictures don't show which. Both readings have the same views around each, with depth
-    inverted, and upscaled views differ by little: by up to 21 levels at edges.
+    Where one axis is reversed, both readings of it have the same views around each, with depth inverted, and upscaled
+    views differ by little: by up to 21 levels at edges.
     """
     if order is None or not order.is_wrong:
         return Arrangement(grid)
-    given = np.moveaxis(np.indices(grid), 0, -1)  # (V, U, 2): the view that was given, by its place
-    if order.is_serpentine:
-        given[1::2] = given[1::2, ::-1].copy()
-    if order.order.startswith("transposed"):
-        given = given.swapaxes(0, 1)
-    if order.order.endswith("axis"):
-        given = given[::-1]
+    given = order.put_right(np.moveaxis(np.indices(grid), 0, -1))  # (V, U, 2): the view that was given, by its place
     places = {(int(given[place][0]), int(given[place][1])): place for place in np.ndindex(given.shape[:2])}
     return Arrangement((given.shape[0], given.shape[1]), places)

@@ -6,7 +6,7 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.views import FallbackShares
+from ciir.models.light_field.views import FallbackUse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
@@ -34,20 +34,20 @@ def upscale_batches(
     opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
     statistics: SkipStatistics,
-) -> Generator[tuple[Sequence[View], Iterable[Pixels], FallbackShares]]:
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], FallbackUse]]:
     """Each batch's wanted views, the pictures that are written of them, and what the fallback made of them."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:
             kept.update(zip(batch.new, new, strict=True))
             pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
-            shares = FallbackShares()
+            used = FallbackUse()
             if upscale is not None:
                 with clock.stage("upscale"):
                     wait()
                     begun = time.perf_counter()
-                    pictures, shares = upscale(kept, batch.wanted)
+                    pictures, used = upscale(kept, batch.wanted)
                     statistics.seconds += time.perf_counter() - begun
             for view in batch.done:
                 del kept[view]
-            yield batch.wanted, pictures, shares
+            yield batch.wanted, pictures, used

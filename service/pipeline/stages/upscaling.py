@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, FallbackShares
+from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, FallbackUse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", FallbackShares]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", FallbackUse]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
 what a light-field network's single-image fallback made of them."""
 
@@ -38,11 +38,11 @@ def load_upscaler(
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
-        made, shares = upscale(views, wanted)
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
+        made, used = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
-        return made, shares
+        return made, used
 
     return upscale_lenslets
 
@@ -54,9 +54,9 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(catalogue.default_name(), scale=plan.scale)
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
             colours, alpha = _split_alpha(views)
-            made, shares = upscale_views(
+            made, used = upscale_views(
                 network,
                 fallback,
                 {arrangement.find_place(view): picture for view, picture in colours.items()},
@@ -66,14 +66,14 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
                 statistics=statistics,
                 averages=plan.averages,
             )
-            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, shares
+            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, used
 
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackShares]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), FallbackShares()
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), FallbackUse()
 
     return upscale_singly
 
@@ -124,9 +124,9 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     )
 
 
-def averaging_reasons(model: str, averaged: float) -> list[str]:
-    """A sentence on views that are the mean of two networks' pictures, where some share of all is."""
-    if not averaged:
+def averaging_reasons(model: str, *, is_averaged: bool) -> list[str]:
+    """A sentence on views that are the mean of two networks' pictures, where some are."""
+    if not is_averaged:
         return []
     filtered = "views that look as if they were made small with an antialiasing filter"
     return [

@@ -105,9 +105,9 @@ def test_filtered_views_are_means_of_both_networks():
     for small, is_filtered in ((filter_down(fine), True), (average_down(fine), False)):
         for averages in (True, False):
             views = dict.fromkeys(every, small)
-            made, shares = upscale_views(Making(fine), Black(), views, every, (5, 6), averages=averages)
+            made, used = upscale_views(Making(fine), Black(), views, every, (5, 6), averages=averages)
             is_mean = is_filtered and averages
-            assert shares == (0, float(is_mean))
+            assert used == (0, is_mean)
             for picture, view in zip(made, every, strict=True):
                 share = (SURROUNDED if view in {(2, 2), (2, 3)} else MOST) if is_mean else 0
                 np.testing.assert_allclose(picture, fine * (1 - share), atol=1)  # rounded twice

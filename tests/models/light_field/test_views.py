@@ -116,11 +116,11 @@ def test_large_views_are_upscaled_in_tiles(monkeypatch):
 )
 def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_share):
     views = make_light_field((3, 3))
-    (got,), share = upscale_views(Repeating(uncertainty), fallback, views, [(1, 1)], (3, 3))
+    (got,), used = upscale_views(Repeating(uncertainty), fallback, views, [(1, 1)], (3, 3))
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=1.01)  # rounded twice
-    assert share == (expected_share, 0)
+    assert used == (expected_share, False)
 
 
 def test_skip_applies_to_the_fallback_too(monkeypatch):
@@ -193,11 +193,11 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, til
     wanted = [(5, 5), (0, 0), (3, 3), (6, 0), (1, 5)]
     whole = [upscale_views(UncertainWhereBright(), fallback, views, [at], (7, 7)) for at in wanted]
     monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
-    batch, share = upscale_views(UncertainWhereBright(), fallback, views, wanted, (7, 7))
+    batch, used = upscale_views(UncertainWhereBright(), fallback, views, wanted, (7, 7))
     for got, (expected, _) in zip(batch, whole, strict=True):
         np.testing.assert_array_equal(got, expected[0])
-    assert share == pytest.approx(np.mean([single for _, single in whole], axis=0))
-    assert 0 < share.fallback < 1
+    assert used.share == pytest.approx(np.mean([single.share for _, single in whole]))
+    assert 0 < used.share < 1
 
 
 @pytest.mark.parametrize("view", [(2, 2), (0, 4), (3, 1)])
