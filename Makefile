@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517
 
-.PHONY: help demo test lint format coverage serve lock clean setup-training
+.PHONY: help demo test test-slow lint format coverage serve lock clean setup-training
 
 help:
 	@echo "make demo      three scenes: elemental image array, views before and after, a contact sheet, in demo-out/"
 	@echo "make test      the tests; those of training are skipped until make setup-training has installed torch"
+	@echo "make test-slow the slow tests: fuzzing, and whole servers under kills and load"
 	@echo "make lint      ruff and mypy, strict (installs torch, to check training too)"
 	@echo "make format    ruff, with the corrections that it can make itself"
 	@echo "make coverage  the tests, and which lines they run"
@@ -48,9 +49,13 @@ test: $(VENV)/.dev
 	@echo "== running the tests"
 	@$(BIN)/python -m pytest -n 4 --dist worksteal
 
+test-slow: $(VENV)/.dev
+	@echo "== running the slow tests"
+	@$(BIN)/python -m pytest -n 4 --dist worksteal --slow -m slow
+
 coverage: $(VENV)/.dev
 	@$(BIN)/coverage erase
-	@$(BIN)/coverage run -m pytest
+	@$(BIN)/coverage run -m pytest --slow
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report
 

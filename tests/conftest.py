@@ -1,4 +1,5 @@
-"""What holds for all tests: one thread for linear algebra, the same examples each time, a list of skipped tests."""
+"""What holds for all tests: one thread for linear algebra, the same examples each time, slow ones apart, a list of
+skipped tests."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Set before numpy and torch are loaded, and inherited by the processes that tests start. On busy cores their threads
@@ -18,7 +20,15 @@ settings.load_profile("ciir")
 
 
 def pytest_addoption(parser):
+    parser.addoption("--slow", action="store_true", help="run the tests that are marked slow too")
     parser.addoption("--list-skipped", type=Path, metavar="FILE", help="write the names of skipped tests to FILE")
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--slow"):
+        for item in items:
+            if item.get_closest_marker("slow"):
+                item.add_marker(pytest.mark.skip(reason="slow; make test-slow runs it"))
 
 
 def pytest_terminal_summary(terminalreporter, config):

@@ -14,6 +14,8 @@ from ciir.renderer.writers.pictures import encode_png
 from tests.fuzz import seeds
 from tests.fuzz.seeds import gltf
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import json, sys
 from pathlib import Path

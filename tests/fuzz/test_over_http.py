@@ -3,8 +3,12 @@
 import http.client
 from contextlib import closing
 
+import pytest
+
 from tests.fuzz.over_http import attack
 from tests.load import run
+
+pytestmark = pytest.mark.slow
 
 
 def test_no_input_brings_about_what_is_not_declared(hostile_server):

@@ -3,7 +3,11 @@
 import subprocess
 import sys
 
+import pytest
+
 from ciir.service.pipeline.options import KINDS
+
+pytestmark = pytest.mark.slow
 
 NOT_ASKED = (
     "positive_data_acceptance",  # a file of random bytes is no mesh: 415 and 422 are the answers

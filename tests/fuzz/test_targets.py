@@ -9,6 +9,8 @@ from ciir.errors import Unreadable
 from tests.fuzz.mutate import KINDS, MOST_BYTES, WORDS, Edit, apply_edits
 from tests.fuzz.targets import TARGETS, BrokenPromise, Target
 
+pytestmark = pytest.mark.slow
+
 REFUSED_SEEDS = {"zip": 1, "any": 1, "inspection": 1, "options-eia": 5, "options-mesh": 5}
 """An empty zip, and options for the other kind of input; all other seeds are read."""
 EDITS = st.lists(

@@ -4,6 +4,8 @@ import pytest
 
 from tests.load import kills
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def done(tmp_path, monkeypatch):

@@ -1,12 +1,15 @@
 """Inputs and results in S3: a real server and its workers with s3fs, and a store that speaks S3."""
 
 import numpy as np
+import pytest
 
 from ciir.renderer.readers.pictures import decode
 from ciir.service.client import Client
 from tests.containers.object_store import run_store
 from tests.support.inputs import EIA
 from tests.support.servers import run_server
+
+pytestmark = pytest.mark.slow
 
 
 def test_jobs_of_a_server_whose_files_are_in_s3(eia_file, tmp_path):

@@ -13,6 +13,8 @@ from ciir.renderer.writers.pictures import encode_png
 from tests.support.light_fields import make_views
 from tests.support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 INPUTS = 12
 OPTIONS = ("--lenses", "40x40", "--pixels", "5x5", "--model", "quality", "--views", "all", "--workers", "1")
 

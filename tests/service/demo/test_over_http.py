@@ -4,6 +4,8 @@ from ciir.errors import ConnectionFailed
 from ciir.renderer.readers.pictures import decode
 from ciir.service.demo import over_http
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_pictures_of_a_scene_come_from_the_server(server, tmp_path, capsys):
     over_http.main(server, tmp_path / "out")

@@ -15,6 +15,8 @@ from tests.support.inputs import EIA_PNG
 from tests.support.servers import run_server
 from tests.support.web import check_problem, post_file, run_app
 
+pytestmark = pytest.mark.slow
+
 FIELDS = {"lenses": "6x9", "model": "none"}
 POST = "/v1/reconstructions"
 

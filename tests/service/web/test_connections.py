@@ -17,6 +17,8 @@ from ciir.service.web import connections as module
 from tests.support.inputs import EIA_PNG
 from tests.support.servers import run_server
 
+pytestmark = pytest.mark.slow
+
 
 def test_more_connections_than_open_files_leave_a_server_at_work(tmp_path):
     log = tmp_path / "log"

@@ -10,6 +10,8 @@ from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import make_picture
 from tests.support.servers import run_server
 
+pytestmark = pytest.mark.slow
+
 MAX_MIB = 150
 """Resident memory of the web process without workers."""
 HEAVY = ("onnxruntime", "embree", "libEGL", "OpenGL", "PIL/", "imagecodecs", "trimesh", "DracoPy")

@@ -33,6 +33,7 @@ def collector():
         thread.join()
 
 
+@pytest.mark.slow
 def test_traces_go_to_the_collector(collector, tmp_path):
     pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="fastapi[opentelemetry] is not installed")
     url, received = collector

@@ -14,6 +14,8 @@ from tests.support.inputs import EIA, EIA_PNG
 from tests.support.servers import find_workers, run_ciir, run_python, run_server
 from tests.support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -29,6 +29,8 @@ from tests.support.servers import find_workers
 from tests.support.waiting import wait_until
 from tests.support.workers.pools import COLD
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = {"lenses": "70x70", "pixels": "5x5", "views": "all", "scale": "4", "backend": "raytrace", "model": "bicubic"}
 ASYNC = {"Prefer": "respond-async"}
 POST = "/v1/reconstructions"

@@ -25,6 +25,8 @@ from tests.support.inputs import make_picture
 from tests.support.jobs import JobService, StandInPool, read_result
 from tests.support.workers.pools import COLD
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = {"lenses": "4x5", "model": "none"}
 RUN = """
 import io, sys, threading

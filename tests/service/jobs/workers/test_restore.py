@@ -2,6 +2,7 @@ import os
 import signal
 
 import httpx2
+import pytest
 
 from ciir.service.jobs.queue import FILE
 from ciir.service.jobs.workers.restore import restore_jobs
@@ -67,6 +68,7 @@ def test_records_that_cannot_be_used_are_left_or_removed(jobs, caplog):
     assert jobs.get(job.id) is None
 
 
+@pytest.mark.slow
 def test_a_server_whose_database_is_damaged_loses_no_accepted_job(tmp_path):
     fields = {"lenses": "6x9", "model": "none"}
     asynchronously = {"Prefer": "respond-async"}

@@ -91,6 +91,7 @@ STATES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("show", STATES)
 def test_all_can_use_each_state(page, show):
     show(page)
