@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import re
 import sys
 from typing import TYPE_CHECKING, NoReturn
@@ -47,7 +48,11 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     if args.command == "evaluate" and not any(word.startswith("-") for word in rest):
         args.words += rest
     elif rest:
-        whole.error(f"unrecognized arguments: {' '.join(rest)}")
+        first = rest[0].partition("=")[0]
+        close = [] if first in _OPTIONS else difflib.get_close_matches(first, _OPTIONS, n=1, cutoff=0.75)
+        meant = f"did you mean {close[0]}, or " if close else ""
+        command = f"ciir {args.command}" if args.command else "ciir"
+        raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {meant}see {command} --help")
     return args
 
 

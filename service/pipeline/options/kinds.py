@@ -100,7 +100,10 @@ class Kind:
         """Raises `UnknownModel` where `name` is none of `list_models`."""
         known = self.list_models()
         if name not in known:
-            raise UnknownModel(f"model: no {clean_text(name)[:40]!r} here; give one of {', '.join(known)}")
+            is_field = name in catalogue.list_names()
+            others = f"{name} takes views of a light field, by a reconstruction; for pictures " if is_field else ""
+            lacks = "" if is_field else f"no {clean_text(name)[:40]!r} here; "
+            raise UnknownModel(f"model: {lacks}{others}give one of {', '.join(known)}")
 
     def describe_option(self, name: str) -> dict[str, Any]:
         """JSON schema (as in OpenAPI 3.0) of an option in this kind's form."""

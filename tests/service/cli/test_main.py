@@ -63,6 +63,7 @@ def empty_folder(tmp_path, monkeypatch):
     ("argv", "words"),
     [
         ([], ["--help"]),
+        (["--foo"], ["--foo; see ciir --help"]),
         (["nothing"], ["nothing", "reconstruct"]),
         (["reconstruct"], ["INPUT", "-o"]),
         (["reconstruct", "gone.glb", "-o", "out"], ["gone.glb"]),
@@ -79,7 +80,8 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "scene:vase", "-o", "o" * 300], ["too long", "name a place"]),
         (["evaluate"], ["MODEL", "--light-field"]),
         (["evaluate", "fast"], ["MODEL", "--light-field"]),
-        (["evaluate", "fast", "--foo", "a"], ["unrecognized", "--foo"]),
+        (["evaluate", "fast", "--foo", "a"], ["unrecognized", "--foo", "see ciir evaluate --help"]),
+        (["reconstruct", "scene:vase", "--lens", "5x5", "-o", "a.png"], ["--lens 5x5; did you mean --lenses"]),
         (["evaluate", "fast", "a", "--grid", "5x5"], ["--grid", "--light-field"]),
         (["evaluate", "--light-field", "gone"], ["gone", "no such folder", "views"]),
         (["evaluate", "--light-field", ".", "--grid", "5"], ["grid: '5'", "rows x columns"]),
