@@ -51,7 +51,8 @@ def upscale_view(model: str, low: Views, at: tuple[int, int]) -> NDArray[np.uint
         return single
     grid = (low.shape[0], low.shape[1])
     every = {(v, u): low[v, u] for v in range(grid[0]) for u in range(grid[1])}
-    network, fallback = catalogue.load_light_field_network(model), catalogue.load_upscaler(catalogue.DEFAULT)
+    network = catalogue.load_light_field_network(model)
+    fallback = catalogue.load_upscaler(catalogue.find_fallback(network.card))
     views, _ = upscale_views(network, fallback, every, [at], grid)
     return np.asarray(views[0], np.uint8)
 

@@ -76,7 +76,7 @@ PRECISIONS = ("float32", "int8")
 
 @dataclass(frozen=True)
 class Card:
-    """The description of a shipped network; the `.onnx` of the same stem lies beside its `.json`."""
+    """The description of a shipped network; its `.onnx`, of the same stem or `weights`, lies beside its `.json`."""
 
     name: str
     kind: str
@@ -111,6 +111,11 @@ class Card:
     """Inputs besides `input`; for a light-field network, the window of views around the upscaled one."""
     extra_outputs: tuple[Tensor, ...] = ()
     """Outputs besides `output`; for a light-field network, its uncertainty."""
+    weights: str = ""
+    """Stem of the `.onnx`, where it is that of another network."""
+    flips: int = 1
+    """How many orientations of a view a light-field network upscales, whose mean is the result: 1, 2 (turned by 180
+    degrees too) or 4 (and mirrored along each axis)."""
 
     @property
     def is_light_field(self) -> bool:
@@ -131,6 +136,8 @@ class Card:
             raise BadCard(f"card {self.name}: precision is {self.precision!r}; give one of {', '.join(PRECISIONS)}")
         if min(self.sizes.minimum, self.sizes.multiple_of) < 1:
             raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
+        if self.flips not in (1, 2, 4) or (self.flips > 1 and not self.is_light_field):
+            raise BadCard(f"card {self.name}: flips is {self.flips}; give 1, or 2 or 4 for a light-field network")
         if self.radius < 0:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
 

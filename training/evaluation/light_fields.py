@@ -76,7 +76,7 @@ def score(
     psnrs, ssims = [], []
     for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            alone = catalogue.load_upscaler(catalogue.DEFAULT, scale=network.scale)
+            alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
             made, _ = upscale_views(network, alone, given, [view], grid, averages=True)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])

@@ -52,7 +52,7 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
-        fallback = catalogue.load_upscaler(catalogue.default_name(), scale=plan.scale)
+        fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
 
         def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
             colours, alpha = _split_alpha(views)
@@ -99,6 +99,12 @@ def upscale_pictures(
     return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures), skip=skip, statistics=statistics)
 
 
+def fallback_name(model: str) -> str:
+    """The network of single pictures that helps the light-field network `model` on this processor."""
+    card = next(entry.card for entry in catalogue.list_entries() if entry.name == model)
+    return catalogue.prefer_int8(catalogue.DEFAULT if card is None else catalogue.find_fallback(card))
+
+
 def describe_model(name: str, scale: int) -> dict[str, Any]:
     """The report's `model`: name, scale, and the network's SHA-256, null for interpolation; with a light-field network
     also `fallback`, the model of single pictures that makes the pixels of low confidence.
@@ -107,7 +113,7 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
     if not entry.is_light_field:
         return described
-    return described | {"fallback": describe_model(catalogue.default_name(), scale)}
+    return described | {"fallback": describe_model(fallback_name(name), scale)}
 
 
 def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
@@ -129,15 +135,13 @@ def averaging_reasons(model: str, *, is_averaged: bool) -> list[str]:
     if not is_averaged:
         return []
     filtered = "views that look as if they were made small with an antialiasing filter"
-    return [
-        f"{filtered} are means of what {model} and {catalogue.default_name()} make of them: others add little there"
-    ]
+    return [f"{filtered} are means of what {model} and {fallback_name(model)} make of them: others add little there"]
 
 
-def fallback_notes(share: float) -> list[str]:
-    """The report's note on the fallback share, of all pixels; none where it is negligible."""
+def fallback_notes(model: str, share: float) -> list[str]:
+    """The report's note on the share, of all pixels, that the fallback of `model` made; none where it is negligible."""
     if share < MINIMUM_FALLBACK_SHARE:
         return []
-    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.default_name()} from their view alone"
+    made = f"{100 * share:.0f} % of the pixels were made by {fallback_name(model)} from their view alone"
     causes = "another scene, a wrong order of views, noise, or depths too far apart"
     return [f"{made}: the views around don't match there ({causes})"]

@@ -12,6 +12,7 @@ from PIL import Image
 
 from ciir import models
 from ciir.errors import UnknownModel, UnsupportedScale
+from ciir.models.cards import read_card
 from ciir.models.catalogue import SHIPPED
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import Nearest
@@ -42,6 +43,7 @@ class Repeat(LightFieldNetwork):
     """A stand-in for a network: repeats each view's pixels, and records its windows."""
 
     name, scale, radius, threads = "repeat", 2, 0, 1
+    card = read_card(SHIPPED / "field.json")
 
     def __init__(self):
         self.windows = []

@@ -13,7 +13,12 @@ def test_models(capsys):
     assert [model["name"] for model in listed] == models.list_names()
     assert all(model["name"] in text for model in listed)
     assert [model["name"] for model in listed if model["default"]] == [models.default_name()]
-    assert [model["name"] for model in listed if model["takes"] != "a picture"] == ["field", "field-int8"]
+    assert [model["name"] for model in listed if model["takes"] != "a picture"] == [
+        "field",
+        "field-int8",
+        "field-quality",
+        "field-quality-int8",
+    ]
     assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
 
 

@@ -53,6 +53,12 @@ def test_pictures_take_the_views_around(stand_in, channels, dtype, wanted):
     assert "upscale" in report["timings_ms"]
 
 
+def test_the_network_that_helps_is_named_in_the_report():
+    _, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), model="field-quality")
+    assert report["model"]["name"] == "field-quality"
+    assert report["model"]["fallback"]["name"] in ("quality", "quality-int8")
+
+
 @pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])
 def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channels, dtype):
     eia = make_picture(24, 42, channels, dtype)
