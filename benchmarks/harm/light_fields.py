@@ -23,9 +23,12 @@ from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE, Case
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.readers.eia import reader as eia
+from ciir.renderer.readers.layout import Layout
 from ciir.service.pipeline.options import Options
 from ciir.training.data import downscale
-from ciir.training.data.corrupt import compress_jpeg
+from ciir.training.data.corrupt import compress_jpeg, encode_jpeg
 from ciir.training.data.light_field.views import degrade_views
 
 if TYPE_CHECKING:
@@ -173,8 +176,9 @@ def corrupt_views(views: Views, variation: Variation, random: np.random.Generato
         noise = variation.noise * random.standard_normal(views.shape, np.float32)
         views = np.clip(np.rint(views + noise), 0, 255).astype(np.uint8)
     if variation.jpeg and variation.is_interleaved:
-        eia = compress_jpeg(LightField(views).eia().astype(np.uint8), variation.jpeg)
-        views = LightField.from_eia(eia, rows=views.shape[2], cols=views.shape[3]).views.astype(np.uint8)
+        array = encode_jpeg(LightField(views).eia().astype(np.uint8), variation.jpeg)
+        layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia")
+        views = eia.read(array, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)
     elif variation.jpeg:
         flat = np.ascontiguousarray(views).reshape(-1, *views.shape[2:])
         views = np.stack([compress_jpeg(view, variation.jpeg) for view in flat]).reshape(views.shape)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from ciir.errors import TooLarge, UnsupportedType
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from ciir.renderer.readers.pictures import Pixels
 
 MAX_SCANS = 100
@@ -23,6 +25,15 @@ MAX_SCANS = 100
 START_OF_SCAN = 0xDA
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 ORIENTATION = 0x0112
+
+
+class Luma(NamedTuple):
+    """Brightness as a JPEG stores it."""
+
+    pixels: NDArray[np.uint8]
+    """`(H, W)`."""
+    steps: NDArray[np.float32]
+    """`(8, 8)`: of which steps the cosine coefficients of each 8x8 pixels are multiples, vertical frequencies down."""
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
@@ -41,6 +52,21 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         if image.mode not in ("L", "RGB"):
             raise UnsupportedType(f"{name}: a JPEG of {image.mode} colours; convert it to RGB or grey")
         return np.asarray(image), _orientation(exif)
+
+
+def decode_luma(data: bytes) -> Luma | None:
+    """The brightness in a JPEG that `decode` reads; None where it is stored turned, as RGB, or not at full size."""
+    data, exif = _split_metadata(data)
+    if _orientation(exif) != 1:
+        return None
+    with JpegImageFile(io.BytesIO(data)) as image:
+        _, *sampling, table = image.layer[0]
+        is_rgb = image.mode == "RGB" and (image.info.get("adobe_transform") == 0 or image.layer[0][0] == ord("R"))
+        if is_rgb or any(sampling[axis] < layer[1 + axis] for axis in (0, 1) for layer in image.layer):
+            return None
+        steps = np.array(image.quantization[table], np.float32).reshape(8, 8)
+        image.draft("L", image.size)
+        return Luma(np.asarray(image), steps)
 
 
 def _split_metadata(data: bytes) -> tuple[bytes, bytes]:

@@ -68,11 +68,16 @@ def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float
 
 
 def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Encodes and decodes 8-bit RGB `(H, W, 3)` as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
+    """Encodes and decodes 8-bit RGB `(H, W, 3)` as by `encode_jpeg`."""
+    with JpegImageFile(io.BytesIO(encode_jpeg(picture, quality))) as image:
+        return np.array(image)
+
+
+def encode_jpeg(picture: NDArray[np.uint8], quality: int) -> bytes:
+    """8-bit RGB `(H, W, 3)` as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, subsampling="4:2:0")
-    with JpegImageFile(io.BytesIO(file.getvalue())) as image:
-        return np.array(image)
+    return file.getvalue()
 
 
 def compress_jpeg_grey(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:

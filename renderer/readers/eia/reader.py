@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.eia import jpeg_rounding
 from ciir.renderer.readers.eia.advice import (
     advise_quilt,
     describe_fitting,
@@ -20,19 +21,33 @@ from ciir.renderer.readers.eia.advice import (
 from ciir.renderer.readers.eia.period import Periods
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ciir.renderer.limits import Limits
+    from ciir.renderer.readers.jpeg import Luma
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.readers.pictures import Pixels
 
     Pair = tuple[int, int]
 
+JPEG = b"\xff\xd8\xff"
+RESTORED = (
+    "the array is a JPEG: brightness was made smoother from view to view, within what the file's rounding leaves open; "
+    "give it as a PNG to have it as decoded"
+)
+
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too."""
-    return read_pixels(pictures.decode(data, name=name, max_pixels=limits.pixels), name=name, layout=layout)
+    """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
+
+    The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note.
+    """
+    picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
+    return read_pixels(picture, name=name, layout=layout, luma=_decode_luma(data))
 
 
-def read_pixels(picture: Pixels, *, name: str, layout: Layout) -> LightField:
+def read_pixels(picture: Pixels, *, name: str, layout: Layout, luma: Luma | None = None) -> LightField:
     """The light field in `picture`, `(H, W, C)`, without its margins `layout.crop`.
 
     - An elemental image array: `layout.lenses` elemental images, or elemental images of `layout.pixels`.
@@ -41,6 +56,9 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout) -> LightField:
 
     With the arrangement `auto` a picture is a mosaic where its period certainly is that of one, with a note. Another
     note says where the picture shows other numbers than those that were given.
+
+    `luma`: of a JPEG; the rounding of an elemental image array without margins, whose numbers no note doubts, is undone
+    in part.
 
     Raises `InvalidOption` where both numbers are missing or don't fit the picture, with those that would.
     """
@@ -55,11 +73,22 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout) -> LightField:
     seen = periods.find_arrangement(grid) if is_open and not exchanged else None
     if layout.arrangement == "mosaic" or (seen == "mosaic" and layout.pickup == "virtual"):
         return _read_mosaic(picture, grid, periods, is_sure=not is_open)
-    light_field = LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup)
+    notes: tuple[str, ...] = ()
     if is_open:
         notes = exchanged or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
-        light_field = replace(light_field, notes=notes)
-    return light_field
+    if not notes and luma is not None and luma.pixels.shape == picture.shape[:2]:  # nothing is cropped
+        picture = jpeg_rounding.restore(cast("NDArray[np.uint8]", picture), luma, grid)
+        notes = (RESTORED,)
+    return replace(LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup), notes=notes)
+
+
+def _decode_luma(data: bytes) -> Luma | None:
+    """The brightness that a JPEG stores; None for other pictures, and where `jpeg.decode_luma` has none."""
+    if not data.startswith(JPEG):
+        return None
+    from ciir.renderer.readers import jpeg  # it imports Pillow
+
+    return jpeg.decode_luma(data)
 
 
 def _crop(picture: Pixels, margins: tuple[int, int, int, int]) -> Pixels:

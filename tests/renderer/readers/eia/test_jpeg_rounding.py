@@ -1,0 +1,142 @@
+"""Elemental image arrays that are JPEGs come closer to what was compressed, and stay what the file may stand for."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.fft import dctn
+
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs, jpeg, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.eia import jpeg_rounding
+from ciir.renderer.readers.eia.reader import JPEG, RESTORED
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.writers.pictures import encode_png
+
+
+def encode(picture, quality=75, **options):
+    kept = io.BytesIO()
+    Image.fromarray(picture.squeeze()).save(kept, "JPEG", quality=quality, **options)
+    return kept.getvalue()
+
+
+def make_array(side=48, disparity=0.3):
+    """An elemental image array of `side` x `side` lenses with 9x7 pixels each, `(H, W, 3)`, neither black nor white:
+    waves of up to a third of a period a pixel, in views that move by `disparity` pixels."""
+    random = np.random.default_rng(0)
+    v, u, y, x = (np.arange(count) for count in (9, 7, side, side))
+    rows, cols = (place[None] - disparity * number[:, None] for place, number in ((y, v), (x, u)))
+    views = np.full((9, 7, side, side, 3), 128.0)
+    for down, across, begin in random.uniform((-2, -2, 0), (2, 2, 6), (30, 3)):
+        waves = np.sin(down * rows[:, None, :, None] + across * cols[None, :, None, :] + begin)
+        views += waves[..., None] * random.uniform(2, 8, 3)
+    return LightField(np.clip(views, 20, 235).round().astype(np.uint8)).eia().astype(np.uint8)
+
+
+def read(data, **layout):
+    name = "a.jpg" if data.startswith(JPEG) else "a.png"
+    return inputs.read(Bundle(name, name, {name: data}), Layout(**layout))
+
+
+def error(picture, truth):
+    return float(np.square(picture.astype(float) - truth).mean()) ** 0.5
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("options", [{}, {"subsampling": 0}, {"progressive": True}])
+def test_views_come_closer_to_what_was_compressed(channels, options):
+    array = make_array()[..., :channels]
+    data = encode(array, **options)
+    field = read(data, pixels=(9, 7))
+    assert field.notes == (RESTORED,)
+    decoded = pictures.decode(data, name="a")
+    assert error(field.eia(), array) < 0.9 * error(decoded, array)
+    corners = [each[::9, ::7] for each in (field.eia(), decoded, array)]
+    assert error(corners[0], corners[2]) < 0.9 * error(corners[1], corners[2])
+
+
+@pytest.mark.parametrize("size", [(9 * 16, 7 * 16), (9 * 5, 7 * 5)])  # whole blocks, and some that the edge cuts
+def test_it_stays_a_picture_that_the_file_may_stand_for(size):
+    """Each coefficient of a whole block is within half a step, and what 8-bit pixels and clipping add."""
+    array = make_array()[: size[0], : size[1]].mean(2, keepdims=True).round().astype(np.uint8)
+    data = encode(array, quality=50)
+    luma = jpeg.decode_luma(data)
+    restored = jpeg_rounding.restore(luma.pixels[..., np.newaxis], luma, (9, 7))[..., 0]
+    height, width = (side // 8 * 8 for side in size)
+    assert not np.array_equal(restored, luma.pixels)
+    assert np.array_equal(restored[height:], luma.pixels[height:])
+    assert np.array_equal(restored[:, width:], luma.pixels[:, width:])
+
+    def transform(picture):
+        blocks = picture[:height, :width].reshape(height // 8, 8, width // 8, 8).astype(float)
+        return dctn(blocks - 128, axes=(1, 3), norm="ortho") / luma.steps[None, :, None, :]
+
+    multiples = np.round(transform(luma.pixels))
+    pixels = 8 * 0.5 / luma.steps[None, :, None, :]  # at most: each of 64 pixels is rounded by up to half a level
+    assert (np.abs(transform(restored) - multiples) <= jpeg_rounding.KEPT + pixels + 1e-3).all()
+
+
+def test_transforms_are_those_of_scipy_and_each_others_inverse():
+    pixels = np.random.default_rng(0).integers(0, 256, (24, 40)).astype(np.float32)
+    expected = dctn(pixels.reshape(3, 8, 5, 8) - 128, axes=(1, 3), norm="ortho").reshape(3, 8, 40)
+    made = jpeg_rounding._transform(pixels)
+    assert np.abs(made - expected).max() < 1e-3  # float32
+    assert np.abs(jpeg_rounding._transform_back(made) - pixels).max() < 1e-3
+
+
+def test_views_that_differ_much_stay_as_decoded():
+    array = np.random.default_rng(1).integers(0, 256, (9 * 16, 9 * 16, 1)).astype(np.uint8)
+    data = encode(array, quality=90)
+    assert np.array_equal(
+        read(data, pixels=(9, 9), arrangement="eia", order="given").eia(), pictures.decode(data, name="a")
+    )
+
+
+def test_strips_join(monkeypatch):
+    luma = jpeg.decode_luma(encode(make_array(96)[..., :1]))
+    whole = jpeg_rounding._find_change(luma.pixels.astype(np.float32), luma.steps, (9, 7))
+    monkeypatch.setattr(
+        jpeg_rounding, "STRIP_PIXELS", 1
+    )  # strips of 72 rows, in which nothing but weights depends on others
+    strips = jpeg_rounding.restore(luma.pixels[..., np.newaxis], luma, (9, 7))[..., 0]
+    together = np.rint(luma.pixels[: len(whole), : whole.shape[1]] + whole)
+    assert np.mean(np.abs(strips[: len(whole), : whole.shape[1]] - together) <= 1) > 0.99
+
+
+@pytest.mark.parametrize("quality", [30, 75, 95])
+def test_flat_pictures_and_small_ones_stay_exactly(quality):
+    for shape in ((27, 21, 3), (144, 112, 3), (9, 7, 1), (3, 90, 1)):
+        flat = np.full(shape, 77, np.uint8)
+        data = encode(flat, quality)
+        grid = shape[0] // 3, shape[1] // 3 if shape[1] % 3 == 0 else 7
+        decoded = pictures.decode(data, name="a")
+        assert np.array_equal(read(data, pixels=grid, arrangement="eia", order="given").eia(), decoded)
+
+
+@pytest.mark.parametrize(
+    ("data", "layout"),
+    [
+        (
+            lambda array: encode(
+                array, exif=b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0"
+            ),
+            {},
+        ),
+        (encode, {"crop": (9, 7, 0, 0)}),
+        (encode, {"arrangement": "mosaic"}),
+        (encode_png, {}),
+    ],
+    ids=["turned", "with margins", "a mosaic", "PNG"],
+)
+def test_others_are_read_as_decoded(data, layout):
+    made = data(make_array())
+    field = read(made, pixels=(9, 7), order="given", **layout)
+    assert RESTORED not in field.notes
+    top, left = layout.get("crop", (0, 0))[:2]
+    decoded = pictures.decode(made, name="a")[top:, left:]
+    if layout.get("arrangement") == "mosaic":
+        height, width = decoded.shape[0] // 9, decoded.shape[1] // 7
+        decoded = decoded.reshape(9, height, 7, width, 3).transpose(1, 0, 3, 2, 4).reshape(decoded.shape)
+    assert np.array_equal(field.eia(), decoded)
