@@ -114,8 +114,8 @@ class Card:
     weights: str = ""
     """Stem of the `.onnx`, where it is that of another network."""
     flips: int = 1
-    """How many orientations of a view a light-field network upscales, whose mean is the result: 1, 2 (turned by 180
-    degrees too) or 4 (and mirrored along each axis)."""
+    """How many orientations of a view a light-field network upscales, whose mean is the result: 1, or 4 (turned by 180
+    degrees and mirrored along each axis)."""
 
     @property
     def is_light_field(self) -> bool:
@@ -136,8 +136,8 @@ class Card:
             raise BadCard(f"card {self.name}: precision is {self.precision!r}; give one of {', '.join(PRECISIONS)}")
         if min(self.sizes.minimum, self.sizes.multiple_of) < 1:
             raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
-        if self.flips not in (1, 2, 4) or (self.flips > 1 and not self.is_light_field):
-            raise BadCard(f"card {self.name}: flips is {self.flips}; give 1, or 2 or 4 for a light-field network")
+        if self.flips not in (1, 4) or (self.flips > 1 and not self.is_light_field):
+            raise BadCard(f"card {self.name}: flips is {self.flips}; give 1, or 4 for a light-field network")
         if self.radius < 0:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
 

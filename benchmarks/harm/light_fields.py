@@ -177,7 +177,7 @@ def corrupt_views(views: Views, variation: Variation, random: np.random.Generato
         views = np.clip(np.rint(views + noise), 0, 255).astype(np.uint8)
     if variation.jpeg and variation.is_interleaved:
         array = encode_jpeg(LightField(views).eia().astype(np.uint8), variation.jpeg)
-        layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia")
+        layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia", restores_jpeg=True)
         views = eia.read(array, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)
     elif variation.jpeg:
         flat = np.ascontiguousarray(views).reshape(-1, *views.shape[2:])

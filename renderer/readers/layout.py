@@ -42,6 +42,8 @@ class Layout:
     depth_sense: DepthSense | None = None
     """Whether views, in the order of the file, count pixels under lenses or cameras; None: as the file or its format
     says."""
+    restores_jpeg: bool = False
+    """Whether the rounding of an elemental image array that is a JPEG is undone in part."""
     lens_grid: Known | None = None
     """Of a raw lenslet picture; None for a picture that is an elemental image array."""
 

@@ -48,11 +48,11 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     if args.command == "evaluate" and not any(word.startswith("-") for word in rest):
         args.words += rest
     elif rest:
-        first = rest[0].partition("=")[0]
-        close = [] if first in _OPTIONS else difflib.get_close_matches(first, _OPTIONS, n=1, cutoff=0.75)
-        meant = f"did you mean {close[0]}, or " if close else ""
-        command = f"ciir {args.command}" if args.command else "ciir"
-        raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {meant}see {command} --help")
+        parser = whole if args.command is None else args.parser
+        known = re.findall(r"--[\w-]+", parser.format_usage())
+        close = difflib.get_close_matches(rest[0].partition("=")[0], known, n=1, cutoff=0.75)
+        remedy = f"{close[0]} may be meant" if close else f"see {parser.prog} --help"
+        raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {remedy}")
     return args
 
 
@@ -67,7 +67,7 @@ def make_parser() -> argparse.ArgumentParser:
     def add_command(name: str, text: str, module: str | None = None, more: str = "") -> argparse.ArgumentParser:
         description = f"{text[0].upper()}{text[1:]}. {more}".rstrip()
         added = commands.add_parser(name, help=text, description=description, allow_abbrev=False)
-        added.set_defaults(module=module or name)
+        added.set_defaults(module=module or name, parser=added)
         return added
 
     add_pictures(add_command)

@@ -20,7 +20,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
-from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.report import CountedFiles, Report
 
 if TYPE_CHECKING:
@@ -227,6 +227,7 @@ def make_layout(options: Options) -> Layout:
         flip=options.flip,
         transpose=options.transpose == "yes",
         depth_sense=None if options.depth_sense == "auto" else options.depth_sense,
+        restores_jpeg=options.model != NO_MODEL,
         lens_grid=options.known_grid,
     )
 

@@ -3,8 +3,6 @@ import pytest
 from ciir.service.cli import main
 from tests.load import requests, run
 
-pytestmark = pytest.mark.slow
-
 
 def answered(status=200, statuses=None):
     return requests.LoadAnswer(status, 10.0, 5.0, statuses or (status,))

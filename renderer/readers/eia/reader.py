@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
-from ciir.renderer.readers.eia import jpeg_rounding
 from ciir.renderer.readers.eia.advice import (
     advise_quilt,
     describe_fitting,
@@ -21,33 +22,28 @@ from ciir.renderer.readers.eia.advice import (
 from ciir.renderer.readers.eia.period import Periods
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
-    from ciir.renderer.readers.jpeg import Luma
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.readers.pictures import Pixels
 
     Pair = tuple[int, int]
 
 JPEG = b"\xff\xd8\xff"
-RESTORED = (
-    "the array is a JPEG: brightness was made smoother from view to view, within what the file's rounding leaves open; "
-    "give it as a PNG to have it as decoded"
-)
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
 
-    The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note.
+    The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
+    `layout.restores_jpeg`.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
-    return read_pixels(picture, name=name, layout=layout, luma=_decode_luma(data))
+    return read_pixels(picture, name=name, layout=layout, jpeg=data if data.startswith(JPEG) else b"")
 
 
-def read_pixels(picture: Pixels, *, name: str, layout: Layout, luma: Luma | None = None) -> LightField:
+def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:
     """The light field in `picture`, `(H, W, C)`, without its margins `layout.crop`.
 
     - An elemental image array: `layout.lenses` elemental images, or elemental images of `layout.pixels`.
@@ -57,8 +53,8 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, luma: Luma | None
     With the arrangement `auto` a picture is a mosaic where its period certainly is that of one, with a note. Another
     note says where the picture shows other numbers than those that were given.
 
-    `luma`: of a JPEG; the rounding of an elemental image array without margins, whose numbers no note doubts, is undone
-    in part.
+    `jpeg`: the file, if it is one. Its rounding is undone in part where `layout.restores_jpeg`, and it is an elemental
+    image array without margins, whose numbers no note doubts.
 
     Raises `InvalidOption` where both numbers are missing or don't fit the picture, with those that would.
     """
@@ -76,19 +72,29 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, luma: Luma | None
     notes: tuple[str, ...] = ()
     if is_open:
         notes = exchanged or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
-    if not notes and luma is not None and luma.pixels.shape == picture.shape[:2]:  # nothing is cropped
-        picture = jpeg_rounding.restore(cast("NDArray[np.uint8]", picture), luma, grid)
-        notes = (RESTORED,)
+    if jpeg and layout.restores_jpeg and not notes:
+        picture, notes = _restore(jpeg, picture, grid)
     return replace(LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup), notes=notes)
 
 
-def _decode_luma(data: bytes) -> Luma | None:
-    """The brightness that a JPEG stores; None for other pictures, and where `jpeg.decode_luma` has none."""
-    if not data.startswith(JPEG):
-        return None
+def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[str, ...]]:
+    """The picture in a JPEG with its rounding undone in part, and a note; as it is, and none, where that changes
+    nothing, or its brightness isn't stored as `picture` shows it.
+    """
     from ciir.renderer.readers import jpeg  # it imports Pillow
+    from ciir.renderer.readers.eia import jpeg_rounding
 
-    return jpeg.decode_luma(data)
+    luma = jpeg.decode_luma(data)
+    if luma is None or luma.pixels.shape != picture.shape[:2]:  # with margins cut
+        return picture, ()
+    made = jpeg_rounding.restore(cast("NDArray[np.uint8]", picture), luma, lens)
+    difference = np.maximum(made, picture) - np.minimum(made, picture)
+    changed = np.count_nonzero(difference.any(axis=2)) / luma.pixels.size
+    note = (
+        f"the array is a JPEG: {100 * changed:.0f} % of its pixels were changed, by at most {difference.max()} levels, "
+        "as the file's rounding leaves open, so that views differ more slowly; as a PNG it is upscaled as decoded"
+    )
+    return (made, (note,)) if changed else (picture, ())
 
 
 def _crop(picture: Pixels, margins: tuple[int, int, int, int]) -> Pixels:

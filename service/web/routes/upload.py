@@ -75,7 +75,7 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
             if name not in files:
                 allowed = " and ".join(map(repr, (FILE, *files)))
                 is_field = name in (*kind.options, *_list_others(kind))
-                remedy = "send this as a plain field" if is_field else f"send one file, several as a zip, as {FILE!r}"
+                remedy = "send this as a plain field" if is_field else "name the file so; send several as a zip"
                 raise InvalidOption(f"{clean_text(name)[:40]}: a file; only {allowed} may be one, {remedy}")
             texts[name] = decode_text(value.file.read(MOST_TEXT + 1), name)
         elif value.strip() or name not in (*kind.options, *_list_others(kind)):  # web forms send empty fields too

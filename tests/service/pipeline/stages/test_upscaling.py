@@ -1,7 +1,10 @@
 """Views through a light-field network, from bytes to pixels, with a stand-in whose results plain loops repeat."""
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
@@ -53,10 +56,25 @@ def test_pictures_take_the_views_around(stand_in, channels, dtype, wanted):
     assert "upscale" in report["timings_ms"]
 
 
-def test_the_network_that_helps_is_named_in_the_report():
+def test_the_network_that_helps_is_the_one_that_the_report_names(monkeypatch):
+    loaded, load = [], catalogue.load_upscaler
+    monkeypatch.setattr(catalogue, "load_upscaler", lambda name, **more: loaded.append(name) or load(name, **more))
     _, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), model="field-quality")
     assert report["model"]["name"] == "field-quality"
-    assert report["model"]["fallback"]["name"] in ("quality", "quality-int8")
+    assert loaded == [report["model"]["fallback"]["name"]] == [catalogue.prefer_int8("quality")]
+
+
+def test_the_rounding_of_a_jpeg_is_undone_only_before_views_are_upscaled():
+    waves = 128 + 60 * np.sin(np.add.outer(np.arange(96), 0.5 * np.arange(108)) / 9)
+    file = io.BytesIO()
+    Image.fromarray(waves.astype(np.uint8)).save(file, "JPEG", quality=60)
+    eia = Bundle.from_upload("eia.jpg", file.getvalue())
+    notes = {model: run(eia, pixels=(6, 6), model=model)[1]["notes"] for model in ("none", "bicubic", "auto")}
+    assert {model: any("JPEG" in note for note in found) for model, found in notes.items()} == {
+        "none": False,
+        "bicubic": True,
+        "auto": True,
+    }
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])

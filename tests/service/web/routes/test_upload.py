@@ -74,7 +74,12 @@ def test_bad_forms(client, eia):
     problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
     problem(send(client, data=eia, lenses="6x9", views="all", format="png"), 422, "16", "zip")
     problem(send(client, data=eia, lenses="6x9", format="bmp"), 422, "bmp", "npz")
-    problem(client.post(POST, files={"files": ("a.png", eia)}), 422, "files: a file", "several as a zip, as 'file'")
+    problem(
+        client.post(POST, files={"files": ("a.png", eia)}),
+        422,
+        "files: a file",
+        "only 'file' may be one, name the file so; send several as a zip",
+    )
     problem(client.post(POST, files={"lenses": ("a.png", eia)}), 422, "lenses: a file", "send this as a plain field")
     takes_views = "model: field takes views of a light field, by a reconstruction; for pictures give one of auto, fast"
     problem(client.post("/v1/upscales", files={"file": ("a.png", eia)}, data={"model": "field"}), 422, takes_views)
