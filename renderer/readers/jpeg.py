@@ -64,7 +64,7 @@ def decode_luma(data: bytes) -> Luma | None:
         is_rgb = image.mode == "RGB" and (image.info.get("adobe_transform") == 0 or image.layer[0][0] == ord("R"))
         if is_rgb or any(sampling[axis] < layer[1 + axis] for axis in (0, 1) for layer in image.layer):
             return None
-        steps = np.array(image.quantization[table], np.float32).reshape(8, 8)
+        steps = np.maximum(np.array(image.quantization[table], np.float32), 1).reshape(8, 8)  # a damaged one may hold 0
         image.draft("L", image.size)
         return Luma(np.asarray(image), steps)
 

@@ -145,6 +145,15 @@ def test_what_no_smoothing_changes_stays_though_its_coefficients_were_clipped():
     assert np.array_equal(jpeg_rounding.restore(luma.pixels[..., np.newaxis], luma, (1, 1))[..., 0], luma.pixels)
 
 
+def test_steps_of_zero_are_read_as_ones():
+    """A damaged table: libjpeg reads it too."""
+    data = bytearray(encode(make_array()[..., :1]))
+    table = data.index(b"\xff\xdb") + 5
+    data[table : table + 64] = bytes(64)
+    field = read(bytes(data), pixels=(9, 7), arrangement="eia")
+    assert np.array_equal(field.eia(), pictures.decode(bytes(data), name="a"))
+
+
 @pytest.mark.parametrize("quality", [30, 75, 95])
 def test_flat_pictures_and_small_ones_stay_exactly(quality):
     for shape in ((27, 21, 3), (144, 112, 3), (9, 7, 1), (3, 90, 1)):
