@@ -14,7 +14,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
-from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION, Options
+from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.run import render_eia
 from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at, open_path
@@ -133,7 +133,6 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "lens_offset": lens_offset,
             "lens_rotation": lens_rotation,
             "lens_grid": lens_grid,
-            "model": NO_MODEL,
         }
     )
     source = add_frames(open_path(path), white=white, dark=dark)

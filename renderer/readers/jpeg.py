@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 MAX_SCANS = 100
 """Most scans in a progressive JPEG: encoders write about ten."""
-START_OF_SCAN = 0xDA
+START_OF_SCAN, QUANTISATION = 0xDA, 0xDB
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 ORIENTATION = 0x0112
 
@@ -55,9 +55,11 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
 
 
 def decode_luma(data: bytes) -> Luma | None:
-    """The brightness in a JPEG that `decode` reads; None where it is stored turned, as RGB, or not at full size."""
+    """The brightness in a JPEG that `decode` reads; None where it is stored turned, as RGB, or not at full size, or
+    where tables of steps follow the first scan, which Pillow doesn't list.
+    """
     data, exif = _split_metadata(data)
-    if _orientation(exif) != 1:
+    if _orientation(exif) != 1 or bytes([0xFF, QUANTISATION]) in data[data.find(bytes([0xFF, START_OF_SCAN])) :]:
         return None
     with JpegImageFile(io.BytesIO(data)) as image:
         _, *sampling, table = image.layer[0]

@@ -75,7 +75,7 @@ def reconstruct(
             given, options, options.time, writer, max_pixels=max_pixels, progress=progress, clock=clock
         )
     with clock.stage("decode"):
-        content = given.open(options, options.views)
+        content = given.open(options, options.views, is_upscaled=options.model != NO_MODEL)
     report = _reconstruct(given, content, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
     writer.finish(report)
     return report

@@ -20,7 +20,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
 from ciir.service.pipeline.limits import read_limits
-from ciir.service.pipeline.options import NO_MODEL, Options
+from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
 
 if TYPE_CHECKING:
@@ -122,8 +122,10 @@ class Input:
         content = self.open(options, views="all")
         return content.load() if isinstance(content, ViewFiles) else content
 
-    def open(self, options: Options, views: str) -> Content:
-        """The mesh, or the light field, of which `views` selects those that will be used. Raises `InputError`."""
+    def open(self, options: Options, views: str, *, is_upscaled: bool = False) -> Content:
+        """The mesh, or the light field, of which `views` selects those that will be used. `is_upscaled`: whether they
+        are upscaled, for which the rounding of an array that is a JPEG is undone in part. Raises `InputError`.
+        """
         is_raw = options.known_grid is not None
         if is_raw and not isinstance(self._source, Bundle):
             raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, and {self.name} is none; leave it out")
@@ -148,7 +150,7 @@ class Input:
             return load_scene(self._source, options.placement)
         from ciir.renderer.readers import inputs
 
-        layout = make_layout(options)
+        layout = replace(make_layout(options), restores_jpeg=is_upscaled)
         content = inputs.open_input(self._source, layout, options.placement, pose, views)
         if not isinstance(content, Scene) and not is_raw and inputs.holds_views(self._source, layout):
             self._check_views(content, options)
@@ -227,7 +229,6 @@ def make_layout(options: Options) -> Layout:
         flip=options.flip,
         transpose=options.transpose == "yes",
         depth_sense=None if options.depth_sense == "auto" else options.depth_sense,
-        restores_jpeg=options.model != NO_MODEL,
         lens_grid=options.known_grid,
     )
 

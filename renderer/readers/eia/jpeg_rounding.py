@@ -11,7 +11,7 @@ neither clipped, at black and white, nor rounded by about a step.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,13 +33,24 @@ DOUBTFUL, WRONG = 0.06, 0.14
 """Share of a block's coefficients, averaged with the blocks around it, that smoothing moves by over half a step: up to
 the first the result is taken, from the second the block stays. Views that differ much are not smooth under a lens."""
 ROWS, COLS = 256, 512
-"""Whole blocks that are worked on at once, in pixels. Of wider pieces BLAS would start threads of its own, and its sums
+"""Pixels that are worked on at once, whole blocks. Of wider pieces BLAS would start threads of its own, and its sums
 would depend on their number."""
 AROUND = BLOCK * ROUNDS
 """Pixels around a piece that are worked on with it: each round reaches a block further."""
 
 
-def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> NDArray[np.uint8]:
+class Restored(NamedTuple):
+    """What `restore` made."""
+
+    pixels: NDArray[np.uint8]
+    """`(H, W, C)`."""
+    changed: int
+    """How many pixels."""
+    most: int
+    """By how many levels, at most."""
+
+
+def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Restored:
     """`pixels`, `(H, W, C)` of a JPEG with the brightness `luma`, with its rounding undone in part.
 
     `lens`: rows and columns of pixels under each lens, which divide the picture. The change of brightness is added to
@@ -48,7 +59,7 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> NDA
     height, width = (side // BLOCK * BLOCK for side in luma.pixels.shape)
     result = pixels.copy()
 
-    def restore_piece(corner: tuple[int, int]) -> None:
+    def restore_piece(corner: tuple[int, int]) -> tuple[int, int]:
         sides = zip(corner, (ROWS, COLS), (height, width), strict=True)
         inside = tuple(slice(start, min(start + length, end)) for start, length, end in sides)
         near = tuple(
@@ -59,12 +70,15 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> NDA
         rows, cols = (
             slice(part.start - all_.start, part.stop - all_.start) for part, all_ in zip(inside, near, strict=True)
         )
-        result[inside] = np.clip(np.rint(pixels[inside] + change[rows, cols, np.newaxis]), 0, 255)
+        given, made = pixels[inside], result[inside]
+        made[:] = np.clip(np.rint(given + change[rows, cols, np.newaxis]), 0, 255)
+        difference = np.maximum(made, given) - np.minimum(made, given)
+        return int(np.count_nonzero(difference.any(axis=2))), int(difference.max())
 
     corners = [(top, left) for top in range(0, height, ROWS) for left in range(0, width, COLS)]
     with ThreadPoolExecutor(count_available_cores()) as pool:
-        list(pool.map(restore_piece, corners))
-    return result
+        counts = list(pool.map(restore_piece, corners))
+    return Restored(result, sum(count for count, _ in counts), max((most for _, most in counts), default=0))
 
 
 def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[Floats]:

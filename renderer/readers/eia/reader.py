@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
@@ -20,8 +18,10 @@ from ciir.renderer.readers.eia.advice import (
     note_raw,
 )
 from ciir.renderer.readers.eia.period import Periods
+from ciir.renderer.readers.registry import find_by_signature
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
     Pair = tuple[int, int]
-
-JPEG = b"\xff\xd8\xff"
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
@@ -40,7 +38,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     `layout.restores_jpeg`.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
-    return read_pixels(picture, name=name, layout=layout, jpeg=data if data.startswith(JPEG) else b"")
+    is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
+    return read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:
@@ -87,14 +86,16 @@ def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[st
     luma = jpeg.decode_luma(data)
     if luma is None or luma.pixels.shape != picture.shape[:2]:  # with margins cut
         return picture, ()
-    made = jpeg_rounding.restore(cast("NDArray[np.uint8]", picture), luma, lens)
-    difference = np.maximum(made, picture) - np.minimum(made, picture)
-    changed = np.count_nonzero(difference.any(axis=2)) / luma.pixels.size
+    restored = jpeg_rounding.restore(cast("NDArray[np.uint8]", picture), luma, lens)
+    if not restored.changed:
+        return picture, ()
+    share = 100 * restored.changed / luma.pixels.size
     note = (
-        f"the array is a JPEG: {100 * changed:.0f} % of its pixels were changed, by at most {difference.max()} levels, "
-        "as the file's rounding leaves open, so that views differ more slowly; as a PNG it is upscaled as decoded"
+        f"the array is a JPEG: {'less than 1' if share < 1 else round(share)} % of its pixels were changed, by at most "
+        f"{restored.most} levels, about as far as the file's rounding leaves open, so that brightness changes more "
+        "smoothly from view to view; as a PNG it is upscaled as decoded"
     )
-    return (made, (note,)) if changed else (picture, ())
+    return restored.pixels, (note,)
 
 
 def _crop(picture: Pixels, margins: tuple[int, int, int, int]) -> Pixels:

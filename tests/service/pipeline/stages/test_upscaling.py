@@ -15,6 +15,7 @@ from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.pictures import upscale_files
 from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages import schedule, view_sources
 from tests.support.inputs import EIA_PNG, make_picture
 from tests.support.networks import upscale_as_stand_in
@@ -70,10 +71,12 @@ def test_the_rounding_of_a_jpeg_is_undone_only_before_views_are_upscaled():
     Image.fromarray(waves.astype(np.uint8)).save(file, "JPEG", quality=60)
     eia = Bundle.from_upload("eia.jpg", file.getvalue())
     notes = {model: run(eia, pixels=(6, 6), model=model)[1]["notes"] for model in ("none", "bicubic", "auto")}
+    notes["open, as displays and inspections do"] = Input(eia).open(Options(pixels=(6, 6)), "all").notes
     assert {model: any("JPEG" in note for note in found) for model, found in notes.items()} == {
         "none": False,
         "bicubic": True,
         "auto": True,
+        "open, as displays and inspections do": False,
     }
 
 
