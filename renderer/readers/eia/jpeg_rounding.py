@@ -32,10 +32,12 @@ SLOPE, BEND, LIMIT = 0.22, 0.04, 1.25
 steps of a block's mean: larger differences are edges of things (Huber's function)."""
 KEPT = np.float32(0.18)
 """How far, in steps, a coefficient may be from its multiple, or from the decoded pixels if these are farther."""
-MOST_MOVED = 0.07
-"""Share of the coefficients that smoothing moves by over half a step the first time, above which the array stays as it
-is: its views differ too much to be smooth under a lens. Of captured and rendered light fields it is 0.001 to 0.08 at
-qualities up to 90, and 0.07 to 0.14 of drawn text and of unrelated views."""
+FAR, MOST_FAR = 2.5, 0.3
+"""A bend of more steps of a block's mean is far, and with a larger share of them the array stays as it is: its views
+differ too much to be smooth under a lens. At qualities 50 to 95 the share is up to 0.29 of most captured and rendered
+light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75."""
+SAMPLE = 1 << 20
+"""Pixels of which bends are counted, about, in whole rows of lenses."""
 ROWS, COLS = 512, 512
 """Pixels that are worked on at once, whole blocks. Of wider pieces BLAS would start threads of its own, and its sums
 would depend on their number."""
@@ -61,17 +63,19 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
     each channel, and the sum clipped. Blocks at the right and lower edge of which the picture holds a part stay, and so
     does all where views differ too much.
     """
+    if _find_share_of_far(luma, lens) > MOST_FAR:
+        return Restored(pixels, 0, 0)
     height, width = (side // BLOCK * BLOCK for side in luma.pixels.shape)
     result = pixels.copy()
 
-    def restore_piece(corner: tuple[int, int]) -> tuple[int, int, float]:
+    def restore_piece(corner: tuple[int, int]) -> tuple[int, int]:
         sides = zip(corner, (ROWS, COLS), (height, width), strict=True)
         inside = tuple(slice(start, min(start + length, end)) for start, length, end in sides)
         near = tuple(
             slice(max(0, part.start - AROUND), min(part.stop + AROUND, end))
             for part, end in zip(inside, luma.pixels.shape, strict=True)
         )
-        change, moved = _find_change(luma.pixels[near].astype(np.float32), luma.steps, _find_weights(near, lens))
+        change = _find_change(luma.pixels[near].astype(np.float32), luma.steps, _find_weights(near, lens))
         rows, cols = (
             slice(part.start - all_.start, part.stop - all_.start) for part, all_ in zip(inside, near, strict=True)
         )
@@ -81,14 +85,21 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
         result[inside] = np.clip(made, 0, 255, out=made)
         made -= given
         is_changed = np.logical_or.reduce([made[..., channel] for channel in range(given.shape[2])])
-        return int(np.count_nonzero(is_changed)), int(max(made.max(), -made.min())), moved * made.size
+        return int(np.count_nonzero(is_changed)), int(max(made.max(), -made.min()))
 
     corners = [(top, left) for top in range(0, height, ROWS) for left in range(0, width, COLS)]
     with ThreadPoolExecutor(count_available_cores()) as pool:
         pieces = list(pool.map(restore_piece, corners))
-    if not pieces or sum(moved for *_, moved in pieces) > MOST_MOVED * height * width * pixels.shape[2]:
-        return Restored(pixels, 0, 0)
-    return Restored(result, sum(changed for changed, *_ in pieces), max(most for _, most, _ in pieces))
+    return Restored(result, sum(changed for changed, _ in pieces), max((most for _, most in pieces), default=0))
+
+
+def _find_share_of_far(luma: Luma, lens: tuple[int, int]) -> float:
+    """Of the bends under lenses, down and across."""
+    height, width = luma.pixels.shape
+    lenses = luma.pixels.reshape(height // lens[0], lens[0], width // lens[1], lens[1])
+    lenses = lenses[:: max(1, luma.pixels.size // SAMPLE)].astype(np.int16)
+    is_far = [np.abs(np.diff(lenses, 2, axis)) > FAR * luma.steps[0, 0] for axis in (1, 3)]
+    return sum(np.count_nonzero(part) for part in is_far) / max(1, sum(part.size for part in is_far))
 
 
 class _Weights(NamedTuple):
@@ -112,10 +123,8 @@ def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weigh
     return found
 
 
-def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> tuple[Floats, float]:
-    """What is added to `luma` in its whole blocks, which begin at its upper left corner, and which share of the
-    coefficients the first smoothing moves by over half a step. `weights`: of smoothing.
-    """
+def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> Floats:
+    """What is added to `luma` in its whole blocks, which begin at its upper left corner. `weights`: of smoothing."""
     height, width = (side // BLOCK * BLOCK for side in luma.shape)
     luma = luma - 128  # as coefficients are stored
     steps = np.tile(steps, (1, width // BLOCK))  # of a row of blocks
@@ -129,17 +138,13 @@ def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> tuple[
     restored, room = luma.copy(), np.empty_like(luma)
     whole = restored[:height, :width]
     limit = float(LIMIT * steps[0, 0])
-    moved = 0.0
-    for number in range(ROUNDS):
+    for _ in range(ROUNDS):
         _smooth(restored, weights, limit, room)
         _transform(whole, out=coefficients)
-        if number == 0:
-            multiples -= coefficients
-            moved = float(np.mean(np.abs(multiples, out=multiples) > steps / 2))
         np.clip(coefficients, low, high, out=coefficients)
         _transform_back(coefficients, out=whole)
     whole -= luma[:height, :width]
-    return whole, moved
+    return whole
 
 
 def _smooth(luma: Floats, weights: list[_Weights], limit: float, room: Floats) -> None:
