@@ -135,7 +135,7 @@ def load_light_field_network(
 def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bool) -> Upscaler:
     if name in BASELINES:
         return BASELINES[name](scale)
-    if _find_entry(name, scale).is_light_field:
+    if _find_entry(name, scale, is_light_field=False).is_light_field:
         raise UnsuitedModel(
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
@@ -145,16 +145,17 @@ def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bo
 
 @cache
 def _load_light_field_network(name: str, scale: int, threads: int | None, emulates_int8: bool) -> LightFieldNetwork:
-    if not _find_entry(name, scale).is_light_field:
+    if not _find_entry(name, scale, is_light_field=True).is_light_field:
         raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
     return LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads, emulates_int8=emulates_int8)
 
 
-def _find_entry(name: str, scale: int) -> Entry:
-    """Raises `UnknownModel` or `UnsupportedScale`."""
+def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
+    """The model `name`, of either kind. Raises `UnknownModel`, which lists those of the kind, or `UnsupportedScale`."""
     entries = {entry.name: entry for entry in list_entries()}
     if name not in entries:
-        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(entries)}")
+        known = [entry.name for entry in entries.values() if entry.is_light_field == is_light_field]
+        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
     if scale not in entries[name].scales:
         scales = ", ".join(map(str, entries[name].scales))
         raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
