@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pe
 help:
 	@echo "make demo      three scenes: elemental image array, views before and after, a contact sheet, in demo-out/"
 	@echo "make test      the tests; those of training are skipped until make setup-training has installed torch"
-	@echo "make test-slow the slow tests: fuzzing, and whole servers under kills and load"
+	@echo "make test-slow the slow tests: fuzzing, servers under kills and load, most of the page in a browser"
 	@echo "make lint      ruff and mypy, strict (installs torch, to check training too)"
 	@echo "make format    ruff, with the corrections that it can make itself"
 	@echo "make coverage  the tests, and which lines they run"

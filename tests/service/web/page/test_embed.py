@@ -10,7 +10,7 @@ import pytest
 from tests.support.browser import needs_browser
 from tests.support.paths import ROOT
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 
 class Quiet(SimpleHTTPRequestHandler):

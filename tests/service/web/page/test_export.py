@@ -8,6 +8,7 @@ import zipfile
 import av
 import h5py
 import numpy as np
+import pytest
 import scipy.io
 import tifffile
 import trimesh
@@ -19,7 +20,7 @@ from tests.support.browser import needs_browser
 from tests.support.browser.page import go_to, wait_for_picture
 from tests.support.displays import CALIBRATION
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 OTHERS = ("inspection", "upscale")  # kinds of jobs whose results are nothing of a light field to keep
 SIZE = 24, 36, 3
 

@@ -14,7 +14,7 @@ from tests.support.browser.page import choose, set_field
 from tests.support.inputs import EIA_PNG
 from tests.support.lenslet.camera import make_camera, take_picture
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 SIZE = 300, 360
 GRIDS = {
     "square": LensGrid(12.6, (5.3, 6.8), -0.5, "square"),

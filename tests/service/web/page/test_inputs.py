@@ -8,7 +8,7 @@ from tests.support.browser import needs_browser
 from tests.support.browser.page import choose, drop, go_to, wait_for_picture
 from tests.support.inputs import CUBE, make_picture
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 MARKUP = "<img src=x onerror=alert(1)>"
 CUBE_OBJ = f"""mtllib {MARKUP}.mtl
 o {MARKUP}

@@ -9,7 +9,7 @@ from tests.support.browser import needs_browser
 from tests.support.browser.page import SMALL, choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
 from tests.support.inputs import CUBE
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 PHONE, LAPTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 720}
 NO_STORAGE = """() => Object.defineProperty(window, "sessionStorage", {
     get: () => { throw new DOMException("denied", "SecurityError"); },

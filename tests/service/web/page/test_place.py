@@ -12,7 +12,7 @@ from tests.support.browser import needs_browser
 from tests.support.browser.page import choose, open_scene, wait_for_picture
 from tests.support.inputs import CUBE
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 SIZE = 200  # lenses along a side
 SERVER = """() => {
     const image = document.querySelector('#frame img'), canvas = document.createElement('canvas');

@@ -11,7 +11,7 @@ from tests.support.inputs import EIA_PNG
 from tests.support.servers import Line
 from tests.support.web import serve_app
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 LONG = "#scene=vase&lenses=500x500&pixels=15x15&show=around"
 """The address of a job that takes many seconds."""
 KEY = "a-secret-key"
