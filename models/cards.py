@@ -6,10 +6,12 @@ import dataclasses
 import json
 import re
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import BadCard
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ class Card:
             raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
         if self.flips not in (1, 4) or (self.flips > 1 and not self.is_light_field):
             raise BadCard(f"card {self.name}: flips is {self.flips}; give 1, or 4 for a light-field network")
-        if Path(self.weights).name != self.weights:
+        if not re.fullmatch(r"[\w.+-]*", self.weights):
             raise BadCard(f"card {self.name}: weights is {self.weights!r}; give the stem of an .onnx beside the card")
         if self.radius < 0:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")

@@ -57,9 +57,14 @@ def test_int8_networks_name_a_float_twin_and_only_they_can_be_unsupported(monkey
             assert entry.card.float_twin in models.list_names()
 
 
-def test_an_unknown_model():
-    with pytest.raises(UnknownModel, match=r"'fancy'.*paper.*bicubic"):
-        models.load_upscaler("fancy")
+@pytest.mark.parametrize(
+    ("load", "known", "others"),
+    [(models.load_upscaler, "paper", "field"), (catalogue.load_light_field_network, "field", "paper")],
+)
+def test_an_unknown_model(load, known, others):
+    with pytest.raises(UnknownModel, match=rf"no 'fancy' here; give one of .*\b{known}\b") as caught:
+        load("fancy")
+    assert others not in str(caught.value)
 
 
 @pytest.mark.parametrize(("name", "scale"), [("paper", 3), ("bicubic", 9), ("nearest", 1)])

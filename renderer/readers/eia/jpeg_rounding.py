@@ -2,10 +2,11 @@
 
 A JPEG holds cosine coefficients of 8x8 pixels, rounded to multiples of steps; what was rounded is open within half a
 step. Elemental images are often about as small as those blocks, so that the edges between them become errors of all
-views. Of what may have been rounded, this takes something smooth under each lens: smoothing there and clipping the
-coefficients to their intervals take turns, which is projection onto convex sets (Zakhor, IEEE Trans. Circuits Syst.
-Video Technol. 2(1), 1992). The multiples are those nearest to the decoded pixels: they are the file's where these were
-neither clipped, at black and white, nor rounded by about a step.
+views. So each round smooths brightness under each lens, by a step down the gradient of Huber's function of its first
+and second differences, and then clips each coefficient to near its multiple: projected gradient descent, a relative of
+Zakhor's filter and projection (IEEE Trans. Circuits Syst. Video Technol. 2(1), 1992). The multiples are those nearest
+to the decoded pixels: they are the file's where these were neither clipped, at black and white, nor rounded by about a
+step.
 """
 
 from __future__ import annotations
@@ -26,18 +27,19 @@ if TYPE_CHECKING:
 
 BLOCK = 8
 ROUNDS = 4
-"""How often the two take turns."""
+"""Of smoothing and clipping."""
 SLOPE, BEND, LIMIT = 0.22, 0.04, 1.25
-"""Weights, in smoothing, of what a neighbour differs by and of what differs from a straight line, each up to a limit in
-steps of a block's mean: larger differences are edges of things (Huber's function)."""
+"""Weights of first differences (slopes) and of second ones (bends) in smoothing, each up to a limit in steps of a
+block's mean: larger ones are edges of things."""
 KEPT = np.float32(0.18)
 """How far, in steps, a coefficient may be from its multiple, or from the decoded pixels if these are farther."""
-FAR, MOST_FAR = 2.5, 0.3
+FAR_BEND, MAX_FAR_SHARE = 2.5, 0.3
 """A bend of more steps of a block's mean is far, and with a larger share of them the array stays as it is: its views
 differ too much to be smooth under a lens. At qualities 50 to 95 the share is up to 0.29 of most captured and rendered
-light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75."""
-SAMPLE = 1 << 20
-"""Pixels of which bends are counted, about, in whole rows of lenses."""
+light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75. From 97
+on, where little was rounded, it is larger of most."""
+SAMPLED_LENSES, SAMPLED_PIXELS = 48, 24
+"""Along each side of the array and of a lens: at most so many are looked at for bends."""
 ROWS, COLS = 512, 512
 """Pixels that are worked on at once, whole blocks. Of wider pieces BLAS would start threads of its own, and its sums
 would depend on their number."""
@@ -63,7 +65,7 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
     each channel, and the sum clipped. Blocks at the right and lower edge of which the picture holds a part stay, and so
     does all where views differ too much.
     """
-    if _find_share_of_far(luma, lens) > MOST_FAR:
+    if _find_far_share(luma, lens) > MAX_FAR_SHARE:
         return Restored(pixels, 0, 0)
     height, width = (side // BLOCK * BLOCK for side in luma.pixels.shape)
     result = pixels.copy()
@@ -93,23 +95,31 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
     return Restored(result, sum(changed for changed, _ in pieces), max((most for _, most in pieces), default=0))
 
 
-def _find_share_of_far(luma: Luma, lens: tuple[int, int]) -> float:
-    """Of the bends under lenses, down and across."""
+def _find_far_share(luma: Luma, lens: tuple[int, int]) -> float:
+    """The share of far bends in the middle of lenses, evenly spaced over the array; 1 where lenses have none."""
     height, width = luma.pixels.shape
-    lenses = luma.pixels.reshape(height // lens[0], lens[0], width // lens[1], lens[1])
-    lenses = lenses[:: max(1, luma.pixels.size // SAMPLE)].astype(np.int16)
-    is_far = [np.abs(np.diff(lenses, 2, axis)) > FAR * luma.steps[0, 0] for axis in (1, 3)]
-    return sum(np.count_nonzero(part) for part in is_far) / max(1, sum(part.size for part in is_far))
+    picked = []
+    for length, side in ((height, lens[0]), (width, lens[1])):
+        count = length // side
+        inside = min(side, SAMPLED_PIXELS)
+        picked += [
+            np.linspace(0, count - 1, min(count, SAMPLED_LENSES)).round().astype(np.intp),
+            np.arange(inside) + (side - inside) // 2,
+        ]
+    lenses = luma.pixels.reshape(height // lens[0], lens[0], width // lens[1], lens[1])[np.ix_(*picked)]
+    bends = [np.abs(np.diff(lenses.astype(np.int16), 2, axis)).ravel() for axis in (1, 3)]
+    is_far = np.concatenate(bends) > FAR_BEND * luma.steps[0, 0]
+    return float(is_far.mean()) if is_far.size else 1.0
 
 
 class _Weights(NamedTuple):
-    """Of smoothing pixels, row by row in one dimension, with those that are `offset` later and earlier."""
+    """Weights for smoothing pixels, row by row in one dimension, with those that are `offset` later and earlier."""
 
     offset: int
     slope: Floats
     """Of the difference from each pixel to the later one; 0 where that is under another lens."""
     bend: Floats
-    """Of the difference between two of those."""
+    """Of the difference between two differences that were multiplied by `slope`; 0 where a lens ends between them."""
 
 
 def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weights]:
@@ -118,8 +128,8 @@ def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weigh
     cols[-1] = 0  # the next pixel is in the next row
     found = []
     for offset, joined in ((len(cols), rows.repeat(len(cols))), (1, np.tile(cols, len(rows)))):
-        near = (joined[:-offset] != 0).astype(np.float32)
-        found.append(_Weights(offset, SLOPE * near, BEND / SLOPE * near[offset:] * near[:-offset]))
+        same = (joined[:-offset] != 0).astype(np.float32)  # lens
+        found.append(_Weights(offset, SLOPE * same, BEND / SLOPE * same[offset:] * same[:-offset]))
     return found
 
 
@@ -135,21 +145,21 @@ def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> Floats
     low, high = multiples - KEPT * steps, multiples + KEPT * steps
     np.minimum(low, coefficients, out=low)
     np.maximum(high, coefficients, out=high)
-    restored, room = luma.copy(), np.empty_like(luma)
-    whole = restored[:height, :width]
+    restored, scratch = luma.copy(), np.empty_like(luma)
+    blocks = restored[:height, :width]
     limit = float(LIMIT * steps[0, 0])
     for _ in range(ROUNDS):
-        _smooth(restored, weights, limit, room)
-        _transform(whole, out=coefficients)
+        _smooth(restored, weights, limit, scratch)
+        _transform(blocks, out=coefficients)
         np.clip(coefficients, low, high, out=coefficients)
-        _transform_back(coefficients, out=whole)
-    whole -= luma[:height, :width]
-    return whole
+        _transform_back(coefficients, out=blocks)
+    blocks -= luma[:height, :width]
+    return blocks
 
 
-def _smooth(luma: Floats, weights: list[_Weights], limit: float, room: Floats) -> None:
-    """Moves each pixel towards its neighbours under the same lens, down and across, in place; `room` is overwritten."""
-    pixels, flat = luma.reshape(-1), room.reshape(-1)
+def _smooth(luma: Floats, weights: list[_Weights], limit: float, scratch: Floats) -> None:
+    """Moves pixels towards their neighbours under the same lens, down and across, in place; overwrites `scratch`."""
+    pixels, flat = luma.reshape(-1), scratch.reshape(-1)
     for offset, of_slope, of_bend in weights:
         slope = np.subtract(pixels[offset:], pixels[:-offset], out=flat[offset:])
         slope *= of_slope

@@ -63,7 +63,7 @@ def test_views_come_closer_to_what_was_compressed(channels, options):
 
 @pytest.mark.parametrize("size", [(9 * 16, 7 * 16), (9 * 5, 7 * 5)])  # whole blocks, and some that the edge cuts
 def test_it_stays_a_picture_that_the_file_may_stand_for(size):
-    """Each coefficient of a whole block is within half a step, and what 8-bit pixels and clipping add."""
+    """Each coefficient of a whole block is within `KEPT` of a step, and what 8-bit pixels add."""
     array = make_array()[: size[0], : size[1]].mean(2, keepdims=True).round().astype(np.uint8)
     data = encode(array, quality=50)
     luma = jpeg.decode_luma(data)
@@ -112,9 +112,13 @@ def test_smoothing_is_that_of_each_lens_by_itself(limit):
 
 
 @pytest.mark.parametrize("quality", [50, 75, 95])
-def test_views_that_differ_much_stay_as_decoded(quality):
-    data = encode(np.random.default_rng(1).integers(0, 256, (432, 336, 1), np.uint8), quality)
-    field = read(data, pixels=(9, 7), arrangement="eia")
+@pytest.mark.parametrize("lens", [(9, 7), (1, 7), (2, 2), (144, 112)])
+def test_views_that_differ_much_stay_as_decoded(quality, lens):
+    """Lenses of two pixels show no bends; a dark row of lenses, as at the edge of a picture, decides nothing."""
+    array = np.random.default_rng(1).integers(0, 256, (432, 336, 1), np.uint8)
+    array[: lens[0]] = 0
+    data = encode(array, quality)
+    field = read(data, pixels=lens, arrangement="eia")
     assert np.array_equal(field.eia(), pictures.decode(data, name="a"))
     assert field.notes == ()
 
@@ -127,13 +131,13 @@ def test_a_tenth_of_the_array_that_is_noise_keeps_no_other_part_as_decoded():
     assert error(field.eia()[64:], array[64:]) < 0.9 * error(pictures.decode(data, name="a")[64:], array[64:])
 
 
-def test_edges_of_things_stay():
+def test_edges_of_things_are_not_drawn_together():
     """Half of each elemental image is 100 levels brighter: smoothing without a limit would draw the two together."""
     array = np.full((144, 112, 1), 60, np.uint8)
     array.reshape(16, 9, 16, 7)[:, :, :, 4:] = 160
     luma = jpeg.decode_luma(encode(array, 90))
     restored = jpeg_rounding.restore(luma.pixels[..., np.newaxis], luma, (9, 7)).pixels
-    assert error(restored, array) < 1.1 * error(luma.pixels[..., np.newaxis], array)
+    assert error(restored, array) < 1.06 * error(luma.pixels[..., np.newaxis], array)
 
 
 def test_pieces_join(monkeypatch):
@@ -154,13 +158,17 @@ def test_pieces_join(monkeypatch):
 
 
 def test_the_number_of_threads_changes_nothing():
+    """Not even before rounding to whole levels, which hides most differences."""
     script = """
 import hashlib, numpy as np
 from ciir.renderer.readers.jpeg import Luma
-from ciir.renderer.readers.eia.jpeg_rounding import restore
+from ciir.renderer.readers.eia import jpeg_rounding
+found = []
+find_change = jpeg_rounding._find_change
+jpeg_rounding._find_change = lambda *given: found.append(find_change(*given)) or found[-1]
 picture = (np.add.outer(np.arange(64), np.arange(9600)) * 0.9 % 50 + 100).astype(np.uint8)
-made = restore(picture[..., None], Luma(picture, np.full((8, 8), 12, np.float32)), (8, 8)).pixels
-print(hashlib.sha256(made.tobytes()).hexdigest(), (made[..., 0] != picture).any())
+jpeg_rounding.restore(picture[..., None], Luma(picture, np.full((8, 8), 12, np.float32)), (8, 8))
+print(*sorted(hashlib.sha256(change.tobytes()).hexdigest() for change in found), any(map(np.any, found)))
 """
     printed = set()
     for threads in "12":
