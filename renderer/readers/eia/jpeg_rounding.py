@@ -2,7 +2,7 @@
 
 A JPEG holds cosine coefficients of 8x8 pixels, rounded to multiples of steps; what was rounded is open within half a
 step. Elemental images are often about as small as those blocks, so that the edges between them become errors of all
-views. So each round smooths brightness under each lens, by a step down the gradient of Huber's function of its first
+views. So each round smooths brightness under each lens, by steps down the gradient of Huber's function of its first
 and second differences, and then clips each coefficient to near its multiple: projected gradient descent, a relative of
 Zakhor's filter and projection (IEEE Trans. Circuits Syst. Video Technol. 2(1), 1992). The multiples are those nearest
 to the decoded pixels: they are the file's where these were neither clipped, at black and white, nor rounded by about a
@@ -32,12 +32,13 @@ SLOPE, BEND, LIMIT = 0.22, 0.04, 1.25
 """Weights of first differences (slopes) and of second ones (bends) in smoothing, each up to a limit in steps of a
 block's mean: larger ones are edges of things."""
 KEPT = np.float32(0.18)
-"""How far, in steps, a coefficient may be from its multiple, or from the decoded pixels if these are farther."""
+"""How far, in steps, a coefficient may be from its multiple; where that of the decoded pixels is farther, as far as it.
+Half a step is what rounding leaves open; with less, views come closer to what was compressed."""
 FAR_BEND, MAX_FAR_SHARE = 2.5, 0.3
 """A bend of more steps of a block's mean is far, and with a larger share of them the array stays as it is: its views
 differ too much to be smooth under a lens. At qualities 50 to 95 the share is up to 0.29 of most captured and rendered
-light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75. From 97
-on, where little was rounded, it is larger of most."""
+light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75. It is
+also over 0.3 of most arrays of quality 97 and more, and from about 90 of those that were coarser JPEGs before."""
 SAMPLED_LENSES, SAMPLED_PIXELS = 48, 24
 """Along each side of the array and of a lens: at most so many are looked at for bends."""
 ROWS, COLS = 512, 512
@@ -96,7 +97,9 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
 
 
 def _find_far_share(luma: Luma, lens: tuple[int, int]) -> float:
-    """The share of far bends in the middle of lenses, evenly spaced over the array; 1 where lenses have none."""
+    """The share of far bends in the middle of lenses, evenly spaced over the array; 1 where lenses have no bends, with
+    fewer than 3 pixels along both sides: such arrays stay as they are.
+    """
     height, width = luma.pixels.shape
     picked = []
     for length, side in ((height, lens[0]), (width, lens[1])):
@@ -128,8 +131,8 @@ def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weigh
     cols[-1] = 0  # the next pixel is in the next row
     found = []
     for offset, joined in ((len(cols), rows.repeat(len(cols))), (1, np.tile(cols, len(rows)))):
-        same = (joined[:-offset] != 0).astype(np.float32)  # lens
-        found.append(_Weights(offset, SLOPE * same, BEND / SLOPE * same[offset:] * same[:-offset]))
+        same_lens = (joined[:-offset] != 0).astype(np.float32)
+        found.append(_Weights(offset, SLOPE * same_lens, BEND / SLOPE * same_lens[offset:] * same_lens[:-offset]))
     return found
 
 
@@ -158,7 +161,7 @@ def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> Floats
 
 
 def _smooth(luma: Floats, weights: list[_Weights], limit: float, scratch: Floats) -> None:
-    """Moves pixels towards their neighbours under the same lens, down and across, in place; overwrites `scratch`."""
+    """Moves pixels towards their neighbours under the same lens, down and then across, in place; fills `scratch`."""
     pixels, flat = luma.reshape(-1), scratch.reshape(-1)
     for offset, of_slope, of_bend in weights:
         slope = np.subtract(pixels[offset:], pixels[:-offset], out=flat[offset:])

@@ -92,8 +92,8 @@ def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[st
     share = 100 * restored.changed / luma.pixels.size
     note = (
         f"the array is a JPEG: {'less than 1' if share < 1 else round(share)} % of its pixels were changed, by at most "
-        f"{restored.most} levels, about as far as the file's rounding leaves open, so that brightness changes more "
-        "smoothly from view to view; as a PNG it is upscaled as decoded"
+        f"{restored.most} of 255 levels, to undo part of the file's rounding, so that brightness changes more "
+        "smoothly from view to view; converted to PNG it is upscaled as decoded"
     )
     return restored.pixels, (note,)
 

@@ -143,5 +143,5 @@ def fallback_notes(model: str, share: float) -> list[str]:
     if share < MINIMUM_FALLBACK_SHARE:
         return []
     made = f"{100 * share:.0f} % of the pixels were made by {fallback_name(model)} from their view alone"
-    causes = "another scene, a wrong order of views, noise, or depths too far apart"
+    causes = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
     return [f"{made}: the views around don't match there ({causes})"]
