@@ -1,9 +1,10 @@
-"""What holds for all tests: one thread for linear algebra, the same examples each time, slow ones apart, a list of
-skipped tests."""
+"""What holds for all tests: one thread for linear algebra, Ctrl-C, the same examples each time, slow ones apart, a list
+of skipped tests."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from hypothesis import HealthCheck, settings
 # wait for one another: a calibration took 5.2 s of processor time in place of 0.4.
 assert not {"numpy", "torch"} & set(sys.modules), "a plugin of pytest has loaded them"
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+# A shell without job control lets what it starts in the background ignore Ctrl-C, which tests send.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("ciir", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("ciir")
