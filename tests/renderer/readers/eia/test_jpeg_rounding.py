@@ -140,6 +140,15 @@ def test_edges_of_things_are_not_drawn_together():
     assert error(restored, array) < 1.06 * error(luma.pixels[..., np.newaxis], array)
 
 
+@pytest.mark.parametrize("shift", [-90, 90])
+def test_black_and_white_pixels_do_not_wrap_around(shift):
+    array = np.clip(make_array().astype(int) + shift, 0, 255).astype(np.uint8)
+    data = encode(array)
+    decoded, made = pictures.decode(data, name="a").astype(int), read(data, pixels=(9, 7)).eia().astype(int)
+    assert np.isin(decoded, (0, 255)).mean() > 0.01
+    assert 0 < np.abs(made - decoded).max() < 64
+
+
 def test_pieces_join(monkeypatch):
     luma = jpeg.decode_luma(encode(make_array(96)[..., :1]))
 
