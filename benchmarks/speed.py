@@ -183,7 +183,7 @@ def make_work(views: NDArray[Any], count: int) -> Work:
     fallback = catalogue.load_upscaler(catalogue.default_name())
     wanted = [(grid[0] // 2, grid[1] // 2 + number) for number in range(count)]
     pictures = {view: np.ascontiguousarray(views[view]) for view in list_required_views(wanted, grid)}
-    return partial(upscale_views, network, fallback, pictures, wanted, grid, averages=True)
+    return partial(upscale_views, network, fallback, pictures, wanted, grid, finds_sampling=True)
 
 
 def upscale_array(source: Bundle, options: Options) -> NDArray[np.uint8]:

@@ -1,28 +1,36 @@
-"""Back-projection: brings the means of an upscaled view over the input's cells closer to the input's pixels.
+"""Back-projection: brings an upscaled view, made small again, closer to the input.
 
-Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose pixels are means,
-as those of a lenslet are: what the network's picture would look like through the lenses is compared with what they saw,
-and the difference is added to it.
+Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose sampling is known:
+what the network's picture would look like through the lenses is compared with what they saw, and the difference is
+added to it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
+
+from ciir.models.light_field.network import compute_luma
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Value = TypeVar("Value", np.uint8, np.uint16)
+SamplingKind = Literal["filter", "means"]
+"""How a view was made: by the antialiasing filter of bicubic interpolation, or as means over the pixels' cells, which
+are what lenslets and sensors see."""
 
 SAMPLING_NOISE = 0.1
 """Standard error of a pixel, as a share of the range of the pixels around it. A mean of 4x4 samples errs by up to an
 eighth of the contrast at an edge along its rows, 0.07 of it in the mean square."""
 STRIP_ROWS = 64
 """Rows of the input that are worked on at once, so that memory doesn't grow with the view."""
+MARGIN = 4
+"""Rows of the input that the filter's result depends on, to each side of a strip."""
 _ROUNDS = 2  # what clipping takes off one pixel of a cell is given to the others
 _TINY = 1e-6  # levels squared
+_NEGLIGIBLE = 1e-9  # of luma in [0, 1], squared
 
 
 def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value]:
@@ -37,9 +45,39 @@ def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value
     for top in range(0, len(small), STRIP_ROWS):
         bottom, first = min(top + STRIP_ROWS, len(small)), max(top - 1, 0)
         seen = small[first : bottom + 1].astype(np.float32)  # with a row on each side, for their range
-        noise = SAMPLING_NOISE * _measure_range(seen)
+        noise = SAMPLING_NOISE * measure_range(seen)
         rows, part = slice(top - first, bottom - first), slice(scale * top, scale * bottom)
         result[part] = _restore(large[part].astype(np.float32), seen[rows], noise[rows], np.iinfo(small.dtype).max)
+    return result
+
+
+def restore_luma(
+    large: NDArray[Value], small: NDArray[Value], sampling: SamplingKind, *, gain: float = 1.0, noise: float = 0.0
+) -> NDArray[Value]:
+    """`large` `(scale*H, scale*W, C)`, whose luma is brought closer to that of `small` `(H, W, C)`, of which it was
+    made, by `gain` in [0, 1] of the difference.
+
+    `sampling`: how `small` was made. A difference d of luma in [0, 1] counts by d^2 / (d^2 + noise^2).
+    """
+    from PIL import Image  # the web process does without
+
+    scale, peak, cubic = len(large) // len(small), float(np.iinfo(small.dtype).max), Image.Resampling.BICUBIC
+    result = np.empty_like(large)
+    for top in range(0, len(small), STRIP_ROWS):
+        bottom = min(top + STRIP_ROWS, len(small))
+        first, last = max(top - MARGIN, 0), min(bottom + MARGIN, len(small))
+        fine = Image.fromarray(compute_luma(large[scale * first : scale * last], peak))
+        seen = compute_luma(small[first:last], peak)
+        size = (small.shape[1], last - first)
+        made = fine.resize(size, cubic) if sampling == "filter" else fine.reduce(scale)
+        difference = seen - np.asarray(made)
+        power = np.square(difference)
+        difference *= np.float32(gain * peak) * (power / (power + np.float32(noise**2 + _NEGLIGIBLE)))
+        way = cubic if sampling == "filter" else Image.Resampling.NEAREST
+        added = np.asarray(Image.fromarray(difference).resize(fine.size, way))
+        rows = slice(scale * top, scale * bottom)
+        values = large[rows] + added[scale * (top - first) :][: rows.stop - rows.start, :, np.newaxis]
+        result[rows] = np.rint(np.clip(values, 0, peak, out=values), out=values)
     return result
 
 
@@ -67,8 +105,8 @@ def _average_cells(values: NDArray[np.float32], scale: int) -> NDArray[np.float3
     return total
 
 
-def _measure_range(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The largest less the smallest of each 3x3 pixels, by channel."""
+def measure_range(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The largest less the smallest of each 3x3 pixels of `(H, W)`, or of each channel of `(H, W, C)`."""
     largest, smallest = picture, picture
     for axis in (0, 1):
         largest, smallest = (

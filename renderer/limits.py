@@ -15,8 +15,8 @@ class Limits:
     """Bytes of one file, or of all files of a zip that was uploaded, unpacked."""
     ratio: int = 250
     """Unpacked over packed bytes of a zip, checked from 1 MiB unpacked."""
-    pixels: int = 64_000_000
-    """Pixels in a picture, and in all textures of a mesh, corrupt ones included."""
+    pixels: int = 2**26
+    """Pixels in a picture, and in all textures of a mesh, which are scaled down to that: 8192x8192."""
     set_bytes: int = 1_000_000_000
     """Bytes of all views of a set, decoded: 17 x 17 of 1024 x 1024 x 3 (Knights in full) are 909 million."""
     triangles: int = 4_000_000

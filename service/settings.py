@@ -127,7 +127,7 @@ class Settings(BaseSettings):
     max_ratio: int = _limit("ratio")
     """Maximum ratio of unpacked to packed bytes of a zip; checked from 1 MiB unpacked."""
     max_pixels: int = _limit("pixels")
-    """Maximum pixels of a picture, and of all textures of a mesh together; checked before decoding."""
+    """Maximum pixels of a picture, checked before decoding, and of all textures of a mesh, scaled down to fit."""
     max_set_bytes: int = _limit("set_bytes")
     """Maximum decoded bytes of all pictures of a set of views together."""
     max_triangles: int = _limit("triangles")

@@ -78,10 +78,9 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse`, `charbonnier` or `luma` (see `training.losses.pixel`)."""
+    """Pixel loss: `l1`, `mse` or `luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
-    """Perceptual term: `vgg19`, `gradient`, `frequency`, `discriminator`, or none (see
-    `training.losses.perceptual`)."""
+    """Perceptual term: `vgg19`, `discriminator`, or none (see `training.losses.perceptual`)."""
     perceptual_weight: float = 1.0
     vgg: str = ""
     """torchvision's VGG-19 weight file, for `perceptual = "vgg19"`."""

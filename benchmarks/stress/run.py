@@ -86,7 +86,7 @@ def select_groups(names: Sequence[str]) -> tuple[str, ...]:
 def select_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
     """The networks to stress, all where `names` is empty, and those that this processor cannot run.
 
-    Only networks for single pictures; `benchmarks.light_fields` measures light-field networks on unusual windows.
+    Only networks for single pictures.
 
     Raises `InvalidOption` for other names.
     """

@@ -15,7 +15,7 @@ MOST_THREADS = 4
 
 
 def ignore_progress(done: int, total: int) -> None:
-    """Reports to nobody."""
+    """Reports nothing."""
 
 
 def run_parts(make: Callable[[int], object], count: int, progress: Progress = ignore_progress) -> None:

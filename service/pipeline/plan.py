@@ -39,9 +39,8 @@ class Plan:
     """Whether the model takes a view with those around it."""
     restores_means: bool = False
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
-    averages: bool = False
-    """Whether views that were made small with an antialiasing filter become the mean of a light-field network's picture
-    and its fallback's (`models.light_field.antialiasing`)."""
+    finds_sampling: bool = False
+    """Whether a light-field network's views may be filtered or means (`models.light_field.sampling`)."""
     notes: tuple[str, ...] = ()
     """What the user should know: of the model that was selected, and of an option that changes nothing."""
 

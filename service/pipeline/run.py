@@ -26,11 +26,11 @@ from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
 from ciir.service.pipeline.stages.times import FrameWriter, join_reports
 from ciir.service.pipeline.stages.upscaling import (
-    averaging_reasons,
     describe_model,
     describe_skipped,
     fallback_notes,
     load_upscaler,
+    sampling_reasons,
 )
 from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
 
@@ -159,13 +159,15 @@ def _reconstruct(
     views.open()
 
     written: list[dict[str, Any]] = []
-    fallback, is_averaged = 0.0, False
+    fallback = 0.0
+    is_averaged = is_restored = False
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted))
     with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
         for wanted, pictures, used in finished:
-            fallback += used.share * len(wanted) / len(job.wanted)
+            fallback += used.fallback * len(wanted) / len(job.wanted)
             is_averaged |= used.is_averaged
+            is_restored |= used.is_restored
             with clock.stage("encode"):
                 for view, picture in zip(wanted, pictures, strict=True):
                     height, width = picture.shape[:2]
@@ -192,7 +194,7 @@ def _reconstruct(
             "reasons": [
                 *plan.reasons,
                 *described["reasons"],
-                *averaging_reasons(plan.model, is_averaged=is_averaged),
+                *sampling_reasons(plan.model, is_averaged=is_averaged, is_restored=is_restored),
                 *skip_reasons(skipped),
             ],
             "skipped": skipped,

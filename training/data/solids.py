@@ -30,7 +30,7 @@ SHAPES: tuple[Callable[[], trimesh.Trimesh], ...] = (
     lambda: trimesh.creation.cone(radius=0.5, height=1.0, sections=32),
     lambda: trimesh.creation.box(extents=(1.0, 1.0, 1.0)),
 )
-"""Makers of shapes about as large as a cube of side 1."""
+"""Functions that make shapes about as large as a cube of side 1."""
 BARS = 0.25
 """Share of solids that are several thin parallel bars, as the legs of a chair."""
 PLAIN = 0.6

@@ -59,7 +59,7 @@ def score(
     """Returns mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
 
     Each view is degraded by `training.data.downscale.downscale_picture` and upscaled with only the views of the grid,
-    as `ciir reconstruct` does it: with a single-image fallback, and as a mean with it where the view looks filtered.
+    as `ciir reconstruct` does it: with a single-image fallback, and restored as the sampling that is found asks for.
     Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
@@ -77,7 +77,7 @@ def score(
     for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
             alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
-            made, _ = upscale_views(network, alone, given, [view], grid, averages=True)
+            made, _ = upscale_views(network, alone, given, [view], grid, finds_sampling=True)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
         got, truth = rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[view])

@@ -23,7 +23,7 @@ LIGHT_FIELD_INPUTS = (
     cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
 )
 """Inputs of a light-field network besides the view: see `training.networks.light_field`."""
-UNCERTAINTY = cards.Tensor("doubt", ("batch", 1, *FREE), "float32", 0.0, 1.0)
+UNCERTAINTY = cards.Tensor("uncertainty", ("batch", 1, *FREE), "float32", 0.0, 1.0)
 """Its output besides the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
 WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
 """Windows for tests of such a network, as `(number, of how many)` views down and across: whole, at a corner, and in the

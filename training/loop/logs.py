@@ -48,7 +48,7 @@ class Log:
 
     `log.csv` has a row for each validation: `step`; `loss`, the sum of the terms, and each term, means over the steps
     since the row before; `learning_rate`; `psnr` in dB; `seconds` of the whole run; `seconds_per_step` without the
-    validations. `tensorboard/` has the same values and `curve.png` plots them. Where the package tensorboard or
+    validations. `tensorboard/` has the same values and `plot.png` plots them. Where the package tensorboard or
     matplotlib is not installed, its file is missing and a note goes to standard error.
 
     Raises `ValueError` where `out/log.csv` is not a log, and `OSError` where the disk is full.
@@ -68,12 +68,12 @@ class Log:
             file.write(_to_csv(self.rows))
         if self._draw:
             try:
-                picture = plot.draw_curves(self.rows, list_losses(self.rows), self.title)
-                with replacing(self.out / "curve.png") as file:
+                picture = plot.draw_plot(self.rows, list_losses(self.rows), self.title)
+                with replacing(self.out / "plot.png") as file:
                     file.write(picture)
             except ModuleNotFoundError as error:
                 self._draw = False
-                _note_missing(error, "curve.png")
+                _note_missing(error, "plot.png")
         if self._events is not None:
             for name, value in row.items():
                 if name != "step":

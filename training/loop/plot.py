@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 
-def draw_curves(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
+def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
     """Plots a run as a PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
 
     Raises `ModuleNotFoundError` where matplotlib is not installed.

@@ -13,8 +13,6 @@ from ciir.training.losses.pixel import find_pixel_loss
 from ciir.training.networks.discriminator import Discriminator
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from torch import Tensor
 
     from ciir.training.recipe import Recipe
@@ -34,7 +32,7 @@ class Objective:
         self.recipe = recipe
         self.pixel = find_pixel_loss(recipe.loss)
         _check_terms(recipe)
-        self.content: Callable[[Tensor, Tensor], Tensor] | None = perceptual.PIXELS.get(recipe.perceptual)
+        self.content: perceptual.VggContent | None = None
         if recipe.perceptual == "vgg19":
             self.content = perceptual.VggContent(Path(recipe.vgg), device, bfloat16=recipe.bfloat16)
         self.adversary: Adversary | None = None

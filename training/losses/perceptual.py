@@ -1,6 +1,6 @@
 """Perceptual terms: distances between pictures that depend on structure more than on single samples.
 
-`vgg19` needs torchvision's weight file; `gradient`, `frequency` and `discriminator` (feature matching) need none.
+`vgg19` needs torchvision's weight file; `discriminator` (feature matching) needs none.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-PERCEPTUAL = ("vgg19", "gradient", "frequency", "discriminator")
+PERCEPTUAL = ("vgg19", "discriminator")
 """Names for a recipe's `perceptual`."""
 
 Layout = tuple[int | Literal["pool"], ...]
@@ -105,29 +105,6 @@ class VggContent:
                 real = self.network(high)
         loss: Tensor = (made.float() - real.float()).square().mean()
         return loss
-
-
-def gradient(output: Tensor, high: Tensor) -> Tensor:
-    """Mean absolute difference of the differences between neighbours, down and across; a scalar.
-
-    The gradient difference loss of Mathieu et al., ICLR 2016, equation 6, with alpha = 1, but of signed differences: an
-    inverted edge costs twice its height, where a difference of magnitudes would ignore it. `(..., H, W)`, 2x2 at least.
-    """
-    difference = output - high
-    return 0.5 * (difference.diff(dim=-1).abs().mean() + difference.diff(dim=-2).abs().mean())
-
-
-def frequency(output: Tensor, high: Tensor) -> Tensor:
-    """Mean absolute difference of the real and imaginary parts of the orthonormal 2-D Fourier transforms; a scalar.
-
-    MIMO-UNet's frequency reconstruction loss at one scale (Cho et al., ICCV 2021, section 3.3). `(..., H, W)` float32.
-    """
-    difference = torch.fft.rfft2(output - high, norm="ortho")
-    return torch.view_as_real(difference).abs().mean()
-
-
-PIXELS = {"gradient": gradient, "frequency": frequency}
-"""The terms that depend on the two pictures only."""
 
 
 def feature_matching(output: Sequence[Tensor], high: Sequence[Tensor]) -> Tensor:

@@ -9,9 +9,6 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-EPSILON = 1e-3
-"""Where Charbonnier's loss turns from a parabola into a line: a quarter of an 8-bit step."""
-
 
 def l1(output: Tensor, high: Tensor) -> Tensor:
     """Mean absolute difference, a scalar."""
@@ -23,11 +20,6 @@ def mse(output: Tensor, high: Tensor) -> Tensor:
     return (output - high).square().mean()
 
 
-def charbonnier(output: Tensor, high: Tensor) -> Tensor:
-    """Mean of `sqrt(difference^2 + EPSILON^2)`, a scalar (LapSRN, Lai et al., CVPR 2017, section 3.3)."""
-    return ((output - high).square() + EPSILON**2).sqrt().mean()
-
-
 def luma(output: Tensor, high: Tensor) -> Tensor:
     """0.3 times the mean absolute difference of RGB and 0.7 times that of Y (BT.601's weights), a scalar."""
     difference = output - high
@@ -35,7 +27,7 @@ def luma(output: Tensor, high: Tensor) -> Tensor:
     return 0.3 * difference.abs().mean() + 0.7 * (difference * weights).sum(1).abs().mean()
 
 
-LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"l1": l1, "mse": mse, "charbonnier": charbonnier, "luma": luma}
+LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"l1": l1, "mse": mse, "luma": luma}
 """A recipe's `loss` -> function of (output, high), both float of one shape, in [0, 1]."""
 
 

@@ -47,12 +47,12 @@ def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: P
         repeats = f"but it repeats every {given[0]}x{given[1]} pixels, so it has margins"
         return f"{repeats}; give them as crop TOP,LEFT,BOTTOM,RIGHT"
     fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
-    words = f"the nearest that does is {fitting[0]}x{fitting[1]}"
+    advice = f"the nearest that does is {fitting[0]}x{fitting[1]}"
     if all(0 < count <= length for count, length in zip(given, size, strict=True)):
-        words += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
+        advice += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
     if layout.arrangement == "mosaic" or _describe_mosaic(periods):
-        return words + _describe_period(periods, layout.arrangement)
-    return _describe_lenses(periods, picture, max(layout.pixels or (USUAL_PIXELS,)), words)
+        return advice + _describe_period(periods, layout.arrangement)
+    return _describe_lenses(periods, picture, max(layout.pixels or (USUAL_PIXELS,)), advice)
 
 
 def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> tuple[str, ...]:
@@ -142,20 +142,20 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     found = periods.find()
     if found is None:
         return ""
-    words = f"; the picture repeats about every {found[0]}x{found[1]} pixels"
+    advice = f"; the picture repeats about every {found[0]}x{found[1]} pixels"
     nearest = [_find_nearest_divisor(each, length) for each, length in zip(found, periods.size, strict=True)]
     counts = [length // each for each, length in zip(nearest, periods.size, strict=True)]
     if arrangement == "mosaic":
-        return f"{words}, as {counts[0]}x{counts[1]} views would" if all(map(is_near, found, nearest)) else words
+        return f"{advice}, as {counts[0]}x{counts[1]} views would" if all(map(is_near, found, nearest)) else advice
     fitting = [size for size in periods.rank_sizes() if all(map(is_about, found, size))]
     own = " or ".join("{}x{}".format(*size) for size in fitting or [found])
     if nearest == [*found]:
         views = "{}x{}".format(*counts)
-        words += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
-        return words + advise_quilt(found, (counts[0], counts[1]))
+        advice += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
+        return advice + advise_quilt(found, (counts[0], counts[1]))
     if fitting:
-        words += f", which doesn't divide it as elemental images would (pixels {own})"
-    return f"{words}; {RAW}"
+        advice += f", which doesn't divide it as elemental images would (pixels {own})"
+    return f"{advice}; {RAW}"
 
 
 def _describe_mosaic(periods: Periods) -> str:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float32]
 
 BLOCK = 8
-ROUNDS = 4
+ROUNDS = 5
 """Of smoothing and clipping."""
-SLOPE, BEND, LIMIT = 0.22, 0.04, 1.25
+SLOPE, BEND, LIMIT = 0.22, 0.04, 1.5
 """Weights of first differences (slopes) and of second ones (bends) in smoothing, each up to a limit in steps of a
 block's mean: larger ones are edges of things."""
 KEPT = np.float32(0.18)

@@ -53,7 +53,7 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
     note says where the picture shows other numbers than those that were given.
 
     `jpeg`: the file, if it is one. Its rounding is undone in part where `layout.restores_jpeg`, and it is an elemental
-    image array without margins, whose numbers no note doubts.
+    image array without margins, whose numbers no note questions.
 
     Raises `InvalidOption` where both numbers are missing or don't fit the picture, with those that would.
     """

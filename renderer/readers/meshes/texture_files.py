@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import posixpath
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 MAX_SIDE = 16_384
 """Most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
+MOST_WORK = 4
+"""Most pixels that are decoded for each that all textures may have: those that don't fit are scaled down afterwards."""
 MAX_NOTES = 50
 _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
@@ -34,7 +37,9 @@ class Resolver:
         self._notes: dict[str, None] = {}
         self._files = files
         self._folder = posixpath.dirname(main)
-        self._max_pixels = self._pixels_left = max_pixels  # those of corrupt ones count, too
+        self._max_pixels = self._pixels_left = max_pixels
+        self._work_left = MOST_WORK * max_pixels  # pixels of corrupt ones count, too
+        self._named: dict[str, list[str]] | None = None
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
 
@@ -54,7 +59,23 @@ class Resolver:
         for candidate in (resolve_key(name, self._folder), resolve_key(posixpath.basename(name), self._folder)):
             if candidate is not None and candidate in self._files:
                 return self._files[candidate]
-        return None
+        if (key := self._find_elsewhere(posixpath.basename(name))) is None:
+            return None
+        self.add_note(f"{clean_text(name)} is not there; {clean_text(key)} is used, the only file of that name")
+        return self._files[key]
+
+    def _find_elsewhere(self, own: str) -> str | None:
+        """The only file called `own` in lower or upper case, in any folder: downloads often have textures in a folder
+        of their own, and names from systems that ignore case."""
+        if self._named is None:
+            self._named = {}
+            try:
+                for key in self._files:
+                    self._named.setdefault(posixpath.basename(key).lower(), []).append(key)
+            except TooLarge:  # beside a mesh on the disk: too many files to search
+                self._named = {}
+        found = self._named.get(own.lower(), [])
+        return found[0] if len(found) == 1 else None
 
     def explain_missing(self, name: str) -> tuple[str, str]:
         """Why there is no file called `name`, and the remedy."""
@@ -96,28 +117,39 @@ class Resolver:
         def charge(height: int, width: int) -> None:
             if max(height, width) > MAX_SIDE:
                 raise TooLarge(f"{height}x{width} pixels; at most {MAX_SIDE:,} along a side are drawn; scale it down")
-            if height * width > self._pixels_left:
-                raise TooLarge(
-                    f"{height}x{width} pixels; {max(self._pixels_left, 0):,} are left of the {self._max_pixels:,} "
-                    "for all textures; scale them down"
-                )
+            if height * width > self._work_left:
+                raise TooLarge(f"{height}x{width} pixels; textures before it have nearly as many as are decoded")
             # Charged before decoding: a picture that fails costs as much, and so do long files of few pixels.
-            self._pixels_left -= max(height * width, len(data or b"") // 64)
+            self._work_left -= max(height * width, len(data or b"") // 64)
 
-        if self._pixels_left <= 0:
+        if min(self._work_left, self._pixels_left) <= 0:
             self.add_note(f"textures over {self._max_pixels:,} pixels in all are left out; scale them down")
             return None
         data = load()
         if data is None:
             return None
         try:
-            return to_rgba8(
-                pictures.decode(data, name=clean_text(name), max_pixels=self._max_pixels, check=charge), opaque=opaque
-            )
+            pixels = pictures.decode(data, name=clean_text(name), max_pixels=self._max_pixels, check=charge)
         except InputError as error:
-            self._pixels_left -= len(data) // 64
+            self._work_left -= len(data) // 64
             self.add_note(f"texture {clean_text(name)} is left out: {error}")
             return None
+        return self._fit(to_rgba8(pixels, opaque=opaque), name)
+
+    def _fit(self, pixels: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+        """`pixels`, smaller where they are more than half of what is left, so that some is left for other textures."""
+        from PIL import Image  # the web process does without
+
+        height, width = pixels.shape[:2]
+        factor = math.ceil(math.sqrt(2 * height * width / self._pixels_left))
+        if factor > 1:
+            pixels = np.asarray(Image.fromarray(pixels).reduce(factor))
+            self.add_note(
+                f"texture {clean_text(name)} is scaled down from {height}x{width} to {pixels.shape[0]}x"
+                f"{pixels.shape[1]} pixels: all together may have {self._max_pixels:,}"
+            )
+        self._pixels_left -= pixels.shape[0] * pixels.shape[1]
+        return pixels
 
 
 def _portable(name: str) -> str:

@@ -94,7 +94,7 @@ class HciWriter(CameraWriter):
         ]
 
     def pack(self, views: NDArray[Any]) -> None:
-        """The attributes that tell sizes are right."""
+        """Writes views from the right to the left, and attributes whose sizes are known."""
         rows, columns, height, width, channels = views.shape
         packed = io.BytesIO()
         with h5py.File(packed, "w") as file:

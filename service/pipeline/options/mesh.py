@@ -58,8 +58,8 @@ MESH = {
     ),
     "sampling": Option(
         "NAME",
-        "how a lens sees: pinhole, one point; lenslet, the mean over its pitch, also in pictures without noise: what "
-        "networks make is brought closer to these means (default pinhole)",
+        "how a lens sees: pinhole, one point; lenslet, the mean over its pitch, also in pictures that were rendered "
+        "so: what networks make is brought closer to these means (default pinhole; of other views it is found)",
         make_name(get_args(Sampling)),
         "lenslet",
     ),

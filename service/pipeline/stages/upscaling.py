@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, FallbackUse
+from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, Made
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", FallbackUse]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", Made]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
-what a light-field network's single-image fallback made of them."""
+what else than a light-field network had a part in them."""
 
 
 def load_upscaler(
@@ -38,7 +38,7 @@ def load_upscaler(
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
         made, used = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
@@ -54,7 +54,7 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
             colours, alpha = _split_alpha(views)
             made, used = upscale_views(
                 network,
@@ -64,16 +64,16 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
                 arrangement.grid,
                 skip=skip,
                 statistics=statistics,
-                averages=plan.averages,
+                finds_sampling=plan.finds_sampling,
             )
             return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, used
 
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, FallbackUse]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), FallbackUse()
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), Made()
 
     return upscale_singly
 
@@ -130,12 +130,16 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     )
 
 
-def averaging_reasons(model: str, *, is_averaged: bool) -> list[str]:
-    """A sentence on views that are the mean of two networks' pictures, where some are."""
-    if not is_averaged:
-        return []
-    filtered = "views that look as if they were made small with an antialiasing filter"
-    return [f"{filtered} are means of what {model} and {fallback_name(model)} make of them: others add little there"]
+def sampling_reasons(model: str, *, is_averaged: bool, is_restored: bool) -> list[str]:
+    """What follows from how some views look as if they were sampled (`models.light_field.sampling`)."""
+    reasons = []
+    if is_averaged:
+        filtered = "views that look as if they were made small with an antialiasing filter"
+        both = f"what {model} and {fallback_name(model)} make of them"
+        reasons.append(f"{filtered} are means of {both}: others add little there")
+    if is_restored:
+        reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
+    return reasons
 
 
 def fallback_notes(model: str, share: float) -> list[str]:

@@ -1,7 +1,7 @@
 """Hosts and origins: a web page from elsewhere can't use a server that only its visitor reaches.
 
 A name of the page's own that resolves to the server's address (DNS rebinding) is seen by the `Host`; other requests of
-foreign pages by what browsers add to them. Programs send neither `Sec-Fetch-Site` nor `Origin`.
+other sites' pages by what browsers add to them. Programs send neither `Sec-Fetch-Site` nor `Origin`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def is_loopback(name: str) -> bool:
 
 
 def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[Request], Awaitable[None]]:
-    """A dependency that raises `HTTPException` 403 for a foreign host, or a foreign page's request that changes things.
+    """A dependency that raises `HTTPException` 403 for another host, or another page's request that changes things.
 
     `hosts`: names besides those of loopback; with none, or with `*`, all are accepted. `origins`: those of other pages
     that may send requests.

@@ -34,7 +34,7 @@ def test_without_torch_it_is_skipped(monkeypatch):
         assert only.why == "needs torch: pip install 'ciir[training]'"
 
 
-def test_an_explosion_is_noticed_with_its_words(monkeypatch):
+def test_an_explosion_is_noticed_with_its_message(monkeypatch):
     exact = training._recipe
     monkeypatch.setattr(
         training, "_recipe", lambda *given, **named: replace(exact(*given, **named), learning_rate=1e30)

@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ciir.benchmarks.parallax import estimate_disparities
 from ciir.errors import InvalidImage
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
@@ -16,6 +15,7 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
 from ciir.training.evaluation.metrics import rgb_to_luma
+from tests.models.light_field.parallax import estimate_disparities
 
 NETWORKS = [entry.name for entry in catalogue.list_entries() if entry.is_light_field and not entry.unsupported_reason]
 each_network = pytest.mark.parametrize("name", NETWORKS)

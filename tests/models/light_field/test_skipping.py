@@ -80,11 +80,9 @@ def test_skipping_gives_the_same_result(data, grid, shape, at, moves):
         views[data.draw(st.sampled_from(sorted(views)))][...] = 3
     wanted = data.draw(st.lists(st.sampled_from(sorted(views)), min_size=1, max_size=8))
     statistics = SkipStatistics()
-    (got, share), (want, expected_share) = upscale_both_ways(
-        IntegerLightFieldNetwork(), views, wanted, grid, statistics
-    )
+    (got, made), (want, expected) = upscale_both_ways(IntegerLightFieldNetwork(), views, wanted, grid, statistics)
     np.testing.assert_array_equal(got, want)
-    assert share == pytest.approx(expected_share)
+    assert made.fallback == pytest.approx(expected.fallback)
     assert statistics.pixels == len(wanted) * shape[0] * shape[1]
     assert statistics.uniform + statistics.repeated <= statistics.pixels
 

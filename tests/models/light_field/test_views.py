@@ -120,7 +120,7 @@ def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_shar
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=1.01)  # rounded twice
-    assert used == (expected_share, False)
+    assert used == (expected_share, False, False)
 
 
 def test_skip_applies_to_the_fallback_too(monkeypatch):
@@ -196,8 +196,8 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, til
     batch, used = upscale_views(UncertainWhereBright(), fallback, views, wanted, (7, 7))
     for got, (expected, _) in zip(batch, whole, strict=True):
         np.testing.assert_array_equal(got, expected[0])
-    assert used.share == pytest.approx(np.mean([single.share for _, single in whole]))
-    assert 0 < used.share < 1
+    assert used.fallback == pytest.approx(np.mean([single.fallback for _, single in whole]))
+    assert 0 < used.fallback < 1
 
 
 @pytest.mark.parametrize("view", [(2, 2), (0, 4), (3, 1)])
@@ -235,6 +235,6 @@ def test_each_part_of_a_view_has_its_own_shift():
                 for half, shift in zip(halves, (3, -6), strict=True)
             )
             views[v, u] = np.concatenate([left, right], axis=1)
-    (got,), _ = upscale_views(ShowingDifferences(), fallback, views, [(2, 2)], (5, 5), averages=False)
+    (got,), _ = upscale_views(ShowingDifferences(), fallback, views, [(2, 2)], (5, 5))
     assert not got[48:-48, 48 : 2 * 96 - 48].any()
     assert not got[48:-48, 2 * 96 + 48 : -48].any()

@@ -214,7 +214,7 @@ def test_a_video_of_elemental_image_arrays_keeps_its_order() -> None:
 @pytest.mark.parametrize(
     ("name", "format_"), [("a.mat", None), ("a.mat", "mat73"), ("a.h5", None), ("a.npz", None), ("a.tif", "stack")]
 )
-def test_a_container_that_is_cut_off_is_refused_without_words_of_libraries(
+def test_a_container_that_is_cut_off_is_refused_without_messages_of_libraries(
     tmp_path: Path, name: str, format_: str | None
 ) -> None:
     path = tmp_path / name

@@ -15,7 +15,7 @@ def test_a_file_appears_whole(tmp_path):
     assert list(target.parent.iterdir()) == [target]
 
 
-def test_a_fault_leaves_the_old_file(tmp_path):
+def test_an_error_leaves_the_old_file(tmp_path):
     target = tmp_path / "a.bin"
     target.write_bytes(b"old")
     with pytest.raises(TypeError), replacing(target) as file:

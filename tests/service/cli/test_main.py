@@ -104,7 +104,7 @@ def test_bad_arguments_are_one_line(argv, words, capsys, empty_folder):
     assert list(empty_folder.iterdir()) == []
 
 
-def test_an_old_result_survives_a_fault(eia_file, tmp_path, capsys):
+def test_an_old_result_survives_an_error(eia_file, tmp_path, capsys):
     (tmp_path / "a.png").write_bytes(b"old")
     fails(capsys, "reconstruct", eia_file, "--lenses", "6x9", "--views", "all", "-o", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes() == b"old"

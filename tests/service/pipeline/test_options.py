@@ -80,14 +80,14 @@ def test_parses_every_option():
         ("calibration", "x" * 70_000), ("display", "x" * 70_000),
     ],
 )  # fmt: skip
-def test_a_fault_names_the_option_in_one_line(name, text):
+def test_an_error_names_the_option_in_one_line(name, text):
     with pytest.raises(InvalidOption, match=name) as caught:
         Options.parse({name: text})
     assert "\n" not in str(caught.value)
     assert ";" in str(caught.value)  # what is wrong; the remedy
 
 
-def test_a_fault_repeats_only_so_much_of_what_was_given():
+def test_an_error_repeats_only_so_much_of_what_was_given():
     long = "\x81" * 60_000
     for texts in (
         {f"{number}{long}": "1" for number in range(9)},
@@ -135,7 +135,7 @@ def test_white_space_around_a_value_is_left_aside(space):
 
 @settings(max_examples=50)
 @given(st.dictionaries(st.sampled_from(NAMES), st.text(max_size=20)))
-def test_any_text_gives_options_or_a_fault(texts):
+def test_any_text_gives_options_or_an_error(texts):
     try:
         options = Options.parse(texts)
     except InvalidOption:

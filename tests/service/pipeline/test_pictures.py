@@ -50,7 +50,7 @@ def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, ch
         upscale_files({"a.png": data}, {"a.png": "x.jpg"}, pytest.fail, model="bicubic", scale=2)
 
 
-def test_faults_name_the_file():
+def test_errors_name_the_file():
     good = encode(EIA, ".png")
     with pytest.raises(InputError, match=r"b\.png"):
         run({"a.png": good, "b.png": good[:100]})

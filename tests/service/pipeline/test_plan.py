@@ -45,12 +45,12 @@ def test_a_lenslet_averages_over_its_pitch():
     assert mesh(sampling="lenslet").samples == 4
 
 
-def test_pictures_may_be_averaged_where_they_are_not_known_to_be_samples_or_means():
+def test_the_sampling_of_pictures_is_found_where_it_is_unknown():
     grid = {"grid": (3, 3)}
-    assert pictures(**grid).averages
-    assert pictures(model="field", **grid).averages
+    assert pictures(**grid).finds_sampling
+    assert pictures(model="field", **grid).finds_sampling
     for made in (pictures(model="fast", **grid), pictures(sampling="lenslet", **grid), mesh(), mesh(model="field")):
-        assert not made.averages
+        assert not made.finds_sampling
 
 
 def test_networks_keep_the_means_of_lenslets():

@@ -87,16 +87,16 @@ def test_memory_makes_no_difference(recipe, crops):
 
 
 @pytest.mark.parametrize(
-    "spoil", [{"noise": 8.0}, {"blur": 1.5}, {"jpeg": 20}, {"noise": 8.0, "blur": 1.5, "jpeg": 20}]
+    "corruption", [{"noise": 8.0}, {"blur": 1.5}, {"jpeg": 20}, {"noise": 8.0, "blur": 1.5, "jpeg": 20}]
 )
-def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, spoil):
-    spoilt = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9, **spoil)
-    (low, high), (clean, same) = spoilt.make_batch(5), crops.make_batch(5)
+def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, corruption):
+    corrupted = Crops(Path(recipe.train), crop=24, scale=2, batch=4, seed=9, **corruption)
+    (low, high), (clean, same) = corrupted.make_batch(5), crops.make_batch(5)
     assert torch.equal(high, same)
     assert 0.2 / 255 < (low - clean).abs().mean() < 20 / 255
     assert torch.equal(low * 255, (low * 255).round())
-    assert all(torch.equal(a, b) for a, b in zip(spoilt.make_batch(5), (low, high), strict=True))
-    assert not torch.equal(low - clean, spoilt.make_batch(6)[0] - crops.make_batch(6)[0])
+    assert all(torch.equal(a, b) for a, b in zip(corrupted.make_batch(5), (low, high), strict=True))
+    assert not torch.equal(low - clean, corrupted.make_batch(6)[0] - crops.make_batch(6)[0])
 
 
 def test_a_share_of_crops_is_corrupted(recipe, crops):

@@ -36,7 +36,7 @@ def test_a_row_is_in_the_csv_in_tensorboard_and_in_the_picture(tmp_path, events)
     assert text[0] == "step,loss,l1,learning_rate,psnr,seconds,seconds_per_step"
     assert text[2] == "4,0.5,0.25,0.001,34,8,0.25"
     assert logs.read_log(tmp_path / "log.csv") == [row(2, l1=0.5), row(4, l1=0.25)]
-    with Image.open(tmp_path / "curve.png") as picture:
+    with Image.open(tmp_path / "plot.png") as picture:
         assert picture.size == (900, 700)
     found = events(tmp_path / "tensorboard")
     assert found["losses/l1"] == found["psnr"] == [2, 4]
@@ -63,7 +63,7 @@ def test_a_file_that_is_no_log(tmp_path, text):
         logs.Log(tmp_path, title="a", step=9)
 
 
-@pytest.mark.parametrize(("package", "file"), [("tensorboard", "tensorboard"), ("matplotlib", "curve.png")])
+@pytest.mark.parametrize(("package", "file"), [("tensorboard", "tensorboard"), ("matplotlib", "plot.png")])
 def test_a_missing_package_costs_its_file_and_prints_one_note(tmp_path, monkeypatch, capsys, package, file):
     for name in [name for name in sys.modules if package in name.split(".")]:
         monkeypatch.delitem(sys.modules, name)

@@ -63,7 +63,7 @@ def at_step(monkeypatch, step, act):
 @pytest.fixture(autouse=True)
 def no_picture(monkeypatch):
     """Half a second each; `unbroken` draws real ones."""
-    monkeypatch.setattr(logs.plot, "draw_curves", lambda rows, losses, title: b"")
+    monkeypatch.setattr(logs.plot, "draw_plot", lambda rows, losses, title: b"")
 
 
 @pytest.fixture(scope="module", params=[{}, GAN], ids=["pixels", "gan"])
@@ -85,7 +85,7 @@ def test_a_run_leaves_a_checkpoint_and_logs(unbroken):
     assert ("discriminator_loss" in log[0]) == bool(recipe.adversarial)
     assert {path.name for path in checkpoint.parent.iterdir()} == {
         "checkpoint.pt",
-        "curve.png",
+        "plot.png",
         "log.csv",
         "tensorboard",
     }

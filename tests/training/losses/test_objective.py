@@ -75,7 +75,7 @@ def test_discriminator_features(gan):
         ({"loss": "l3"}, "loss: 'l3' is not known; give one of l1, mse"),
         (
             {"perceptual": "vgg"},
-            "perceptual: 'vgg' is not known; give one of vgg19, gradient",
+            "perceptual: 'vgg' is not known; give one of vgg19, discriminator",
         ),
         ({"adversarial": "gan"}, "adversarial: 'gan' is not known; give one of bce, hinge"),
         ({"adversarial": "bce", "discriminator": {"depth": 3}}, "discriminator: it doesn't take {'depth': 3}"),

@@ -92,24 +92,6 @@ def test_a_file_of_something_else_is_refused(tmp_path, content):
         Vgg(path)
 
 
-def test_gradient():
-    """A step of height 1 against flat: one of three differences across is 1, none down."""
-    step = torch.tensor([[0.0, 0.0, 1.0, 1.0]] * 3)[None, None]
-    assert perceptual.gradient(step, torch.zeros_like(step)).item() == pytest.approx(0.5 / 3)
-    assert perceptual.gradient(step, step + 0.25).item() == pytest.approx(0, abs=1e-7)
-    assert perceptual.gradient(step, 1 - step).item() == pytest.approx(1 / 3)
-
-
-def test_frequency():
-    """A constant is one coefficient, its height times the side, among the 4 x 3 x 2 numbers of 4x4 samples."""
-    flat = torch.full((1, 1, 4, 4), 0.5)
-    assert perceptual.frequency(flat, torch.zeros_like(flat)).item() == pytest.approx(4 * 0.5 / (4 * 3 * 2))
-    output, high = rand(2, 3, 7, 6), rand(2, 3, 7, 6, seed=1)
-    spectrum = torch.fft.rfft2(output.double(), norm="ortho") - torch.fft.rfft2(high.double(), norm="ortho")
-    want = (spectrum.real.abs().mean() + spectrum.imag.abs().mean()) / 2
-    assert perceptual.frequency(output, high).item() == pytest.approx(want.item(), rel=1e-5)
-
-
 def test_feature_matching_is_the_mean_over_layers_of_any_size():
     output = [torch.ones(1, 2, 4, 4), torch.zeros(1, 3, 2, 2)]
     high = [torch.zeros(1, 2, 4, 4), torch.full((1, 3, 2, 2), 0.5, dtype=torch.bfloat16)]

@@ -1,7 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 
+from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.renderer.readers.bundle import Folder
 from ciir.renderer.readers.meshes import texture_files
-from ciir.renderer.readers.meshes.texture_files import Resolver, to_rgba8
+from ciir.renderer.readers.meshes.texture_files import MOST_WORK, Resolver, to_rgba8
 from ciir.renderer.writers.pictures import encode_png
 
 
@@ -30,11 +34,33 @@ def test_names_are_relative_to_the_mesh_and_stay_within() -> None:
     assert resolver.find_or_note("x.mtl", "file") == b"1"
     assert resolver.find_or_note("../y.mtl", "file") == b"2"
     assert resolver.find_or_note(r"C:\work\x.mtl", "file") == b"1"  # by its name alone, beside the mesh
-    assert resolver.find_or_note(r"C:\work\y.mtl", "file") is None
-    assert resolver.find_or_note("../../y.mtl", "file") is None
+    assert resolver.notes == []
     assert resolver.find_or_note("z.mtl", "file") is None
+    resolver.find_or_note("../../z.mtl", "file")
     resolver.find_or_note("z.mtl", "file")
-    assert len(resolver.notes) == 3
+    assert len(resolver.notes) == 2
+
+
+def test_the_only_file_of_a_name_is_found_in_any_folder_and_case() -> None:
+    resolver = Resolver({"source/a.obj": b"", "textures/Skin.PNG": b"1", "other/skin.jpg": b"2"}, "source/a.obj")
+    for name in ("skin.png", "tex/SKIN.png", r"C:\work\skin.png", "../../skin.png"):
+        assert resolver.find_or_note(name, "texture") == b"1"
+    assert resolver.notes[0] == "skin.png is not there; textures/Skin.PNG is used, the only file of that name"
+
+
+def test_a_name_that_two_files_have_is_missing() -> None:
+    resolver = Resolver({"a.obj": b"", "one/skin.png": b"1", "two/SKIN.png": b"2"}, "a.obj")
+    assert resolver.find_or_note("skin.png", "texture") is None
+    assert resolver.notes == ["texture skin.png is missing and is left out; give a zip that holds it"]
+
+
+def test_too_many_files_beside_a_mesh_are_not_searched(tmp_path) -> None:
+    for number in range(5):
+        (tmp_path / f"{number}.txt").touch()
+    (tmp_path / "Skin.png").write_bytes(b"1")
+    folder = Folder(tmp_path, replace(DEFAULT_LIMITS, files=4))
+    assert Resolver(folder, "a.obj").find("skin.png") is None
+    assert Resolver(Folder(tmp_path, DEFAULT_LIMITS), "a.obj").find("skin.png") == b"1"
 
 
 def corrupt(height: int, width: int) -> bytes:
@@ -44,19 +70,32 @@ def corrupt(height: int, width: int) -> bytes:
 
 
 def test_a_corrupt_texture_is_charged_before_it_is_decoded() -> None:
-    files = {f"{i}.png": corrupt(20, 30) for i in range(3)}
-    resolver = Resolver(files, "a.obj", max_pixels=1000)
+    files = {f"{i}.png": corrupt(20, 30) for i in range(MOST_WORK + 1)}
+    resolver = Resolver(files, "a.obj", max_pixels=700)
     assert all(resolver.load_texture(name, opaque=True) is None for name in files)
     assert "0.png: damaged or cut off (while the PNG picture was decoded); send" in resolver.notes[0]
-    assert "20x30 pixels; 399 are left of the 1,000 for all textures; scale them down" in resolver.notes[1]
+    assert "20x30 pixels; textures before it have nearly as many as are decoded" in resolver.notes[MOST_WORK]
 
 
-def test_a_texture_that_takes_all_that_there_is() -> None:
-    data = encode_png(np.zeros((20, 30, 3), np.uint8))
-    resolver = Resolver({"x.png": data, "y.png": data}, "a.obj", max_pixels=600)
-    assert resolver.load_texture("x.png", opaque=True) is not None
-    assert resolver.load_texture("y.png", opaque=True) is None
-    assert resolver.notes == ["textures over 600 pixels in all are left out; scale them down"]
+def test_textures_are_scaled_down_to_what_is_left() -> None:
+    data = encode_png(np.full((40, 60, 3), (10, 20, 30), np.uint8))
+    resolver = Resolver({f"{i}.png": data for i in range(9)}, "a.obj", max_pixels=2400)
+    made = [resolver.load_texture(f"{i}.png", opaque=True) for i in range(9)]
+    sizes = [texture.pixels.shape[:2] for texture in made if texture]
+    assert sizes == [(20, 30), (20, 30), (20, 30), (14, 20)]
+    assert sum(height * width for height, width in sizes) <= 2400
+    assert all((texture.pixels == (10, 20, 30, 255)).all() for texture in made if texture)
+    assert resolver.notes[0] == ("texture 0.png is scaled down from 40x60 to 20x30 pixels: all together may have 2,400")
+    assert resolver.notes[4:] == ["textures over 2,400 pixels in all are left out; scale them down"]
+
+
+def test_a_texture_that_fits_stays_as_it_is() -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (20, 30, 4), np.uint8)
+    resolver = Resolver({"x.png": encode_png(pixels)}, "a.obj", max_pixels=1200)
+    texture = resolver.load_texture("x.png", opaque=False)
+    assert texture is not None
+    assert np.array_equal(texture.pixels, pixels)
+    assert resolver.notes == []
 
 
 def test_a_texture_too_wide_to_draw_is_left_out_with_a_note() -> None:

@@ -35,7 +35,7 @@ def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
     assert f"nearest on {tmp_path.name} (box): " in capsys.readouterr().out
 
 
-def test_evaluate_takes_its_words_around_options(tmp_path, capsys):
+def test_evaluate_takes_arguments_around_options(tmp_path, capsys):
     pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
     for argv in (

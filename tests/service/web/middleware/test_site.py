@@ -1,4 +1,4 @@
-"""Foreign hosts and foreign web pages."""
+"""Other hosts and web pages of other sites."""
 
 import httpx2
 import pytest

@@ -6,7 +6,7 @@ pytest.importorskip("scipy", reason="needs the training extra")
 import numpy as np
 from scipy import ndimage
 
-from ciir.benchmarks.parallax import estimate_disparities
+from tests.models.light_field.parallax import estimate_disparities
 
 
 def textured(seed):

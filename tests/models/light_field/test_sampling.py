@@ -1,0 +1,134 @@
+"""How views were sampled is found, and undone."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ciir.models.back_projection import restore_luma
+from ciir.models.light_field.sampling import WHOLE_ROWS, find_sampling
+from ciir.models.light_field.views import MOST, SURROUNDED, upscale_views
+
+
+def make_fine(height, width, channels=3, dtype=np.uint8):
+    """A picture of twice that size with detail up to its finest."""
+    values = np.random.default_rng(0).random((2 * height, 2 * width, channels))
+    return (values * np.iinfo(dtype).max).astype(dtype)
+
+
+def filter_down(fine):
+    """Half as large, by bicubic interpolation with antialiasing."""
+    size = (fine.shape[1] // 2, fine.shape[0] // 2)
+    planes = [Image.fromarray(plane.astype(np.float32)) for plane in np.moveaxis(fine, 2, 0)]
+    small = np.stack([plane.resize(size, Image.Resampling.BICUBIC) for plane in planes], axis=2)
+    return np.rint(small).clip(0, np.iinfo(fine.dtype).max).astype(fine.dtype)
+
+
+def average_down(fine):
+    height, width, channels = fine.shape
+    means = fine.reshape(height // 2, 2, width // 2, 2, channels).mean(axis=(1, 3))
+    return np.rint(means).astype(fine.dtype)
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (3, np.uint16)])
+@pytest.mark.parametrize("height", [9, WHOLE_ROWS, WHOLE_ROWS + 1, 300])
+def test_filter_and_means_are_distinguished(height, channels, dtype):
+    fine = make_fine(height, 40, channels, dtype)
+    for make_small, kind in ((filter_down, "filter"), (average_down, "means")):
+        found = find_sampling(fine, make_small(fine))
+        assert found[:3] == (kind, 1, 1)
+        assert found.noise < 0.02  # ten times the error of rounding to whole levels
+
+
+def test_points_are_not_taken_for_clean_means():
+    finer = make_fine(100, 80)
+    for axis in (0, 1):
+        finer = ((finer.astype(np.uint16) + np.roll(finer, 1, axis)) // 2).astype(np.uint8)
+    small = average_down(finer[1:-1, 1:-1])[::2, ::2]  # the middle of each 4x4 samples
+    found = find_sampling(average_down(finer), small)
+    assert found is None or found.gain == 0
+
+
+@pytest.mark.parametrize("make_small", [filter_down, average_down])
+def test_the_noisier_the_less_is_undone(make_small):
+    fine = make_fine(60, 40)
+    clean = make_small(fine)
+    noise = np.random.default_rng(1).normal(size=clean.shape)
+    found = [
+        find_sampling(fine, np.clip(np.rint(clean + level * noise), 0, 255).astype(np.uint8))
+        for level in (0, 2, 4, 6, 8, 10, 12, 16)
+    ]
+    gains, noises = zip(*((one.gain, one.noise) for one in found if one), strict=True)
+    assert list(gains) == sorted(gains, reverse=True)
+    assert list(noises) == sorted(noises)
+    assert gains[0] == 1
+    assert gains[-1] == 0
+
+
+def test_between_filter_and_means_the_likeness_falls_and_rises():
+    fine = make_fine(60, 40)
+    ends = filter_down(fine).astype(float), average_down(fine).astype(float)
+    mixed = [np.rint((1 - part) * ends[0] + part * ends[1]).astype(np.uint8) for part in np.linspace(0, 1, 41)]
+    found = [find_sampling(fine, small) for small in mixed]
+    likeness = [one.likeness * (1 if one.kind == "means" else -1) if one else 0 for one in found]
+    assert likeness == sorted(likeness)
+    assert (likeness[0], likeness[-1]) == (-1, 1)
+    assert 0 in likeness
+    assert any(-1 < one < 0 for one in likeness)
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (4, 30), (30, 4), (1, 1)])
+def test_a_view_that_is_all_border_is_neither(shape):
+    fine = make_fine(*shape)
+    assert find_sampling(fine, filter_down(fine)) is None
+
+
+def test_a_flat_view_is_neither():
+    assert find_sampling(np.full((80, 60, 3), 77, np.uint8), np.full((40, 30, 3), 77, np.uint8)) is None
+
+
+@pytest.mark.parametrize("height", [WHOLE_ROWS, 4 * WHOLE_ROWS])
+def test_both_halves_of_a_view_count(height):
+    fine = make_fine(height, 40)
+    for half in (slice(height // 2), slice(height // 2, None)):
+        small = filter_down(fine)
+        small[half] = average_down(fine)[half]
+        found = find_sampling(fine, small)
+        assert found is None or found.kind == "means" or found.likeness < 1
+
+
+class Making:
+    """A stand-in for a light-field network, which makes one picture of every view, and is certain of it."""
+
+    scale, radius, threads = 2, 2, 1
+
+    def __init__(self, fine):
+        self.planes = np.moveaxis(fine, 2, 0)[np.newaxis].astype(np.float32) / 255
+
+    def __call__(self, image, around, rows, cols, *, cores=None):
+        return self.planes.repeat(len(image), axis=0), np.full_like(image[:, :1], 0.3)
+
+
+class Black:
+    """A stand-in for a single-picture network."""
+
+    name, scale, radius = "black", 2, 0
+
+    def __call__(self, images):
+        return np.zeros_like(images).repeat(2, axis=2).repeat(2, axis=3)
+
+
+def test_views_are_restored_as_they_were_sampled():
+    fine = make_fine(40, 30)
+    every = [(v, u) for v in range(5) for u in range(6)]
+    for small, kind in ((filter_down(fine), "filter"), (average_down(fine), "means")):
+        for finds in (True, False):
+            views = dict.fromkeys(every, small)
+            made, used = upscale_views(Making(fine), Black(), views, every, (5, 6), finds_sampling=finds)
+            assert used == (0, finds and kind == "filter", finds)
+            for picture, view in zip(made, every, strict=True):
+                want = fine
+                if finds and kind == "filter":
+                    share = SURROUNDED if view in {(2, 2), (2, 3)} else MOST
+                    want = np.rint((1 - share) * fine).astype(np.uint8)
+                want = restore_luma(want, small, kind) if finds else want
+                np.testing.assert_allclose(picture, want, atol=2)  # the mean is rounded, of numbers in another order
