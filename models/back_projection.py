@@ -16,6 +16,8 @@ from ciir.models.light_field.network import compute_luma
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.models.light_field.disparity import Pixels
+
 Value = TypeVar("Value", np.uint8, np.uint16)
 SamplingKind = Literal["filter", "means"]
 """How a view was made: by the antialiasing filter of bicubic interpolation, or as means over the pixels' cells, which
@@ -52,8 +54,8 @@ def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value
 
 
 def restore_luma(
-    large: NDArray[Value], small: NDArray[Value], sampling: SamplingKind, *, gain: float = 1.0, noise: float = 0.0
-) -> NDArray[Value]:
+    large: Pixels, small: Pixels, sampling: SamplingKind, *, gain: float = 1.0, noise: float = 0.0
+) -> Pixels:
     """`large` `(scale*H, scale*W, C)`, whose luma is brought closer to that of `small` `(H, W, C)`, of which it was
     made, by `gain` in [0, 1] of the difference.
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from ciir.errors import InvalidImage
-from ciir.models.back_projection import restore_luma
+from ciir.models.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models.light_field.disparity import (
     crop_luma,
     measure_shifts,
     select_shifted,
     shift_part,
 )
-from ciir.models.light_field.pixels import blend_pictures, convert_to_planes, round_levels, write_planes
+from ciir.models.light_field.finishing import Made, finish_view
+from ciir.models.light_field.pixels import convert_to_planes, round_levels, write_planes
 from ciir.models.light_field.sampling import find_sampling
 from ciir.models.light_field.skipping import (
     TileDifferences,
@@ -42,27 +44,6 @@ if TYPE_CHECKING:
     from ciir.models.tiles import Tile
     from ciir.models.upscaler import Upscaler
 
-CONFIDENT, UNCERTAIN = 0.6, 0.75
-"""Uncertainty up to which the light-field network's picture is taken, and from which the fallback's is. Views of one
-scene have 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), views of other scenes 0.6 to 1."""
-MINIMUM_FALLBACK_SHARE = 0.1
-"""Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
-SURROUNDED, MOST = 0.25, 0.5
-"""The fallback's share in the mean that a filtered view becomes: with two views on each side, and otherwise, where the
-light-field network is weaker. On 48 views of four captured light fields, made small by bicubic interpolation, it
-gains -0.04 to 0.5 dB over the network, 0.16 in the mean. Shares by the network's uncertainty are no better."""
-
-
-class Made(NamedTuple):
-    """What else than the light-field network had a part in views."""
-
-    fallback: float = 0.0
-    """Share of all pixels that come mostly from the single-image fallback, because confidence is low."""
-    is_averaged: bool = False
-    """Whether some view, which was filtered, is the mean of both networks."""
-    is_restored: bool = False
-    """Whether some view was brought closer to what was seen."""
-
 
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
     """Every view (v, u) of the windows around `wanted`, in a grid of `grid` views, row by row and each once."""
@@ -85,35 +66,45 @@ def upscale_views(
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
-    to it. `finds_sampling`: whether views may be filtered or means (`models.light_field.sampling`). A filtered one
-    becomes the mean with what `fallback` makes of it, and clean ones of both kinds are brought closer to what
-    was seen (`models.back_projection.restore_luma`).
+    to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
     channels; and what else had a part in it.
 
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
-    noise, or disparities beyond the network's planes. From `CONFIDENT` to `UNCERTAIN` the two are blended, in views of
-    which more than `MINIMUM_FALLBACK_SHARE` has low confidence. Where content moves by more than a pixel from one view
-    to the next, the views around are first shifted back by whole pixels (`models.light_field.disparity`): the network
-    runs once for each shift, on boxes around the parts that have it. The result for a view doesn't depend on which
-    others are wanted. Large views are upscaled in tiles, all views of one tile after another, to save memory.
+    noise, or disparities beyond the network's planes (`models.light_field.finishing`). Where content moves by more than
+    a pixel from one view to the next, the views around are first shifted back by whole pixels
+    (`models.light_field.disparity`): the network runs once for each shift, on boxes around the parts that have it. The
+    result for a view doesn't depend on which others are wanted. Large views are upscaled in tiles, all views of one
+    tile after another, to save memory. Levels of 16 bit that use fewer are multiplied by a power of two before, and
+    divided after (`models.bit_depth`).
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
-    first = _check_views(views, wanted[0], list_required_views(wanted, grid))
+    required = list_required_views(wanted, grid)
+    _check_views(views, wanted[0], required)
     statistics = SkipStatistics() if statistics is None else statistics
-    pixels = first.shape[0] * first.shape[1]
-    statistics.pixels += len(wanted) * pixels
-    firsts = find_repeats(views, wanted, grid) if skip and len(wanted) > 1 else list(range(len(wanted)))
-    distinct = sorted(set(firsts))
-    statistics.repeated += (len(wanted) - len(distinct)) * pixels
-    job = _Job(network, views, grid, skip, statistics)
-    result, made = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], finds_sampling)
-    places = np.searchsorted(distinct, firsts)
-    share = float(np.mean([made[place].fallback for place in places]))
-    total = Made(share, any(each.is_averaged for each in made), any(each.is_restored for each in made))
-    return result if len(distinct) == len(wanted) else result[places], total
+    bits = {view: count_unused_bits(views[view]) for view in required}
+    by_bits: dict[int, list[int]] = {}
+    for number, view in enumerate(wanted):
+        by_bits.setdefault(min(bits[other] for other, _ in list_window(view, grid)), []).append(number)
+    parts, made = [], []
+    for unused, numbers in by_bits.items():
+        some = [wanted[number] for number in numbers]
+        raised = {view: raise_levels(views[view], unused) for view in list_required_views(some, grid)}
+        job = _Job(network, raised, grid, skip, statistics)
+        pictures, others = _upscale_repeated(job, fallback, some, finds_sampling)
+        parts.append(lower_levels(pictures, unused))
+        made += others
+    total = Made(
+        float(np.mean([each.fallback for each in made])),
+        any(each.is_averaged for each in made),
+        any(each.is_restored for each in made),
+    )
+    if len(parts) == 1:
+        return parts[0], total
+    order = np.argsort(np.concatenate([*by_bits.values()]))
+    return np.concatenate(parts)[order], total
 
 
 class _Job(NamedTuple):
@@ -147,6 +138,22 @@ class _Output(NamedTuple):
     """`(R, C)` each, from `measure_shifts`: which run fills which part."""
 
 
+def _upscale_repeated(
+    job: _Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
+) -> tuple[Pixels, list[Made]]:
+    """The views `wanted`, each of several with equal windows upscaled once, and what else had a part in each."""
+    pixels = job.views[wanted[0]].shape[0] * job.views[wanted[0]].shape[1]
+    job.statistics.pixels += len(wanted) * pixels
+    firsts = list(range(len(wanted)))
+    if job.skip and len(wanted) > 1:
+        firsts = find_repeats(job.views, wanted, job.grid)
+    distinct = sorted(set(firsts))
+    job.statistics.repeated += (len(wanted) - len(distinct)) * pixels
+    result, made = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], finds_sampling)
+    places = np.searchsorted(distinct, firsts)
+    return result if len(distinct) == len(wanted) else result[places], [made[place] for place in places]
+
+
 def _upscale_distinct(
     job: _Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
 ) -> tuple[Pixels, list[Made]]:
@@ -167,22 +174,12 @@ def _upscale_distinct(
         _run_network(job, group, backgrounds, shift, output)
     made = []
     for number, view in enumerate(wanted):
-        picture, small = output.pictures[number], job.views[view]
-        weight = np.clip((output.uncertainty[number, ..., 0] - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
-        if np.mean(weight > 0) <= MINIMUM_FALLBACK_SHARE:
-            weight[:] = 0
-        share = float(np.mean(weight > 0.5))
-        found = find_sampling(picture, small) if finds_sampling else None
-        is_filtered = found is not None and found.kind == "filter"
-        if found and is_filtered:
-            sides = (min(at, count - 1 - at) for at, count in zip(view, job.grid, strict=True))
-            most = SURROUNDED if min(sides) >= WINDOW_SIDE // 2 else MOST
-            np.maximum(weight, np.float32(most * found.likeness), out=weight)
-        if weight.any():
-            blend_pictures(picture, _upscale_single(fallback, small, job.skip), weight)
-        if found and found.gain:
-            picture[...] = restore_luma(picture, small, found.kind, gain=found.gain, noise=found.noise)
-        made.append(Made(share, is_filtered, found is not None and found.gain > 0))
+        picture, small, uncertainty = output.pictures[number], job.views[view], output.uncertainty[number, ..., 0]
+        sampling = find_sampling(picture, small) if finds_sampling else None
+        sides = [min(at, length - 1 - at) for at, length in zip(view, job.grid, strict=True)]
+        alone = partial(_upscale_single, fallback, small, job.skip)
+        surrounded = min(sides) >= WINDOW_SIDE // 2
+        made.append(finish_view(picture, small, uncertainty, sampling, alone, is_surrounded=surrounded))
     return output.pictures, made
 
 
@@ -273,8 +270,8 @@ def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> Pixels:
     return large
 
 
-def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[View]) -> Pixels:
-    """The pixels of `view`, after checking that it is a picture and that all `required` views are like it."""
+def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[View]) -> None:
+    """Raises `InvalidImage` where `view` is no picture, or one of the `required` views is not like it."""
     first = views[view]
     if first.ndim != 3 or first.shape[2] not in (1, 3) or first.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(
@@ -287,7 +284,6 @@ def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[Vi
                 f"view {v},{u}: {other.shape} of {other.dtype}, where view {view[0]},{view[1]} is {first.shape} of "
                 f"{first.dtype}; give views of one size and depth"
             )
-    return first
 
 
 def _make_batches(

@@ -9,6 +9,7 @@ import numpy as np
 
 from ciir.errors import InvalidImage
 from ciir.models import tiles
+from ciir.models.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
 
@@ -36,8 +37,9 @@ def upscale_pixels(
     hidden colours don't bleed into visible ones, and alpha has a pass of its own. Alpha is exact where it was flat:
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
-    `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which doesn't change the result.
-    `statistics`: the pixels are added to it.
+    Colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided after
+    (`models.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which doesn't
+    change the result. `statistics`: the pixels are added to it.
 
     Raises `InvalidImage` where the array is of another shape or type.
     """
@@ -45,7 +47,19 @@ def upscale_pixels(
         raise InvalidImage(f"an array of shape {pictures.shape}: give (N, H, W, C) with C from 1 to 4")
     if pictures.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(f"pictures of type {pictures.dtype}: give 8 or 16 bit unsigned integers")
-    statistics = SkipStatistics() if statistics is None else statistics
+    unused = [count_unused_bits(picture) for picture in pictures]
+    if any(unused):
+        pictures = np.stack([raise_levels(picture, bits) for picture, bits in zip(pictures, unused, strict=True)])
+    large = _upscale_distinct(upscaler, pictures, skip, SkipStatistics() if statistics is None else statistics)
+    for picture, bits in zip(large, unused, strict=True):
+        lower_levels(picture, bits)
+    return large
+
+
+def _upscale_distinct(
+    upscaler: Upscaler, pictures: NDArray[Depth], skip: bool, statistics: SkipStatistics
+) -> NDArray[Depth]:
+    """Upscales pictures, each of several equal ones once where `skip`."""
     count, height, width, _ = pictures.shape
     statistics.pixels += count * height * width
     if not skip:

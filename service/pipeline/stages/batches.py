@@ -6,7 +6,7 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.views import Made
+from ciir.models.light_field.finishing import Made
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence

@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.views import MINIMUM_FALLBACK_SHARE, Made
+from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Made
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,8 +5,9 @@ import pytest
 from PIL import Image
 
 from ciir.models.back_projection import restore_luma
+from ciir.models.light_field.finishing import MOST, SURROUNDED
 from ciir.models.light_field.sampling import WHOLE_ROWS, find_sampling
-from ciir.models.light_field.views import MOST, SURROUNDED, upscale_views
+from ciir.models.light_field.views import upscale_views
 
 
 def make_fine(height, width, channels=3, dtype=np.uint8):

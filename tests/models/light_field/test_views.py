@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidImage
-from ciir.models.light_field.views import CONFIDENT, UNCERTAIN, list_required_views, upscale_views
+from ciir.models.light_field.finishing import CONFIDENT, UNCERTAIN
+from ciir.models.light_field.views import list_required_views, upscale_views
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 
 

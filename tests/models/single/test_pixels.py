@@ -85,14 +85,15 @@ def test_16_bits_stay_16_bits():
 
 
 @pytest.mark.parametrize("dtype", DEPTHS)
-@pytest.mark.parametrize(("levels", "want"), [(0.45, 100), (0.55, 101), (-0.45, 100), (-0.55, 99)])
-def test_values_are_rounded_to_the_nearest(dtype, levels, want):
+@pytest.mark.parametrize(("levels", "more"), [(0.45, 0), (0.55, 1), (-0.45, 0), (-0.55, -1)])
+def test_values_are_rounded_to_the_nearest(dtype, levels, more):
     class Brighter(Nearest):
         def __call__(self, images):
             return super().__call__(images) + np.float32(levels / np.iinfo(dtype).max)
 
-    got = upscale_pixels(Brighter(2), np.full((1, 2, 2, 3), 100, dtype))
-    assert (got == want).all()
+    level = np.iinfo(dtype).max // 2 + 100  # all bits are used
+    got = upscale_pixels(Brighter(2), np.full((1, 2, 2, 3), level, dtype))
+    assert (got == level + more).all()
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])

@@ -1,0 +1,54 @@
+"""16-bit pictures of cameras with fewer bits: networks see the whole range.
+
+A camera of 10 or 12 bits fills a part of 16. Networks were trained on pictures that fill the range, and are up to 10 dB
+worse on ones that are so dark. So levels are multiplied by a power of two before a network, and divided after it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+BITS = 16
+LEAST = 8
+"""Bits that are always taken as used: a picture with fewer is dark."""
+
+
+def count_unused_bits(*pictures: NDArray[Any]) -> int:
+    """How many of the upper bits no pixel of 16-bit `pictures` `(..., C)` uses, 0 to 8; 0 for 8-bit ones.
+
+    Alpha, the last of 2 or 4 channels, doesn't count.
+    """
+    if pictures[0].dtype != np.uint16:
+        return 0
+    largest = max((int(_colours(picture).max()) for picture in pictures if picture.size), default=0)
+    return BITS - max(LEAST, largest.bit_length())
+
+
+def raise_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
+    """`picture` with its colours multiplied by `2**unused`, a new array where that is not 1."""
+    if not unused:
+        return picture
+    raised = picture.copy()
+    _colours(raised)[...] <<= unused
+    return raised
+
+
+def lower_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
+    """Undoes `raise_levels`, rounded to nearest, in place."""
+    if unused:
+        colours, half = _colours(picture), np.uint16(2 ** (unused - 1))
+        np.minimum(colours, np.uint16(2**BITS - 1) - half, out=colours)  # which 16 bits hold with half a level more
+        colours += half
+        colours >>= unused
+    return picture
+
+
+def _colours(picture: NDArray[Any]) -> NDArray[Any]:
+    return picture[..., :-1] if picture.shape[-1] in (2, 4) else picture
