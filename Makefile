@@ -1,5 +1,6 @@
 # Each target does all the set-up that it needs, in .venv, as a plain user. PYTHON names the interpreter (3.11 or newer).
 PYTHON ?= python3
+PORT ?= 8000
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517
@@ -13,7 +14,7 @@ help:
 	@echo "make lint      ruff and mypy, strict (installs torch, to check training too)"
 	@echo "make format    ruff, with the corrections that it can make itself"
 	@echo "make coverage  the tests, and which lines they run"
-	@echo "make serve     the HTTP service on http://127.0.0.1:8000, documented at /docs"
+	@echo "make serve     the HTTP service on http://127.0.0.1:8000 (or PORT=...), documented at /docs"
 	@echo "make lock      new versions of all packages in requirements/"
 	@echo "make clean     removes .venv and what the other targets wrote"
 
@@ -71,7 +72,7 @@ format: $(VENV)/.dev
 	@$(BIN)/ruff format .
 
 serve: $(VENV)/.service
-	@$(BIN)/ciir serve
+	@$(BIN)/ciir serve --port $(PORT)
 
 # Exact versions, for the oldest Python that is supported. --unsafe-package leaves out what pyrender requires for its
 # window alone. It also requires PyOpenGL 3.1.0, which fails on Python 3.12 and newer; 3.1.10 works on all.
