@@ -4,7 +4,7 @@ import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
 import { LensGrid } from "./grid.js";
 import { describe, makeForm, nameInput, readImage } from "./inputs.js";
-import { perform, run, showStatus } from "./job.js";
+import { clearNotes, perform, run, showReport, showStatus } from "./job.js";
 import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
@@ -17,7 +17,8 @@ import { SENTENCES, TEXTS } from "./texts.js";
 /** @typedef {Record<string, string>} Settings */
 
 const frame = find("frame", HTMLElement);
-/** @type {WeakMap<Input, Map<string, Blob>>} Pictures of an input, by what they were made with. */
+/** @typedef {{picture: Blob, status: import("./client.js").Status}} Made A picture, and the job that made it. */
+/** @type {WeakMap<Input, Map<string, Made>>} Pictures of an input, by what they were made with. */
 const pictures = new WeakMap();
 /** @type {LensGrid | undefined} The lens grid that is shown. */
 let lensGrid;
@@ -46,6 +47,7 @@ export function fill(element, caption = "", close = () => {}) {
  * @returns {Promise<string | void>} What the user has to do next.
  */
 export async function makeShown(input, settings, mode, signal) {
+  clearNotes();
   const isUnknown = input.kind === "picture" && !LENSES.some((name) => settings[name]);
   if (mode === "grid" || isUnknown) return showGrid(input, settings, isUnknown, signal);
   const isMapped = mode === "mapped" || (mode === "upscaled" && settings.model === "none");
@@ -112,10 +114,15 @@ async function makePicture(input, fields, what, signal, isKept = false) {
   const made = pictures.get(input) ?? new Map();
   pictures.set(input, made);
   const key = JSON.stringify(fields);
-  if (made.has(key)) return made.get(key);
-  const picture = await (await makeFile(input, "reconstructions", { ...fields, format: "png" }, what, signal, isKept)).blob();
+  const found = made.get(key);
+  if (found) {
+    showReport(found.status);
+    return found.picture;
+  }
+  const { job, response } = await makeFile(input, "reconstructions", { ...fields, format: "png" }, what, signal, isKept);
+  const picture = await response.blob();
   signal.throwIfAborted();
-  made.set(key, picture);
+  made.set(key, { picture, status: job.status });
   return picture;
 }
 
@@ -163,14 +170,14 @@ async function showAround(input, settings, signal) {
   const all = { ...settings, views: "all", format: "tiles" };
   const isMapped = settings.model === "none";
   const mapped = await makeFile(input, "reconstructions", { ...all, model: "none", scale: "" }, isMapped ? TEXTS.around : TEXTS.mapped, signal, isMapped);
-  let stage = await showViews(holder, mapped, signal, isMapped ? 1 : Number(settings.scale) || 2);
+  let stage = await showViews(holder, mapped.response, signal, isMapped ? 1 : Number(settings.scale) || 2);
   try {
-    if (!isMapped) stage = await showViews(holder, await makeFile(input, "reconstructions", all, TEXTS.around, signal), signal);
+    if (!isMapped) stage = await showViews(holder, (await makeFile(input, "reconstructions", all, TEXTS.around, signal)).response, signal);
   } finally {
     addOverlays(stage, () =>
       perform(async (ended) => {
         const { scale, model, ...reading } = settings;
-        return (await makeFile(input, "disparities", { ...reading, format: "viridis" }, TEXTS.depth, ended)).blob();
+        return (await makeFile(input, "disparities", { ...reading, format: "viridis" }, TEXTS.depth, ended)).response.blob();
       }),
     );
   }
@@ -212,5 +219,5 @@ export async function makeFile(input, plural, fields, what, signal, isKept = tru
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
   const { job, response } = await run(plural, makeForm(input, fields), what, signal);
   if (isKept) keepJob({ name: nameInput(input), what, url: job.url, hash: location.hash }, fields);
-  return response;
+  return { job, response };
 }

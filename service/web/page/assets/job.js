@@ -12,8 +12,10 @@ const text = find("progress-text", HTMLElement);
 const problem = find("problem", HTMLElement);
 const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
+const notes = find("notes", HTMLElement);
 
 const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
+const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
 const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
 
 let work = new AbortController();
@@ -62,7 +64,13 @@ export function clear() {
   stop();
   showStatus("");
   hideProblem();
+  clearNotes();
   details.hidden = true;
+}
+
+/** Forgets the notes of what was shown. */
+export function clearNotes() {
+  notes.replaceChildren();
 }
 
 /** @param {string} message For all to read, and for screen readers. */
@@ -92,7 +100,7 @@ export async function run(kind, form, name, signal) {
     wasDone = mine.status.state === "done";
     const response = await mine.follow(report, signal);
     signal.throwIfAborted();
-    showDetails(mine.status);
+    showReport(mine.status);
     return { job: mine, response };
   } finally {
     if (!signal.aborted) {
@@ -154,9 +162,15 @@ export function hideProblem() {
   for (const field of document.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
 }
 
-/** @param {Status} status */
-function showDetails(status) {
-  const { timings_ms: timings = {}, plan, notes } = status.report ?? {};
+/**
+ * Shows the report of a job: where the time went, and its notes beside those of other jobs of the same picture.
+ * @param {Status} status
+ */
+export function showReport(status) {
+  const { timings_ms: timings = {}, plan, notes: found } = status.report ?? {};
+  const shownNotes = [...notes.children].map((note) => note.textContent);
+  const added = [...new Set((found ?? []).map(String))].filter((note) => !OWN_NOTES.test(note) && !shownNotes.includes(note));
+  notes.append(...added.map((note) => make("p", note)));
   const shown = Object.entries(timings).filter(([stage]) => stage in STAGES);
   const stages = shown.map(([stage, time]) => {
     const share = make("i", "", { class: `stage-${stage}` });
@@ -171,7 +185,7 @@ function showDetails(status) {
   );
   const { predicted_ms: predicted } = plan ?? {};
   const estimate = predicted && timings.total ? [SENTENCES.estimate(SENTENCES.time(timings.total), SENTENCES.time(predicted))] : [];
-  const remarks = [...estimate, ...(notes ?? []), ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  const remarks = [...estimate, ...(found ?? []), ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
   find("remarks", HTMLElement).replaceChildren(...remarks);
   details.hidden = false;
 }

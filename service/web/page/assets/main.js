@@ -204,9 +204,9 @@ watchExport((plural, fields) => {
   const opened = input;
   if (!opened) return;
   void attempt(async (signal) => {
-    const response = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
+    const made = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
-    await saveResponse(await response, opened.name);
+    await saveResponse((await made).response, opened.name);
   });
 });
 for (const field of modes) field.addEventListener("change", () => void show());

@@ -165,7 +165,7 @@ def test_single_lenses_are_seen_when_one_zooms_in(page, eia):
 
 def test_a_picture_without_lenses_is_shown_to_find_them(page):
     choose(page, ("eia.png", EIA_PNG))
-    expect(page.get_by_role("status")).to_contain_text("How many lenses")
+    expect(page.locator("#status")).to_contain_text("How many lenses")
     expect(page.locator(".lens-grid .pictures img")).to_be_visible()
     page.get_by_role("button", name="Corner of an elemental image").press("ArrowLeft")
     page.wait_for_url("**pixels=**")

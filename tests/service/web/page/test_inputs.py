@@ -88,8 +88,7 @@ def test_names_in_a_mesh_never_become_markup(no_markup):
     go_to(page, "#file=a&lenses=20x20&pixels=3x3")
     choose(page, (f"{MARKUP}.obj", CUBE_OBJ.encode()))
     wait_for_picture(page, 40, 40)
-    page.get_by_text("Where the time went").click()
-    expect(page.locator("#remarks")).to_contain_text(f"{MARKUP}.mtl")
+    expect(page.locator("#notes")).to_contain_text(f"{MARKUP}.mtl")
 
 
 def test_a_mesh_gives_its_files_their_name(page):
@@ -126,4 +125,5 @@ def test_a_report_never_becomes_markup(no_markup):
     wait_for_picture(page, 8, 10)
     page.get_by_text("Where the time went").click()
     expect(page.locator("#remarks li").nth(1)).to_have_text(MARKUP)
+    expect(page.locator("#notes p").first).to_have_text(MARKUP)
     expect(page.locator("[name=model] option").last).to_have_text(MARKUP)

@@ -195,7 +195,7 @@ def test_what_was_cancelled_is_begun_again(page):
     hold_posts(page, "reconstructions", "views")
     go_to(page, f"{SMALL}&show=around")
     page.get_by_role("button", name="Cancel").click()
-    expect(page.get_by_role("status")).to_have_text("Cancelled.")
+    expect(page.locator("#status")).to_have_text("Cancelled.")
     again = page.get_by_role("button", name="Try again")
     expect(again).to_be_in_viewport()
     page.unroute_all()
@@ -266,6 +266,22 @@ def test_done_is_said_once_all_is_shown(page):
     page.get_by_role("radio", name="Look around").check()
     wait_for_rest(page)
     expect(status).to_have_text("Look around")  # the views are being upscaled
+
+
+def test_the_notes_of_a_report_are_in_sight_in_each_view(page):
+    go_to(page, "#file=a&lenses=20x20&pixels=3x3&show=mapped")
+    choose(page, ("cube.obj", b"mtllib gone.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n"))
+    note = page.locator("#notes p")
+    shown = {"As mapped": "20 x 20", "Upscaled": "40 x 40", "Look around": "Disparity", "Compare": "Zoom"}
+    for mode, text in [*shown.items(), ("As mapped", "20 x 20")]:  # the last was made before
+        choose_mode(page, mode)
+        expect(page.locator(".stage")).to_contain_text(text)
+        expect(page.locator("#status")).to_contain_text("Done in")
+        expect(note).to_contain_text(["gone.mtl"])  # once, though several jobs have it
+    expect(page.locator("#notes")).to_have_role("status")
+    go_to(page, SMALL)
+    wait_for_picture(page, 40, 60)
+    expect(note).to_have_count(0)
 
 
 def test_a_picture_without_a_network_is_called_mapped(page):

@@ -29,7 +29,7 @@ def test_a_shipped_scene_is_one_click_away(page):
     expect(page.get_by_role("heading", name="Vase")).to_be_focused()
     page.get_by_role("radio", name="Upscaled").check()
     wait_for_picture(page, 200, 200)
-    expect(page.get_by_role("status")).to_contain_text("Done in")
+    expect(page.locator("#status")).to_contain_text("Done in")
 
 
 def test_a_mesh_is_shown_and_turned(page):
@@ -42,7 +42,7 @@ def test_a_mesh_is_shown_and_turned(page):
     for _ in range(5):
         page.keyboard.press("ArrowRight")
     page.wait_for_url("**rotate=5%2C0%2C0**")
-    expect(page.get_by_role("status")).to_contain_text("Done in")
+    expect(page.locator("#status")).to_contain_text("Done in")
     wait_for_picture(page, 40, 40)
     assert page.locator("#frame img").screenshot() != before
 
@@ -60,7 +60,7 @@ def test_what_is_being_typed_is_not_taken(page):
 
 def test_an_elemental_image_array_asks_for_its_lenses(page):
     choose(page, ("eia.png", EIA_PNG))
-    expect(page.get_by_role("status")).to_contain_text("How many lenses")
+    expect(page.locator("#status")).to_contain_text("How many lenses")
     expect(page.locator("[name=lenses]")).to_be_focused()
     set_field(page, "lenses", "6x9")
     wait_for_picture(page, 12, 18)

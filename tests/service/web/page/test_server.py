@@ -65,7 +65,7 @@ def test_a_job_is_followed_over_a_break_of_the_server_and_cancelled(browser, ser
     assert page.request.get(deleted.value.url).json()["state"] == "cancelled"
     expect(page.locator("#restart")).to_be_focused()
     expect(page.locator("#job")).to_be_hidden()
-    expect(page.get_by_role("status")).to_have_text("Cancelled.")
+    expect(page.locator("#status")).to_have_text("Cancelled.")
     page.context.close()
 
 
@@ -83,7 +83,7 @@ def test_two_tabs_share_the_server_and_the_list_of_jobs(page):
         wait_for_progress(tab)
     other.get_by_role("button", name="Cancel").click()
     expect(page.get_by_role("alert")).to_contain_text("Another window or program cancelled it.")
-    expect(other.get_by_role("status")).to_have_text("Cancelled.")
+    expect(other.locator("#status")).to_have_text("Cancelled.")
     go_to(page, SMALL)
     wait_for_picture(page, 40, 60)
 
