@@ -8,7 +8,8 @@ from ciir.models import catalogue
 
 
 def list_models() -> list[dict[str, Any]]:
-    """Name, kind, scales, input, `default` (for single pictures) and card (or None) of each model of the catalogue."""
+    """Name, kind, scales, input, `default` (for single pictures), `unsupported_reason` (why this processor can't run
+    it, or None) and card (or None) of each model of the catalogue."""
     default = catalogue.default_name()
     return [
         {
@@ -17,6 +18,7 @@ def list_models() -> list[dict[str, Any]]:
             "scales": list(entry.scales),
             "takes": "a view and those around it" if entry.is_light_field else "a picture",
             "default": entry.name == default,
+            "unsupported_reason": entry.unsupported_reason or None,
             "card": entry.card.to_dict() if entry.card is not None else None,
         }
         for entry in catalogue.list_entries()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from ciir.models import catalogue
 from ciir.service import listing
 from ciir.service.cli import common
 from ciir.service.pipeline.options import AUTO_MODEL
@@ -17,9 +16,8 @@ HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y",
 
 
 def run(args: argparse.Namespace) -> None:
-    """Lists the models, a line each, or as JSON with `unsupported_reason`: why this processor can't run the model."""
-    reasons = {entry.name: entry.unsupported_reason for entry in catalogue.list_entries()}
-    models = [model | {"unsupported_reason": reasons[model["name"]]} for model in listing.list_models()]
+    """Lists the models, a line each, or as JSON."""
+    models = listing.list_models()
     if args.json:
         common.print_line(json.dumps(models, indent=2, ensure_ascii=False))
         return

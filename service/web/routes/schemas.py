@@ -157,6 +157,8 @@ class Model(TypedDict):
     takes: Literal["a picture", "a view and those around it"]
     default: bool
     """Whether it is the default for single pictures."""
+    unsupported_reason: str | None
+    """Why the server's processor can't run it; null where it can."""
     card: Card | None
     """Null for interpolation, which was not trained."""
 

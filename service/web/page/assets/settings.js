@@ -9,7 +9,7 @@ import { MODELS, SENTENCES, TEXTS } from "./texts.js";
 /** Options that say where the lenses of a picture are. */
 export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
 const form = find("settings", HTMLFormElement);
-/** @type {Map<string, number[]>} Scales of the networks. */
+/** @type {Map<string, number[]>} Scales of the networks, and of interpolations. */
 const scales = new Map([["auto", [2]]]);
 /** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field. */
 let others = {};
@@ -129,22 +129,31 @@ export function fitSettings(kind) {
   }
 }
 
-/**
- * @param {string} name
- * @param {number[]} sizes
- */
-function offerModel(name, sizes) {
-  if (!scales.has(name)) form.model.append(make("option", MODELS[name] ?? name, { value: name }));
-  scales.set(name, sizes);
+/** @param {string} name Of a network. @returns {HTMLOptionElement | undefined} */
+function findModel(name) {
+  return [...form.model.options].find(({ value }) => value === name);
 }
 
 /**
- * The networks and interpolations that make views so many times larger.
+ * @param {string} name
+ * @param {number[]} sizes
+ * @param {string | null} [reason] Why the server can't run it.
+ */
+function offerModel(name, sizes, reason) {
+  if (!scales.has(name)) form.model.append(make("option", MODELS[name] ?? name, { value: name }));
+  scales.set(name, sizes);
+  const option = findModel(name);
+  if (option && reason) [option.disabled, option.title] = [true, reason];
+}
+
+/**
+ * The networks and interpolations that make views so many times larger, on this server.
  * @param {number} scale
  */
 export async function listModels(scale) {
   await offered;
-  return [...scales].filter(([name, sizes]) => name !== "auto" && sizes.includes(scale)).map(([name]) => name);
+  const fitting = [...scales].filter(([name, sizes]) => name !== "auto" && sizes.includes(scale) && !findModel(name)?.disabled);
+  return fitting.map(([name]) => name);
 }
 
 /** Offers the scales of the chosen network. */
@@ -169,7 +178,7 @@ function showValues() {
 /** Offers the networks of the server. */
 export function offerModels() {
   const offer = async () => {
-    for (const { name, scales: sizes } of await (await request("/v1/models")).json()) offerModel(name, sizes);
+    for (const { name, scales: sizes, unsupported_reason: reason } of await (await request("/v1/models")).json()) offerModel(name, sizes, reason);
     offerScales();
   };
   offered = offer().catch(() => {}); // without the list, the network is selected automatically

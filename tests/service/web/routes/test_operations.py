@@ -51,7 +51,10 @@ def test_not_ready_while_no_worker_can_start(eia, tmp_path, monkeypatch):
 def test_models(client, monkeypatch):
     listed = client.get("/v1/models").json()
     assert [model["name"] for model in listed] == catalogue.list_names()
-    assert {"name", "kind", "scales", "takes", "default", "card"} == set(listed[0])
+    assert {"name", "kind", "scales", "takes", "default", "unsupported_reason", "card"} == set(listed[0])
+    monkeypatch.setattr("ciir.models.catalogue.processor.int8_unsupported_reason", lambda: "this processor has no VNNI")
+    reasons = {model["name"]: model["unsupported_reason"] for model in client.get("/v1/models").json()}
+    assert (reasons["fast"], reasons["fast-int8"]) == (None, "this processor has no VNNI")
 
     def bad_card():
         raise BadCard("/secret/path: broken")
