@@ -12,10 +12,14 @@ const text = find("progress-text", HTMLElement);
 const problem = find("problem", HTMLElement);
 const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
-const notes = find("notes", HTMLElement);
 
 const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
 const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
+/** @typedef {{line: HTMLElement, notes: HTMLElement}} Place Of what is reported: the state and the time, and notes. */
+/** @type {Place} Below the picture. */
+const PICTURE = { line: find("status", HTMLElement), notes: find("notes", HTMLElement) };
+/** @type {Place} Below the button that begins an export. */
+export const EXPORT = { line: find("exported", HTMLElement), notes: find("export-notes", HTMLElement) };
 const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
 
 let work = new AbortController();
@@ -23,6 +27,8 @@ let work = new AbortController();
 let job = null;
 let started = 0;
 let wasDone = false; // before the work asked for it
+let place = PICTURE; // where the work is reported
+let isUnfinished = false;
 
 find("cancel", HTMLButtonElement).addEventListener("click", () => {
   started = -LONG;
@@ -34,16 +40,22 @@ find("cancel", HTMLButtonElement).addEventListener("click", () => {
  * Does work in place of that before, and says how long it took.
  * @template T
  * @param {(signal: AbortSignal) => Promise<T>} action It takes the signal to each job, and checks it after each wait.
+ * @param {Place} [reported] Where.
  * @returns {Promise<T>} Rejects with an `AbortError` where other work took its place, or the user cancelled it.
  */
-export async function perform(action) {
+export async function perform(action, reported = PICTURE) {
   stop();
+  if (isUnfinished) showStatus(""); // it was ended
+  clearNotes(EXPORT);
+  EXPORT.line.textContent = "";
+  [place, isUnfinished] = [reported, true];
   work = new AbortController();
   const { signal } = work;
   const begun = performance.now();
   wasDone = false;
   const result = await action(signal);
   signal.throwIfAborted();
+  isUnfinished = false;
   showStatus(SENTENCES.done(SENTENCES.time(performance.now() - begun), wasDone));
   return result;
 }
@@ -62,20 +74,21 @@ export function stop(reason) {
 /** Ends the work and forgets what it reported. */
 export function clear() {
   stop();
-  showStatus("");
+  for (const { line } of [PICTURE, EXPORT]) line.textContent = "";
   hideProblem();
   clearNotes();
+  clearNotes(EXPORT);
   details.hidden = true;
 }
 
 /** Forgets the notes of what was shown. */
-export function clearNotes() {
+export function clearNotes({ notes } = PICTURE) {
   notes.replaceChildren();
 }
 
 /** @param {string} message For all to read, and for screen readers. */
 export function showStatus(message) {
-  find("status", HTMLElement).textContent = message;
+  place.line.textContent = message;
 }
 
 /**
@@ -163,14 +176,15 @@ export function hideProblem() {
 }
 
 /**
- * Shows the report of a job: where the time went, and its notes beside those of other jobs of the same picture.
+ * Shows the report of a job: its notes beside those of other jobs of the same picture, and where a picture's time went.
  * @param {Status} status
  */
 export function showReport(status) {
   const { timings_ms: timings = {}, plan, notes: found } = status.report ?? {};
-  const shownNotes = [...notes.children].map((note) => note.textContent);
+  const shownNotes = [...place.notes.children].map((note) => note.textContent);
   const added = [...new Set((found ?? []).map(String))].filter((note) => !OWN_NOTES.test(note) && !shownNotes.includes(note));
-  notes.append(...added.map((note) => make("p", note)));
+  place.notes.append(...added.map((note) => make("p", note)));
+  if (place === EXPORT) return;
   const shown = Object.entries(timings).filter(([stage]) => stage in STAGES);
   const stages = shown.map(([stage, time]) => {
     const share = make("i", "", { class: `stage-${stage}` });

@@ -5,7 +5,7 @@ import { find, make } from "./dom.js";
 import { offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
 import { describe, joinFiles, listChosen, listDropped, nameInput } from "./inputs.js";
-import { clear, perform, showProblem, showStatus } from "./job.js";
+import { clear, EXPORT, perform, showProblem, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, watchRecent } from "./recent.js";
@@ -35,17 +35,18 @@ function leave() {
  * Does work in place of that before, and shows what fails.
  * @param {(signal: AbortSignal) => Promise<string | void>} action Gives what the user has to do next, if anything.
  * @param {string} [name] Of what it is about, where nothing is open.
+ * @param {import("./job.js").Place} [place] Where it is reported.
  * @returns {Promise<void>}
  */
-async function attempt(action, name = "") {
+async function attempt(action, name = "", place) {
   const heading = find("name", HTMLElement);
   try {
-    const message = await perform(action);
+    const message = await perform(action, place);
     if (message) showStatus(message);
   } catch (error) {
     if (!isEnded(error)) showPart("work"); // where problems are shown
     heading.textContent ||= name;
-    showProblem(error, heading.textContent ?? "", () => void attempt(action, name));
+    showProblem(error, heading.textContent ?? "", () => void attempt(action, name, place));
   }
 }
 
@@ -140,7 +141,7 @@ function reopen(entry) {
   };
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
-  if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name), entry.name);
+  if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name), entry.name, EXPORT);
   if (input?.name !== entry.name) {
     leave();
     input = { name: entry.name };
@@ -207,7 +208,7 @@ watchExport((plural, fields) => {
     const made = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
     await saveResponse((await made).response, opened.name);
-  });
+  }, "", EXPORT);
 });
 for (const field of modes) field.addEventListener("change", () => void show());
 for (const id of ["files", "folder"]) {

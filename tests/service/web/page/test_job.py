@@ -268,6 +268,46 @@ def test_done_is_said_once_all_is_shown(page):
     expect(status).to_have_text("Look around")  # the views are being upscaled
 
 
+def test_an_export_has_a_time_and_notes_of_its_own(page):
+    open_scene(page)
+    status, exported = page.locator("#status"), page.locator("#exported")
+    expect(status).to_contain_text("Done in")
+    shown = status.text_content()
+    times = page.locator("#times").text_content()
+    page.locator("#format").select_option("displays/quilt")
+    hold_posts(page, "displays")
+    page.get_by_role("button", name="Download").click()
+    check_progress(page)
+    expect(exported).to_have_text("Export")
+    page.get_by_role("button", name="Cancel").click()
+    expect(exported).to_have_text("Cancelled.")
+    page.unroute_all()
+    note = {"notes": ["it is small"], "timings_ms": {"encode": 1}}
+    page.route("**/v1/displays", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": note}))
+    page.route("**/v1/displays/a/result", lambda route: route.fulfill(body=b"quilt"))
+    with page.expect_download():
+        page.get_by_role("button", name="Download").click()
+    expect(exported).to_contain_text("Done in")
+    expect(page.locator("#export-notes")).to_have_text("it is small")
+    assert (status.text_content(), page.locator("#times").text_content()) == (shown, times)
+    expect(page.locator("#notes")).to_be_empty()
+    choose_mode(page, "As mapped")
+    wait_for_picture(page, 20, 30)
+    for line in ("#exported", "#export-notes"):
+        expect(page.locator(line)).to_be_empty()
+
+
+def test_an_export_that_ends_a_picture_leaves_no_time_of_it(page):
+    hold_posts(page, "reconstructions", "views")
+    open_scene(page)
+    choose_mode(page, "Look around")
+    expect(page.locator("#status")).to_have_text("As mapped")
+    with page.expect_download():
+        page.get_by_role("button", name="Download").click()
+    expect(page.locator("#exported")).to_contain_text("Done in")
+    expect(page.locator("#status")).to_be_empty()
+
+
 def test_the_notes_of_a_report_are_in_sight_in_each_view(page):
     go_to(page, "#file=a&lenses=20x20&pixels=3x3&show=mapped")
     choose(page, ("cube.obj", b"mtllib gone.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n"))
