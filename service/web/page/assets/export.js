@@ -42,6 +42,10 @@ const USELESS_OF_MESH = /** @type {Record<string, string[]>} */ ({
   displays: ["lenses", "pixels"],
   disparities: ["model", "scale"],
 });
+/** What is put after an input's name, by kinds of jobs. A quilt has its layout there, which displays read. */
+const ENDS = /** @type {Record<string, string>} */ ({ reconstructions: "_view", elementals: "_eia", planes: "_plane", disparities: "_depth" });
+/** Formats whose suffix is also that of others. */
+const NAMED = ["eia", "mosaic", "eslf", "epi", "tiles", "mat73", "lenticular", "panel", "viridis"];
 
 const form = find("export-form", HTMLFormElement);
 const select = find("format", HTMLSelectElement);
@@ -98,13 +102,24 @@ export function watchExport(save) {
 }
 
 /**
- * Saves a result under the name of the input with the end of its own: the suffix, and the layout of a quilt.
+ * What a download is called after the name of its input, such as `_view`.
+ * @param {string} kind Of its job.
+ * @param {Record<string, string | Blob>} fields Of its form.
+ */
+export function nameResult(kind, { views, stack, format }) {
+  const what = views === "all" ? "_views" : stack ? "_planes" : (ENDS[kind] ?? "");
+  return NAMED.includes(String(format)) ? `${what}_${format}` : what;
+}
+
+/**
+ * Saves a result under the name of its input, what it is, and the end of its own name: the suffix, and the layout of a quilt.
  * @param {Response} response
  * @param {string} name
+ * @param {string} what As `nameResult` gives it.
  */
-export async function saveResponse(response, name) {
+export async function saveResponse(response, name, what) {
   const end = /filename="[0-9a-f]*([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "";
   const href = URL.createObjectURL(await response.blob());
-  make("a", "", { download: name.replace(/\.\w+$/, "") + end, href }).click();
+  make("a", "", { download: name.replace(/\.\w+$/, "") + what + end, href }).click();
   setTimeout(() => URL.revokeObjectURL(href), 60_000); // once it is read
 }

@@ -2,6 +2,7 @@
 /** The frame of the page: it shows one thing at a time, and makes what is to be shown. */
 import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
+import { nameResult } from "./export.js";
 import { LensGrid } from "./grid.js";
 import { describe, makeForm, nameInput, readImage } from "./inputs.js";
 import { clearNotes, perform, run, showReport, showStatus } from "./job.js";
@@ -218,6 +219,6 @@ export async function showPicture(picture, what, signal) {
 export async function makeFile(input, plural, fields, what, signal, isKept = true) {
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
   const { job, response } = await run(plural, makeForm(input, fields), what, signal);
-  if (isKept) keepJob({ name: nameInput(input), what, url: job.url, hash: location.hash }, fields);
+  if (isKept) keepJob({ name: nameInput(input), what, end: nameResult(plural, fields), url: job.url, hash: location.hash }, fields);
   return { job, response };
 }

@@ -2,7 +2,7 @@
 /** The page: what is opened is shown as mapped at once, then as the user chose. */
 import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
-import { offerFormats, saveResponse, watchExport } from "./export.js";
+import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
 import { describe, joinFiles, listChosen, listDropped, nameInput } from "./inputs.js";
 import { clear, EXPORT, perform, showProblem, showStatus } from "./job.js";
@@ -141,7 +141,7 @@ function reopen(entry) {
   };
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
-  if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name), entry.name, EXPORT);
+  if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, EXPORT);
   if (input?.name !== entry.name) {
     leave();
     input = { name: entry.name };
@@ -207,7 +207,7 @@ watchExport((plural, fields) => {
   void attempt(async (signal) => {
     const made = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
-    await saveResponse((await made).response, opened.name);
+    await saveResponse((await made).response, nameInput(opened), nameResult(plural, fields));
   }, "", EXPORT);
 });
 for (const field of modes) field.addEventListener("change", () => void show());

@@ -11,7 +11,14 @@ const UNLISTED = /^(views|format|arrangement|lens_.*)$/; // settings that say li
 /** @type {(entry: Entry) => void} */
 let open = () => {};
 
-/** @typedef {{name: string, what: string, url: string, hash: string}} Made What a job made of what, its path, and the page's settings. */
+/**
+ * @typedef {object} Made What a job made.
+ * @property {string} name Of its input.
+ * @property {string} what
+ * @property {string} [end] Of the name of its download.
+ * @property {string} url Its path.
+ * @property {string} hash The page's settings.
+ */
 /** @typedef {Made & {details: string[], time: number}} Entry When it was made, and what tells it from others. */
 
 /** @returns {Entry[]} */

@@ -16,6 +16,7 @@ from PIL import Image
 from playwright.sync_api import expect
 
 from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.options.kinds import FILE_TYPES
 from tests.support.browser import needs_browser
 from tests.support.browser.page import go_to, wait_for_picture
 from tests.support.displays import CALIBRATION
@@ -55,27 +56,27 @@ def open_mesh(data):
 
 # Of views of 24x36 pixels, 3x3: the end of the name, what opens the file, and what it then has.
 FILES = {
-    "view/tiff": (".tif", lambda data: tifffile.imread(io.BytesIO(data)).shape, SIZE),
-    "all/zip": (".zip", lambda data: len(zipfile.ZipFile(io.BytesIO(data)).namelist()), 10),
-    "all/npz": (".npz", open_npz, (9, *SIZE)),
-    "all/eia": (".png", open_picture, (72, 108, 3)),
-    "all/mat": (".mat", lambda data: scipy.io.loadmat(io.BytesIO(data))["LF"].shape, (3, 3, *SIZE)),
-    "all/hci": (".h5", open_hdf5, (3, 3, *SIZE)),
-    "all/mp4": (".mp4", open_video, SIZE),
-    "all/gif": (".gif", lambda data: open_picture(data)[1:], SIZE),
-    "all epi/epi": (".png", open_picture, (3, 36, 3)),
-    "displays lenticular/lenticular": (".png", open_picture, (80, 120, 3)),
-    "elementals/jpeg": (".jpg", open_picture, (36, 54, 3)),
-    "plane/png": (".png", open_picture, SIZE),
-    "stack/npy": (".npy", lambda data: len(np.load(io.BytesIO(data))), 16),
-    "disparities/glb": (".glb", open_mesh, True),
+    "view/tiff": ("_view.tif", lambda data: tifffile.imread(io.BytesIO(data)).shape, SIZE),
+    "all/zip": ("_views.zip", lambda data: len(zipfile.ZipFile(io.BytesIO(data)).namelist()), 10),
+    "all/npz": ("_views.npz", open_npz, (9, *SIZE)),
+    "all/eia": ("_views_eia.png", open_picture, (72, 108, 3)),
+    "all/mat": ("_views.mat", lambda data: scipy.io.loadmat(io.BytesIO(data))["LF"].shape, (3, 3, *SIZE)),
+    "all/hci": ("_views.h5", open_hdf5, (3, 3, *SIZE)),
+    "all/mp4": ("_views.mp4", open_video, SIZE),
+    "all/gif": ("_views.gif", lambda data: open_picture(data)[1:], SIZE),
+    "all epi/epi": ("_views_epi.png", open_picture, (3, 36, 3)),
+    "displays lenticular/lenticular": ("_lenticular.png", open_picture, (80, 120, 3)),
+    "elementals/jpeg": ("_eia.jpg", open_picture, (36, 54, 3)),
+    "plane/png": ("_plane.png", open_picture, SIZE),
+    "stack/npy": ("_planes.npy", lambda data: len(np.load(io.BytesIO(data))), 16),
+    "disparities/glb": ("_depth.glb", open_mesh, True),
 }
 
 
 def test_a_download_is_what_its_name_says(page):
     go_to(page, "#scene=vase&lenses=12x18&pixels=3x3&model=bicubic&scale=2")
     wait_for_picture(page, *SIZE[:2])
-    for format_, (suffix, read, expected) in FILES.items():
+    for format_, (end, read, expected) in FILES.items():
         page.locator("#format").select_option(format_)
         if "lenticular" in format_:
             calibration = {"name": "c.json", "mimeType": "", "buffer": json.dumps(CALIBRATION).encode()}
@@ -84,7 +85,7 @@ def test_a_download_is_what_its_name_says(page):
             page.get_by_label("Row y=120").fill("y=20")
         with page.expect_download() as download:
             page.get_by_role("button", name="Download").click()
-        assert download.value.suggested_filename == f"vase{suffix}"
+        assert download.value.suggested_filename == f"Vase{end}"
         assert (format_, read(download.value.path().read_bytes())) == (format_, expected)
     expect(page.get_by_role("alert")).to_be_hidden()
 
@@ -96,9 +97,18 @@ def test_every_format_of_the_server_is_offered(page):
     assert offered == written
 
 
+def test_downloads_of_one_input_have_different_names(page):
+    script = """import("/assets/export.js").then(({ EXPORTS, nameResult }) => Object.values(EXPORTS).flatMap(
+        ({ kind, formats, fields, needs = [] }) => formats.map((format) => [
+            nameResult(kind, { ...fields, ...Object.fromEntries(needs.map((need) => [need, "1"])), format }),
+            format])))"""
+    names = [end + FILE_TYPES[format_].suffix for end, format_ in page.evaluate(script)]
+    assert sorted(set(names)) == sorted(names)
+
+
 def test_a_name_keeps_the_layout_of_a_quilt_and_nothing_of_a_path(page):
     save = """([name, sent]) => import("/assets/export.js").then(({ saveResponse }) => saveResponse(
-        new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), name))"""
+        new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), name, ""))"""
     for name, sent, saved in (
         ("vase", "_qs11x6a0.5625.png", "vase_qs11x6a0.5625.png"),
         ("../../<b>.obj", ".png", re.compile(r"[^/\\<>]*\.png")),

@@ -176,7 +176,7 @@ def test_recent_jobs_outlive_the_tab_until_they_are_forgotten(page):
     )
     with other.expect_download() as download:
         listed.first.click()
-    assert download.value.suggested_filename == "Vase.jpg"
+    assert download.value.suggested_filename == "Vase_view.jpg"
     other.get_by_role("button", name="Forget these").click()
     expect(other.locator("#recent")).to_be_hidden()
     other.reload()
@@ -222,7 +222,7 @@ def test_everything_works_by_keyboard(page):
     tab_to(page, page.get_by_role("button", name="Download"))
     with page.expect_download() as download:
         page.keyboard.press("Enter")
-    assert download.value.suggested_filename == "cube.png"
+    assert download.value.suggested_filename == "cube_view.png"
     tab_to(page, page.get_by_role("button", name="Another file"))
     page.keyboard.press("Enter")
     tab_to(page, page.get_by_role("link", name="Vase"))
