@@ -9,7 +9,7 @@ import { clearNotes, perform, run, showReport, showStatus } from "./job.js";
 import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
-import { hidePreview } from "./place.js";
+import { hidePreview, isTurning } from "./place.js";
 import { keepJob } from "./recent.js";
 import { changeLenses, LENSES, listModels } from "./settings.js";
 import { SENTENCES, TEXTS } from "./texts.js";
@@ -52,12 +52,18 @@ export async function makeShown(input, settings, mode, signal) {
   const isUnknown = input.kind === "picture" && !LENSES.some((name) => settings[name]);
   if (mode === "grid" || isUnknown) return showGrid(input, settings, isUnknown, signal);
   const isMapped = mode === "mapped" || (mode === "upscaled" && settings.model === "none");
-  await showPicture(await makeMapped(input, settings, signal, isMapped), TEXTS.mapped, signal);
+  const isKept = isMapped && !isMesh(input); // of a mesh it is a preview
+  await showPicture(await makeMapped(input, settings, signal, isKept), TEXTS.mapped, signal);
   if (mode === "upscaled" && !isMapped) {
     await showPicture(await makePicture(input, settings, TEXTS.upscaled, signal, true), TEXTS.upscaled, signal);
   }
   if (mode === "compare") await showCompared(input, settings, signal);
   if (mode === "around") await showAround(input, settings, signal);
+}
+
+/** @param {Input} input */
+function isMesh({ kind }) {
+  return kind === "mesh" || kind === "scene";
 }
 
 /**
@@ -103,7 +109,7 @@ async function findGrid(input, options, signal) {
 }
 
 /**
- * Makes the centre view.
+ * Makes the centre view. That of a mesh which is being turned is neither listed nor kept.
  * @param {Input} input
  * @param {Record<string, string>} fields
  * @param {string} what
@@ -120,10 +126,11 @@ async function makePicture(input, fields, what, signal, isKept = false) {
     showReport(found.status);
     return found.picture;
   }
-  const { job, response } = await makeFile(input, "reconstructions", { ...fields, format: "png" }, what, signal, isKept);
+  const isPreview = isTurning();
+  const { job, response } = await makeFile(input, "reconstructions", { ...fields, format: "png" }, what, signal, isKept && !isPreview);
   const picture = await response.blob();
   signal.throwIfAborted();
-  made.set(key, { picture, status: job.status });
+  if (!isPreview) made.set(key, { picture, status: job.status });
   return picture;
 }
 
@@ -151,7 +158,7 @@ async function showCompared(input, settings, signal) {
     const fields = { ...settings, model, scale: model === "none" ? "" : settings.scale };
     return { name, make: (/** @type {AbortSignal} */ ended) => makePicture(input, fields, name, ended) };
   });
-  const hasTruth = input.kind === "mesh" || input.kind === "scene";
+  const hasTruth = isMesh(input);
   const makeTruth = (/** @type {AbortSignal} */ ended) => makePicture(input, { ...settings, model: "", strategy: "direct" }, TEXTS.truth, ended);
   if (hasTruth) compared.push({ name: TEXTS.truth, make: makeTruth });
   const holder = make("div");

@@ -64,6 +64,11 @@ export function allowTurning(isPossible) {
   panel.hidden = !isPossible;
 }
 
+/** Whether the mesh is being dragged: what is made of it then is a preview. */
+export function isTurning() {
+  return isHeld;
+}
+
 /** Shows the server's picture in place of the preview, unless the mesh is being turned. */
 export function hidePreview() {
   canvas.hidden = !isHeld;

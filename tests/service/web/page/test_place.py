@@ -1,5 +1,6 @@
 """Meshes that turn under the mouse, with a real server: what three.js draws is what the server renders."""
 
+import re
 from base64 import b64decode
 
 import numpy as np
@@ -84,6 +85,29 @@ def test_a_mesh_turns_under_the_mouse_before_it_is_rendered(page):
     expect(canvas).to_be_hidden()
     assert "rotate=40%2C20%2C0" in page.url
     assert (read_silhouette(page, SERVER) != before).any()
+
+
+def test_previews_are_no_recent_jobs(page):
+    listed = page.locator("#recent-list button span")
+    open_mesh(page, "glb", "rotate=10,0,0")  # as mapped
+    expect(page.locator("#status")).to_contain_text("Done in")
+    expect(listed).to_have_count(0)
+    page.get_by_role("radio", name="Upscaled").check()
+    wait_for_picture(page, 2 * SIZE, 2 * SIZE)
+    expect(listed).to_have_text([re.compile("upscaled.*turned by 10°")])
+    box = page.locator("#turn").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.locator("#frame img").evaluate("each => each.classList.add('before')")
+    page.mouse.move(x + box["width"] / 6, y)
+    page.wait_for_url("**rotate=40**")
+    page.locator("#frame img:not(.before)").wait_for()
+    wait_for_picture(page, 2 * SIZE, 2 * SIZE)
+    expect(page.locator("#status")).to_contain_text("Done in")
+    expect(listed).to_have_count(1)
+    page.mouse.up()
+    expect(listed).to_have_text([re.compile("upscaled.*turned by 40°"), re.compile("upscaled.*turned by 10°")])
 
 
 def test_a_mesh_turns_by_keys(page):
