@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from playwright.sync_api import expect
+
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from playwright.sync_api import Page
+    from playwright.sync_api import Page, Route
 
 SMALL = "#scene=vase&lenses=20x30&pixels=5x5"
 """The address of a scene that takes a tenth of a second."""
@@ -59,3 +61,24 @@ def open_scene(page: Page, lenses: str = "20x30") -> None:
     go_to(page, f"#scene=vase&lenses={lenses}&pixels=5x5")
     height, width = map(int, lenses.split("x"))
     wait_for_picture(page, 2 * height, 2 * width)
+
+
+def choose_mode(page: Page, name: str) -> None:
+    """Chooses what is shown, such as `Look around`."""
+    page.get_by_role("radio", name=name).check()
+
+
+def hold_posts(page: Page, path: str, *fields: str) -> None:
+    """Posts to `path` whose forms have all these fields wait for ever, until the route is removed."""
+
+    def hold(route: Route) -> None:
+        if not all(f'name="{field}"' in (route.request.post_data or "") for field in fields):
+            route.fallback()
+
+    page.route(f"**/v1/{path}", hold)
+
+
+def check_progress(page: Page) -> None:
+    """Waits until the progress and the button that cancels are in sight."""
+    for part in (page.locator("#progress-text"), page.get_by_role("button", name="Cancel")):
+        expect(part).to_be_in_viewport(ratio=1)

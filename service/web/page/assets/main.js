@@ -18,6 +18,7 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
+const save = find("save", HTMLButtonElement); // of a recent job whose file is not open, and which nothing else can be exported from
 /** @type {Input | null} What is open. */
 let input = null;
 
@@ -25,6 +26,7 @@ let input = null;
 function leave() {
   clear();
   closeMesh();
+  save.hidden = true;
   fill(make("p", TEXTS.waiting));
   input = null;
   fitSettings("");
@@ -139,9 +141,10 @@ function reopen(entry) {
       throw error;
     }
   };
+  const download = () => attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, EXPORT);
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
-  if (isExport) return void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, EXPORT);
+  if (isExport) return void download();
   if (input?.name !== entry.name) {
     leave();
     input = { name: entry.name };
@@ -153,6 +156,8 @@ function reopen(entry) {
     history.replaceState(null, "", entry.hash);
     if (entry.what === TEXTS.around) await showViews(make("div"), response, signal);
     else await showPicture(await response.blob(), entry.what, signal);
+    save.onclick = () => void download();
+    save.hidden = false;
   });
 }
 

@@ -18,7 +18,7 @@ from playwright.sync_api import expect
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.options.kinds import FILE_TYPES
 from tests.support.browser import needs_browser
-from tests.support.browser.page import go_to, wait_for_picture
+from tests.support.browser.page import check_progress, choose_mode, go_to, hold_posts, open_scene, wait_for_picture
 from tests.support.displays import CALIBRATION
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -116,3 +116,43 @@ def test_a_name_keeps_the_layout_of_a_quilt_and_nothing_of_a_path(page):
         with page.expect_download() as download:
             page.evaluate(save, [name, sent])
         assert re.fullmatch(saved, download.value.suggested_filename)
+
+
+def test_an_export_has_a_time_and_notes_of_its_own(page):
+    open_scene(page)
+    status, exported = page.locator("#status"), page.locator("#exported")
+    expect(status).to_contain_text("Done in")
+    shown = status.text_content()
+    times = page.locator("#times").text_content()
+    page.locator("#format").select_option("displays/quilt")
+    hold_posts(page, "displays")
+    page.get_by_role("button", name="Download").click()
+    check_progress(page)
+    expect(exported).to_have_text("Export")
+    page.get_by_role("button", name="Cancel").click()
+    expect(exported).to_have_text("Cancelled.")
+    page.unroute_all()
+    note = {"notes": ["it is small"], "timings_ms": {"encode": 1}}
+    page.route("**/v1/displays", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": note}))
+    page.route("**/v1/displays/a/result", lambda route: route.fulfill(body=b"quilt"))
+    with page.expect_download():
+        page.get_by_role("button", name="Download").click()
+    expect(exported).to_contain_text("Done in")
+    expect(page.locator("#export-notes")).to_have_text("it is small")
+    assert (status.text_content(), page.locator("#times").text_content()) == (shown, times)
+    expect(page.locator("#notes")).to_be_empty()
+    choose_mode(page, "As mapped")
+    wait_for_picture(page, 20, 30)
+    for line in ("#exported", "#export-notes"):
+        expect(page.locator(line)).to_be_empty()
+
+
+def test_an_export_that_ends_a_picture_leaves_no_time_of_it(page):
+    hold_posts(page, "reconstructions", "views")
+    open_scene(page)
+    choose_mode(page, "Look around")
+    expect(page.locator("#status")).to_have_text("As mapped")
+    with page.expect_download():
+        page.get_by_role("button", name="Download").click()
+    expect(page.locator("#exported")).to_contain_text("Done in")
+    expect(page.locator("#status")).to_be_empty()

@@ -6,7 +6,18 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import needs_browser
-from tests.support.browser.page import SMALL, choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
+from tests.support.browser.page import (
+    SMALL,
+    check_progress,
+    choose,
+    choose_mode,
+    go_to,
+    hold_posts,
+    open_scene,
+    set_field,
+    wait_for_picture,
+    wait_for_rest,
+)
 from tests.support.inputs import CUBE
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -62,10 +73,6 @@ def wait_until_held(page):
 def wait_for_contexts(page, live):
     """Waits until so many of the contexts are live; there was at least one."""
     page.wait_for_function(LIVE, arg=live)
-
-
-def choose_mode(page, name):
-    page.get_by_role("radio", name=name).check()
 
 
 def wait_for_upscaled_views(page):
@@ -161,21 +168,6 @@ def test_back_leads_to_what_was_shown_before(page):
     assert "#" not in page.url
 
 
-def hold_posts(page, path, *fields):
-    """Posts to `path` whose forms have all these fields wait for ever, until the route is removed."""
-
-    def hold(route):
-        if not all(f'name="{field}"' in (route.request.post_data or "") for field in fields):
-            route.fallback()
-
-    page.route(f"**/v1/{path}", hold)
-
-
-def check_progress(page):
-    for part in (page.locator("#progress-text"), page.get_by_role("button", name="Cancel")):
-        expect(part).to_be_in_viewport(ratio=1)
-
-
 @pytest.mark.parametrize("size", [PHONE, LAPTOP])
 def test_progress_is_in_sight_and_a_picture_stays_until_the_next_is_made(page, size):
     page.set_viewport_size(size)
@@ -230,21 +222,6 @@ def test_progress_and_errors_of_a_download_are_in_sight(page, size):
     expect(page.locator("[name=stack]")).not_to_have_attribute("aria-invalid", "true")
 
 
-def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
-    page.expected = ["404"]
-    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")  # one job
-    choose(page, ("cube.off", CUBE))
-    wait_for_picture(page, 40, 40)
-    page.get_by_role("button", name="Another file").click()
-    page.route("**/v1/reconstructions/*", lambda route: route.fulfill(status=404, json={"detail": "no such job"}))
-    page.get_by_role("button", name="cube.off: upscaled").first.click()
-    expect(page.get_by_role("alert")).to_contain_text("no longer has this job")
-    expect(page.get_by_role("heading", name="cube.off")).to_be_visible()
-    page.get_by_role("button", name="Another file").click()
-    expect(page.get_by_role("heading", name="Look around")).to_be_visible()
-    expect(page.locator("#recent")).to_be_hidden()  # the list no longer has it
-
-
 def test_the_page_works_where_the_browser_refuses_storage(page):
     page.add_init_script(f"({NO_STORAGE})()")
     go_to(page, SMALL)
@@ -266,46 +243,6 @@ def test_done_is_said_once_all_is_shown(page):
     page.get_by_role("radio", name="Look around").check()
     wait_for_rest(page)
     expect(status).to_have_text("Look around")  # the views are being upscaled
-
-
-def test_an_export_has_a_time_and_notes_of_its_own(page):
-    open_scene(page)
-    status, exported = page.locator("#status"), page.locator("#exported")
-    expect(status).to_contain_text("Done in")
-    shown = status.text_content()
-    times = page.locator("#times").text_content()
-    page.locator("#format").select_option("displays/quilt")
-    hold_posts(page, "displays")
-    page.get_by_role("button", name="Download").click()
-    check_progress(page)
-    expect(exported).to_have_text("Export")
-    page.get_by_role("button", name="Cancel").click()
-    expect(exported).to_have_text("Cancelled.")
-    page.unroute_all()
-    note = {"notes": ["it is small"], "timings_ms": {"encode": 1}}
-    page.route("**/v1/displays", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": note}))
-    page.route("**/v1/displays/a/result", lambda route: route.fulfill(body=b"quilt"))
-    with page.expect_download():
-        page.get_by_role("button", name="Download").click()
-    expect(exported).to_contain_text("Done in")
-    expect(page.locator("#export-notes")).to_have_text("it is small")
-    assert (status.text_content(), page.locator("#times").text_content()) == (shown, times)
-    expect(page.locator("#notes")).to_be_empty()
-    choose_mode(page, "As mapped")
-    wait_for_picture(page, 20, 30)
-    for line in ("#exported", "#export-notes"):
-        expect(page.locator(line)).to_be_empty()
-
-
-def test_an_export_that_ends_a_picture_leaves_no_time_of_it(page):
-    hold_posts(page, "reconstructions", "views")
-    open_scene(page)
-    choose_mode(page, "Look around")
-    expect(page.locator("#status")).to_have_text("As mapped")
-    with page.expect_download():
-        page.get_by_role("button", name="Download").click()
-    expect(page.locator("#exported")).to_contain_text("Done in")
-    expect(page.locator("#status")).to_be_empty()
 
 
 def test_the_notes_of_a_report_are_in_sight_in_each_view(page):

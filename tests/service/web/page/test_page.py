@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import needs_browser, read_canvas
-from tests.support.browser.page import SMALL, choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
+from tests.support.browser.page import choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
 from tests.support.inputs import CUBE, EIA_PNG
 
 pytestmark = needs_browser
@@ -281,25 +281,6 @@ def test_what_one_clicks_is_sharp(page):
         around = read_canvas(page)[24:40, 30:50].astype(float)
         sharpness[away] = np.abs(np.diff(around, axis=1)).mean()
     assert sharpness[0] > 1.3 * max(sharpness[2], sharpness[-2]), sharpness
-
-
-@pytest.mark.slow
-def test_networks_that_the_server_cannot_run_are_not_offered(page):
-    models = [
-        {"name": name, "scales": [2], "unsupported_reason": reason}
-        for name, reason in (("fast", None), ("int8", "no VNNI"))
-    ]
-    page.route("**/v1/models", lambda route: route.fulfill(json=models))
-    go_to(page, f"{SMALL}&show=compare&model=fast")
-    page.reload()
-    options = page.locator("#settings [name=model] option")
-    expect(options).to_have_text(["Automatic", "fast", "int8"])
-    expect(options.nth(1)).to_be_enabled()
-    expect(options.nth(2)).to_be_disabled()
-    expect(options.nth(2)).to_have_attribute("title", "no VNNI")
-    compared = page.get_by_label("Picture at the left").locator("option")
-    expect(compared.filter(has_text="fast")).to_have_count(1)
-    expect(compared.filter(has_text="int8")).to_have_count(0)
 
 
 def test_networks_are_compared_with_the_truth(page):

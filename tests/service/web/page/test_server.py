@@ -1,4 +1,4 @@
-"""What lies between the page and its server: weight, breaks, other tabs, keys."""
+"""What lies between the page and its server: weight, breaks, other tabs, reloads, keys, networks."""
 
 import re
 
@@ -6,8 +6,8 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import needs_browser
-from tests.support.browser.page import SMALL, choose, go_to, open_scene, wait_for_picture, wait_for_rest
-from tests.support.inputs import EIA_PNG
+from tests.support.browser.page import SMALL, choose, choose_mode, go_to, open_scene, wait_for_picture, wait_for_rest
+from tests.support.inputs import CUBE, EIA_PNG
 from tests.support.servers import Line
 from tests.support.web import serve_app
 
@@ -115,3 +115,61 @@ def test_a_key_is_kept_as_long_as_the_tab_alone(browser, tmp_path):
         choose(other, ("eia.png", EIA_PNG))
         expect(other.get_by_label("Key of this server")).to_be_visible()
         context.close()
+
+
+def test_networks_that_the_server_cannot_run_are_not_offered(page):
+    models = [
+        {"name": name, "scales": [2], "unsupported_reason": reason}
+        for name, reason in (("fast", None), ("int8", "no VNNI"))
+    ]
+    page.route("**/v1/models", lambda route: route.fulfill(json=models))
+    go_to(page, f"{SMALL}&show=compare&model=fast")
+    page.reload()
+    options = page.locator("#settings [name=model] option")
+    expect(options).to_have_text(["Automatic", "fast", "int8"])
+    expect(options.nth(1)).to_be_enabled()
+    expect(options.nth(2)).to_be_disabled()
+    expect(options.nth(2)).to_have_attribute("title", "no VNNI")
+    compared = page.get_by_label("Picture at the left").locator("option")
+    expect(compared.filter(has_text="fast")).to_have_count(1)
+    expect(compared.filter(has_text="int8")).to_have_count(0)
+
+
+@pytest.mark.parametrize(("mode", "name"), [("Upscaled", "cube_view.png"), ("Look around", "cube_views_tiles.zip")])
+def test_a_recent_job_is_downloaded_after_a_reload(page, mode, name):
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("#save")).to_be_hidden()  # there is the form for exports
+    choose_mode(page, mode)
+    entry = page.get_by_role("button", name=f"cube.off: {mode.lower()}")
+    expect(entry).to_be_visible()
+    page.reload()
+    entry.click()
+    expect(page.locator("#frame").locator("img, canvas")).to_be_visible()
+    status = page.locator("#status")
+    expect(status).to_contain_text("Done in")
+    shown = status.text_content()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download").click()
+    assert download.value.suggested_filename == name
+    assert download.value.path().stat().st_size > 100
+    assert status.text_content() == shown
+    choose(page, ("cube.off", CUBE))
+    expect(page.locator("#kind")).to_have_text("A mesh")
+    expect(page.locator("#save")).to_be_hidden()
+
+
+def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
+    page.expected = ["404"]
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")  # one job
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 40, 40)
+    page.get_by_role("button", name="Another file").click()
+    page.route("**/v1/reconstructions/*", lambda route: route.fulfill(status=404, json={"detail": "no such job"}))
+    page.get_by_role("button", name="cube.off: upscaled").first.click()
+    expect(page.get_by_role("alert")).to_contain_text("no longer has this job")
+    expect(page.get_by_role("heading", name="cube.off")).to_be_visible()
+    page.get_by_role("button", name="Another file").click()
+    expect(page.get_by_role("heading", name="Look around")).to_be_visible()
+    expect(page.locator("#recent")).to_be_hidden()  # the list no longer has it
