@@ -1,5 +1,6 @@
 // @ts-check
 /** The frame of the page: it shows one thing at a time, and makes what is to be shown. */
+import { Job } from "./client.js";
 import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
 import { nameResult } from "./export.js";
@@ -225,7 +226,11 @@ export async function showPicture(picture, what, signal) {
  */
 export async function makeFile(input, plural, fields, what, signal, isKept = true) {
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
-  const { job, response } = await run(plural, makeForm(input, fields), what, signal);
-  if (isKept) keepJob({ name: nameInput(input), what, end: nameResult(plural, fields), url: job.url, hash: location.hash }, fields);
-  return { job, response };
+  const start = async () => {
+    const job = await Job.post(plural, makeForm(input, fields), signal);
+    const made = { name: nameInput(input), what, end: nameResult(plural, fields), url: job.url, hash: location.hash, state: job.status.state };
+    if (isKept) keepJob(made, fields);
+    return job;
+  };
+  return run(start, what, signal);
 }

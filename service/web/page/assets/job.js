@@ -1,9 +1,11 @@
 // @ts-check
 /** What the page works on, one thing at a time: the progress of its job, cancelling, what failed, and where the time went. */
-import { isEnded, Job, Problem } from "./client.js";
+import { isEnded, Problem } from "./client.js";
 import { find, make } from "./dom.js";
+import { markJob } from "./recent.js";
 import { SENTENCES, STAGES, TEXTS } from "./texts.js";
 
+/** @typedef {import("./client.js").Job} Job */
 /** @typedef {import("./client.js").Status} Status */
 
 const panel = find("job", HTMLElement);
@@ -92,14 +94,13 @@ export function showStatus(message) {
 }
 
 /**
- * Runs a job of the work.
- * @param {string} kind Such as `reconstructions`.
- * @param {FormData} form
+ * Runs a job of the work to its end, which the list of recent jobs records.
+ * @param {() => Promise<Job>} start
  * @param {string} name Of what it makes.
  * @param {AbortSignal} signal Of the work.
  * @returns {Promise<{job: Job, response: Response}>}
  */
-export async function run(kind, form, name, signal) {
+export async function run(start, name, signal) {
   signal.throwIfAborted();
   showStatus(name);
   hideProblem();
@@ -107,8 +108,11 @@ export async function run(kind, form, name, signal) {
   const begun = (started = performance.now());
   const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
   report(null);
+  /** @type {Job | undefined} */
+  let mine;
   try {
-    const mine = await Job.post(kind, form, signal);
+    mine = await start();
+    signal.throwIfAborted();
     job = mine;
     wasDone = mine.status.state === "done";
     const response = await mine.follow(report, signal);
@@ -116,6 +120,7 @@ export async function run(kind, form, name, signal) {
     showReport(mine.status);
     return { job: mine, response };
   } finally {
+    if (mine) markJob(mine.url, signal.aborted ? "cancelled" : mine.status.state);
     if (!signal.aborted) {
       job = null;
       panel.hidden = true;
@@ -176,12 +181,12 @@ export function hideProblem() {
 }
 
 /**
- * Shows the report of a job: its notes beside those of other jobs of the same picture, and where a picture's time went.
+ * Shows the report of a job: its notes beside those that are shown, and where a picture's time went.
  * @param {Status} status
  */
 export function showReport(status) {
   const { timings_ms: timings = {}, plan, notes: found } = status.report ?? {};
-  const shownNotes = [...place.notes.children].map((note) => note.textContent);
+  const shownNotes = [PICTURE, EXPORT].flatMap(({ notes }) => [...notes.children].map((note) => note.textContent));
   const added = [...new Set((found ?? []).map(String))].filter((note) => !OWN_NOTES.test(note) && !shownNotes.includes(note));
   place.notes.append(...added.map((note) => make("p", note)));
   if (place === EXPORT) return;

@@ -5,10 +5,10 @@ import { find, make } from "./dom.js";
 import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
 import { describe, joinFiles, listChosen, listDropped, nameInput } from "./inputs.js";
-import { clear, EXPORT, perform, showProblem, showStatus } from "./job.js";
+import { clear, clearNotes, EXPORT, perform, run, showProblem, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
-import { forgetJob, watchRecent } from "./recent.js";
+import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
 import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, writeState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
@@ -129,34 +129,43 @@ function keepState(settings) {
 }
 
 /**
- * Opens a job of the list: a shipped scene with its settings, else its result.
+ * Opens a job of the list: a shipped scene with its settings, else its result, once it is done.
  * @param {Entry} entry
  */
 function reopen(entry) {
   const fetchResult = async (/** @type {AbortSignal} */ signal) => {
+    const start = async () => {
+      const status = await (await request(entry.url, { signal })).json();
+      if (status.state === "cancelled") throw new Problem(404);
+      return new Job(entry.url, status);
+    };
     try {
-      return await new Job(entry.url, await (await request(entry.url, { signal })).json()).follow(() => {}, signal);
+      return (await run(start, entry.what, signal)).response;
     } catch (error) {
       if (error instanceof Problem && [404, 410].includes(error.status)) forgetJob(entry.url);
       throw error;
     }
   };
-  const download = () => attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, EXPORT);
+  const download = (/** @type {import("./job.js").Place | undefined} */ place) =>
+    void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, place);
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
-  if (isExport) return void download();
-  if (input?.name !== entry.name) {
+  if (isExport && !isUnfinished(entry)) return download(EXPORT);
+  if (!input || nameInput(input) !== entry.name) {
     leave();
+    if (isExport) fill(make("p", SENTENCES.job(entry.what, entry.name)));
     input = { name: entry.name };
     writeName(entry.name, "");
   }
   showPart("work");
+  if (isExport) return download(input.kind ? EXPORT : undefined); // the form for exports is hidden without a file
   void attempt(async (signal) => {
+    clearNotes();
     const response = await fetchResult(signal);
     history.replaceState(null, "", entry.hash);
     if (entry.what === TEXTS.around) await showViews(make("div"), response, signal);
     else await showPicture(await response.blob(), entry.what, signal);
-    save.onclick = () => void download();
+    save.onclick = () => download(EXPORT);
     save.hidden = false;
   });
 }

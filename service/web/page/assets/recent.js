@@ -1,8 +1,9 @@
 // @ts-check
 /** The last jobs of this browser, newest first. */
+import { Problem, request } from "./client.js";
 import { find, make } from "./dom.js";
 import { keep, read } from "./storage.js";
-import { FORMATS, GROUPS, SENTENCES, TEXTS } from "./texts.js";
+import { FORMATS, GROUPS, SENTENCES, STATES, TEXTS } from "./texts.js";
 
 const KEY = "recent", PLACE = "localStorage";
 const MOST = 20;
@@ -12,14 +13,15 @@ const UNLISTED = /^(views|format|arrangement|lens_.*)$/; // settings that say li
 let open = () => {};
 
 /**
- * @typedef {object} Made What a job made.
+ * @typedef {object} Made What a job makes.
  * @property {string} name Of its input.
  * @property {string} what
  * @property {string} [end] Of the name of its download.
  * @property {string} url Its path.
  * @property {string} hash The page's settings.
+ * @property {string} [state] As it was last seen.
  */
-/** @typedef {Made & {details: string[], time: number}} Entry When it was made, and what tells it from others. */
+/** @typedef {Made & {details: string[], time: number}} Entry When it began, and what tells it from others. */
 
 /** @returns {Entry[]} */
 function readJobs() {
@@ -44,6 +46,36 @@ export function keepJob(made, fields) {
   keepJobs([{ ...made, details, time: Date.now() }, ...readJobs().filter(({ url }) => url !== made.url)]);
 }
 
+/** @param {Entry} entry */
+export function isUnfinished({ state = "" }) {
+  return ["queued", "running"].includes(state);
+}
+
+/**
+ * Keeps the state of a job that is listed as not done; one that was cancelled is listed no longer.
+ * @param {string} url
+ * @param {string} state
+ */
+export function markJob(url, state) {
+  const entries = readJobs();
+  const entry = entries.find((each) => each.url === url);
+  if (!entry?.state || entry.state === "done" || entry.state === state) return;
+  entry.state = state;
+  keepJobs(entries.filter((each) => each.state !== "cancelled"));
+}
+
+/**
+ * Asks the server for the state of a job that a page left.
+ * @param {Entry} entry
+ */
+async function readState({ url }) {
+  try {
+    markJob(url, (await (await request(url)).json()).state);
+  } catch (error) {
+    if (error instanceof Problem && error.status === 404) forgetJob(url);
+  }
+}
+
 /** @param {string} url Of a job that the server no longer has. */
 export function forgetJob(url) {
   keepJobs(readJobs().filter((entry) => entry.url !== url));
@@ -58,13 +90,15 @@ export function watchRecent(chosen) {
   find("forget", HTMLButtonElement).addEventListener("click", () => keepJobs([]));
   addEventListener("storage", showJobs); // another tab has changed them
   showJobs();
+  for (const entry of readJobs().filter(isUnfinished)) void readState(entry);
 }
 
 function showJobs() {
   const entries = readJobs();
   find("recent", HTMLElement).hidden = entries.length === 0;
   const items = entries.map((entry) => {
-    const text = [SENTENCES.job(entry.what, entry.name), ...entry.details].join(", ");
+    const state = STATES[entry.state ?? ""] ?? "";
+    const text = [SENTENCES.job(entry.what, entry.name), ...entry.details, state].filter((each) => each).join(", ");
     const time = make("time", SENTENCES.date(entry.time), { datetime: new Date(entry.time).toISOString(), class: "muted" });
     const button = make("button", [make("span", text), time], { type: "button" });
     button.addEventListener("click", () => {

@@ -116,6 +116,9 @@ export const STAGES = /** @type {Record<string, string>} */ ({
   encode: "Writing",
 });
 
+/** What the list of recent jobs says of one that is not done. */
+export const STATES = /** @type {Record<string, string>} */ ({ queued: "waiting", running: "running", failed: "failed" });
+
 /** Names of what an input is. */
 export const KINDS = /** @type {Record<string, string>} */ ({
   scene: "A shipped scene",

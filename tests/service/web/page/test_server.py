@@ -15,6 +15,7 @@ pytestmark = [needs_browser, pytest.mark.slow]
 LONG = "#scene=vase&lenses=500x500&pixels=15x15&show=around"
 """The address of a job that takes many seconds."""
 KEY = "a-secret-key"
+UNFINISHED = re.compile("waiting|running")
 
 
 @pytest.fixture
@@ -158,6 +159,67 @@ def test_a_recent_job_is_downloaded_after_a_reload(page, mode, name):
     choose(page, ("cube.off", CUBE))
     expect(page.locator("#kind")).to_have_text("A mesh")
     expect(page.locator("#save")).to_be_hidden()
+
+
+def test_a_job_is_awaited_after_a_reload(page):
+    go_to(page, "#file=cube.off&lenses=100x100&pixels=5x5&show=mapped")
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 100, 100)
+    page.route("**/v1/*/*/events", lambda _: None)  # the page waits as long as no event comes
+    choose_mode(page, "Upscaled")
+    entry = page.get_by_role("button", name="cube.off: upscaled")
+    expect(entry).to_contain_text(UNFINISHED)
+    page.unroute_all()
+    page.reload()
+    entry.click()
+    wait_for_picture(page, 200, 200)
+    expect(entry).not_to_contain_text(UNFINISHED)
+
+
+@pytest.mark.parametrize("way", ["look around", "export"])
+def test_a_job_is_cancelled_after_a_reload(page, way):
+    go_to(page, "#file=cube.off&lenses=500x500&pixels=9x9&show=mapped")
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 500, 500)
+    if way == "export":
+        page.locator("#format").select_option("all/mp4")
+        page.get_by_role("button", name="Download").click()
+    else:
+        choose_mode(page, "Look around")
+    entry = page.get_by_role("button", name=f"cube.off: {way}")
+    expect(entry).to_contain_text(UNFINISHED)
+    page.reload()
+    expect(page.locator("#start")).to_be_visible()
+    entry.click()
+    expect(page.locator("#progress-text")).to_contain_text("views")
+    with page.expect_response(lambda response: response.request.method == "DELETE") as deleted:
+        page.get_by_role("button", name="Cancel").click()
+    assert page.request.get(deleted.value.url).json()["state"] == "cancelled"
+    expect(entry).to_have_count(0)
+    expect(page.locator("#status")).to_have_text("Cancelled.")
+    page.expected = ["404"]
+    page.get_by_role("button", name="Try again").click()
+    expect(page.get_by_role("alert")).to_contain_text("no longer has this job")
+
+
+def test_the_list_asks_for_the_state_of_jobs_that_a_page_left(page):
+    states = {"a": "done", "b": "failed", "c": "running", "d": "cancelled", "e": "gone"}
+    page.expected = ["404"]
+
+    def answer(route):
+        state = states[route.request.url[-1]]
+        route.fulfill(**({"status": 404} if state == "gone" else {"json": {"state": state}}))
+
+    page.route(re.compile("/v1/reconstructions/.$"), answer)
+    entries = [
+        {"name": id_, "what": "Upscaled", "url": f"/v1/reconstructions/{id_}", "hash": "#", "state": "queued"}
+        | {"details": [], "time": 0}
+        for id_ in states
+    ]
+    page.evaluate("entries => localStorage.setItem('recent', JSON.stringify(entries))", entries)
+    page.reload()
+    listed = page.locator("#recent-list button span")
+    expect(listed).to_have_text(["a: upscaled", "b: upscaled, failed", "c: upscaled, running"])
 
 
 def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
