@@ -17,6 +17,7 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 /** @typedef {import("./recent.js").Entry} Entry */
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
+const MESH_PIXELS = "7x7"; // of a mesh that is opened, as of the examples: the 15x15 of the server take four times as long
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 const save = find("save", HTMLButtonElement); // of a recent job whose file is not open, and which nothing else can be exported from
 /** @type {Input | null} What is open. */
@@ -70,7 +71,7 @@ function open(chosen, settings) {
     writeName(nameInput(given), KINDS[kind] ?? "");
     fitSettings(kind);
     if (kind === "mesh") void openMesh(given);
-    offerGrids(candidates, settings);
+    offerGrids(candidates, kind === "mesh" ? { pixels: MESH_PIXELS, ...settings } : settings);
     offerFormats(kind);
     input = { ...given, kind };
     return makeChosen(input, signal);
