@@ -44,12 +44,13 @@ DEVICES = {
 
 
 def find_device(name: str) -> Device:
-    """The device called `name`. Raises `InvalidOption` for an unknown one."""
-    if name not in DEVICES:
+    """The device called `name`, in any case. Raises `InvalidOption` for an unknown one."""
+    found = DEVICES.get(name.lower())
+    if found is None:
         raise InvalidOption(
             f"device: {name[:40]!r} is not known; give {', '.join(DEVICES)}, or a layout as in quilt 8x6 aspect 0.75"
         )
-    return DEVICES[name]
+    return found
 
 
 @dataclass(frozen=True)

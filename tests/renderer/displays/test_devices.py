@@ -13,7 +13,9 @@ def test_without_anything_it_is_the_default_devices_with_a_note():
     assert found.notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
 
 
-@pytest.mark.parametrize("given", [{"device": "go"}, {"named": GO.layout}, {"device": "go", "named": GO.layout}])
+@pytest.mark.parametrize(
+    "given", [{"device": "go"}, {"device": "Go"}, {"named": GO.layout}, {"device": "go", "named": GO.layout}]
+)
 def test_a_device_or_a_name_gives_layout_size_and_cone(given):
     found = resolve_quilt(**given)
     assert (found.layout, found.tile, found.cone) == (GO.layout, (682, 372), 40.0)

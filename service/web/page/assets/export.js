@@ -15,8 +15,12 @@ import { FORMATS, GROUPS, TEXTS } from "./texts.js";
 const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
-/** Options that some formats need, with an example; those in FILES are the texts of files. */
-const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", device: "go", epi: "" });
+/** Options that some formats need, with an example; those in CHOICES are one of these, those in FILES the texts of files. */
+const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", epi: "" });
+/** Those of `renderer/displays/devices.py`. */
+export const CHOICES = /** @type {Record<string, string[]>} */ ({
+  device: ["portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "8.9"],
+});
 const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", display: ".toml" });
 
 /** @type {Record<string, Group>} By the names of `GROUPS`, those with the same start being one group. */
@@ -78,6 +82,7 @@ function showFields() {
     /** @type {Record<string, string>} */
     const field = name in FILES ? { type: "file", accept: FILES[name], required: "" } : { value: EXAMPLES[name] };
     const label = make("span", TEXTS[/** @type {keyof typeof TEXTS} */ (name)]);
+    if (name in CHOICES) return make("label", [label, make("select", CHOICES[name].map((each) => make("option", each)), { name })]);
     return make("label", [label, make("input", "", { name, ...field })]);
   });
   needed.replaceChildren(...fields);

@@ -79,7 +79,7 @@ export const TEXTS = {
   export: "Export",
   format: "Format",
   download: "Download",
-  device: "Model of the Looking Glass, such as go or portrait",
+  device: "Model of the Looking Glass",
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
   stack: "Planes, from : to : count",

@@ -15,6 +15,7 @@ import trimesh
 from PIL import Image
 from playwright.sync_api import expect
 
+from ciir.renderer.displays.devices import DEVICES
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.options.kinds import FILE_TYPES
 from tests.support.browser import needs_browser
@@ -95,6 +96,17 @@ def test_every_format_of_the_server_is_offered(page):
     offered = {(kind, format_) for kind, formats in page.evaluate(script) for format_ in formats}
     written = {(kind.plural, format_) for kind in KINDS.values() if kind.name not in OTHERS for format_ in kind.formats}
     assert offered == written
+
+
+def test_every_looking_glass_is_offered(page):
+    assert page.evaluate("import('/assets/export.js').then(({ CHOICES }) => CHOICES.device)") == list(DEVICES)
+    open_scene(page)
+    page.locator("#format").select_option("displays/quilt")
+    page.get_by_label("Model of the Looking Glass").select_option("go")
+    hold_posts(page, "displays")
+    with page.expect_request("**/v1/displays") as posted:
+        page.get_by_role("button", name="Download").click()
+    assert re.search(r'name="device"\r\n\r\ngo\r', posted.value.post_data)
 
 
 def test_downloads_of_one_input_have_different_names(page):
