@@ -24,6 +24,14 @@ def show_upscaled(page):
     page.get_by_text("Where the time went").click()
 
 
+def show_notes(page):
+    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    choose(page, ("cube.obj", b"mtllib gone.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n"))
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("#notes")).to_contain_text("gone.mtl")
+    page.locator("#export-notes").evaluate("each => each.append('A note')")
+
+
 def show_around(page):
     go_to(page, f"{SMALL}&show=around")
     for name in ("Disparity", "EPI"):
@@ -86,7 +94,7 @@ def show_exported(page):
 
 
 STATES = (
-    show_start, show_upscaled, show_around, show_compared, show_grid, show_problem, ask_for_a_key, show_progress,
+    show_start, show_upscaled, show_notes, show_around, show_compared, show_grid, show_problem, ask_for_a_key, show_progress,
     show_embedded, show_embedded_problem, show_exported,
 )  # fmt: skip
 

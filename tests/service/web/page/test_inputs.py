@@ -1,5 +1,8 @@
 """Ways to give the page a file, and hostile names in all that it shows of one."""
 
+import shutil
+from pathlib import Path
+
 import pytest
 from playwright.sync_api import expect
 
@@ -97,6 +100,21 @@ def test_a_mesh_gives_its_files_their_name(page):
     choose(page, ("a.mtl", f"newmtl {MARKUP}\n".encode()), ("cube.obj", mesh.encode()))
     wait_for_picture(page, 40, 40)
     expect(page.locator("#name")).to_have_text("cube.obj")
+
+
+@pytest.mark.parametrize("way", ["folder", "zip"])
+def test_a_mesh_comes_with_its_files(page, tmp_path, way):
+    folder = tmp_path / "cube"
+    folder.mkdir()
+    (folder / "cube.obj").write_text(CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl"))
+    (folder / "a.mtl").write_text(f"newmtl {MARKUP}\nmap_Kd a.png\n")
+    (folder / "a.png").write_bytes(encode_png(make_picture(8, 8)))
+    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    expect(page.locator(".drop")).to_contain_text("An OBJ with its MTL and textures, a folder or a zip works too")
+    drop(page, folder if way == "folder" else Path(shutil.make_archive(str(folder), "zip", folder)))
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("#kind")).to_have_text("A mesh")
+    expect(page.locator("#notes")).not_to_contain_text("missing")
 
 
 def test_names_in_the_address_never_become_markup(no_markup):
