@@ -78,8 +78,12 @@ def restore_luma(
         way = cubic if sampling == "filter" else Image.Resampling.NEAREST
         added = np.asarray(Image.fromarray(difference).resize(fine.size, way))
         rows = slice(scale * top, scale * bottom)
-        values = large[rows] + added[scale * (top - first) :][: rows.stop - rows.start, :, np.newaxis]
-        result[rows] = np.rint(np.clip(values, 0, peak, out=values), out=values)
+        given = large[rows]
+        change = np.rint(added[scale * (top - first) :][: len(given)]).astype(np.int16 if peak < 256 else np.int32)
+        # Repeated for the channels: NumPy is several times as slow where an axis of three is broadcast.
+        values = change.repeat(given.shape[2], axis=1).reshape(given.shape)
+        values += given
+        result[rows] = np.clip(values, 0, int(peak), out=values)
     return result
 
 

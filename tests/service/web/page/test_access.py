@@ -94,8 +94,8 @@ def show_exported(page):
 
 
 STATES = (
-    show_start, show_upscaled, show_notes, show_around, show_compared, show_grid, show_problem, ask_for_a_key, show_progress,
-    show_embedded, show_embedded_problem, show_exported,
+    show_start, show_upscaled, show_notes, show_around, show_compared, show_grid, show_problem, ask_for_a_key,
+    show_progress, show_embedded, show_embedded_problem, show_exported,
 )  # fmt: skip
 
 
