@@ -157,7 +157,7 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         nargs="*",
         metavar="MODEL FOLDER",
         help="a model that `ciir models` lists, or an exported network's .json; then folders of *_LR.png and *_HR.png "
-        "pairs, or of any pictures with --degradation; with --light-field no folder, and the model "
+        "pairs, or of any pictures with --degradation; with --light-field no folder, any number of models, and "
         f"{LIGHT_FIELD_DEFAULT} where none is named",
     )
     command.add_argument(
@@ -166,11 +166,17 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         default="",
         help="how LR is made of *_HR.png, of other pictures or of views (default for views: bicubic)",
     )
-    command.add_argument("--light-field", metavar="FOLDER", help="the views of a light field, instead of pictures")
+    command.add_argument(
+        "--light-field", metavar="INPUT", help="a light field instead of pictures: a folder of views, or any other"
+    )
     command.add_argument(
         "--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)"
     )
+    command.add_argument(
+        "--json", metavar="FILE", help="write the scores to this file, those of each view of a light field too"
+    )
     add_options(command, ("scale",), "upscale")
+    add_options(command, ("lenses", "pixels"))
 
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(

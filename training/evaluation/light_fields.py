@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
-from ciir.errors import UnsupportedScale
+from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
 from ciir.models.cards import Accuracy
 from ciir.models.light_field.network import LightFieldNetwork
@@ -21,6 +21,8 @@ from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_
 
 if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
+    from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.views import View
 
 GRID = (5, 5)
 """Views down and across in BasicLFSR's tables."""
@@ -33,34 +35,44 @@ PROTOCOL = (
 )
 
 
-def evaluate(
-    model: str,
-    folder: Path,
-    *,
-    grid: tuple[int, int] = GRID,
-    scale: int = 2,
-    degradation: str = "bicubic",
-) -> Accuracy:
-    """Scores a model by its name in the catalogue, or an exported network by the path of its card.
+class Measured(NamedTuple):
+    """Scores of a model on a light field."""
 
-    A single-picture model upscales view by view. Raises as `score`, and `ciir.errors.ModelError` where there is no
-    such model.
-    """
-    return score(load_network(model, scale), folder, grid=grid, degradation=degradation)
+    mean: Accuracy
+    views: dict[View, tuple[float, float]]
+    """(v, u) in the grid -> Y-PSNR (dB, infinite where nothing differs) and SSIM."""
+
+
+def describe_protocol(grid: tuple[int, int] = GRID) -> str:
+    """`PROTOCOL`, for the middle `grid` = (V, U) views."""
+    return PROTOCOL.replace("5x5", f"{grid[0]}x{grid[1]}")
 
 
 def score(
     network: Upscaler | LightFieldNetwork,
-    folder: Path,
+    path: Path,
     *,
     grid: tuple[int, int] = GRID,
     degradation: str = "bicubic",
 ) -> Accuracy:
-    """Returns mean Y-PSNR (dB) and SSIM over the middle `grid` = (V, U) views of the light field in `folder`.
+    """Returns the means that `measure` makes. Raises as `measure`."""
+    return measure(network, path, grid=grid, degradation=degradation).mean
 
-    Each view is degraded by `training.data.downscale.downscale_picture` and upscaled with only the views of the grid,
-    as `ciir reconstruct` does it: with a single-image fallback, and restored as the sampling that is found asks for.
-    Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
+
+def measure(
+    network: Upscaler | LightFieldNetwork,
+    path: Path,
+    *,
+    grid: tuple[int, int] = GRID,
+    degradation: str = "bicubic",
+    layout: Layout | None = None,
+) -> Measured:
+    """Returns Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
+
+    `path` and `layout` as for `training.data.light_field.views.read_views`. Each view is degraded by
+    `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as `ciir reconstruct` does
+    it: with a single-image fallback, and restored as the sampling that is found asks for; by a single-picture model
+    view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
@@ -70,24 +82,25 @@ def score(
             f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
             "those, or another model"
         )
-    low, high = degrade_views(read_views(folder, grid=grid), degradation, network.scale)
+    low, high = degrade_views(read_views(path, grid=grid, layout=layout), degradation, network.scale)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
-    psnrs, ssims = [], []
-    for view in tqdm(views, desc=folder.name, disable=None, unit="view", leave=False):
+    scores: dict[View, tuple[float, float]] = {}
+    for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
             alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
             made, _ = upscale_views(network, alone, given, [view], grid, finds_sampling=True)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
         got, truth = rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[view])
-        psnrs.append(compute_psnr(got, truth, border=network.scale))
         try:
-            ssims.append(compute_ssim(got, truth, border=network.scale))
+            ssim = compute_ssim(got, truth, border=network.scale)
         except ValueError as error:
-            raise ValueError(f"{folder}: {error}; name larger views") from error
-    name = f"{folder.resolve().name} {grid[0]}x{grid[1]} ({degradation})"
-    return Accuracy(name, len(views), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
+            raise ValueError(f"{path}: {error}; name larger views") from error
+        scores[view] = (float(compute_psnr(got, truth, border=network.scale)), float(ssim))
+    psnr, ssim = np.mean(list(scores.values()), axis=0)
+    name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({degradation})"
+    return Measured(Accuracy(name, len(views), round(float(psnr), 4), round(float(ssim), 5)), scores)
 
 
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
@@ -104,6 +117,8 @@ def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
             raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
         kind = LightFieldNetwork if card.is_light_field else SingleImageNetwork
         return kind(path, emulates_int8=True)
-    if model in catalogue.list_names() and model not in catalogue.list_single_image_names():
+    if model not in catalogue.list_names():
+        raise UnknownModel(f"model: no {model!r} here; give one of {', '.join(catalogue.list_names())}")
+    if model not in catalogue.list_single_image_names():
         return catalogue.load_light_field_network(model, scale=scale, emulates_int8=True)
     return catalogue.load_upscaler(model, scale=scale, emulates_int8=True)

@@ -32,6 +32,12 @@ PROTOCOL = (
 )
 
 
+def describe_protocol(degradation: str = "") -> str:
+    """`PROTOCOL`, for pictures whose LR is made here where there is a `degradation`."""
+    supplied = "MATLAB's bicubic imresize, as supplied by SelfExSR"
+    return PROTOCOL.replace(supplied, f"{degradation}, to 8 bits") if degradation else PROTOCOL
+
+
 def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
     """Returns the mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
 

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
+from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import read_pair
+from ciir.service.pipeline.source import make_layout
 
 if TYPE_CHECKING:
     import argparse
 
     from ciir.models.cards import Accuracy
+    from ciir.service.pipeline.options import Options
 
 VIEWS, DEGRADATION = "5x5", "bicubic"
 """BasicLFSR's protocol: a light field's evaluation by default."""
@@ -31,46 +36,78 @@ def run(args: argparse.Namespace) -> None:
 
 def _evaluate(args: argparse.Namespace) -> None:
     options, names = common.parse_options(args), list(args.words)
+    if args.json is not None:
+        place_for_file(Path(args.json))
     if args.light_field is not None:
-        _evaluate_views(args, options.scale)
+        _evaluate_views(args, options)
         return
-    if args.grid is not None:
-        raise InvalidOption("--grid: this is for --light-field with a folder of views; leave it out")
+    for name, given in (("grid", args.grid), ("lenses", options.lenses), ("pixels", options.pixels)):
+        if given is not None:
+            raise InvalidOption(f"--{name}: this is for --light-field with the views of one; leave it out")
     if len(names) < 2:
         raise InvalidOption(
-            "evaluate: give a MODEL and FOLDERs of pictures, or --light-field FOLDER; see ciir evaluate --help"
+            "evaluate: give a MODEL and FOLDERs of pictures, or --light-field INPUT; see ciir evaluate --help"
         )
-    from ciir.training.evaluation.pictures import evaluate
+    from ciir.training.evaluation.pictures import describe_protocol, evaluate
 
+    entries: list[dict[str, Any]] = []
     for folder in _folders(names[1:]):
         try:
             score = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _print_score(names[0], score, "pictures")
+        entries.append(_show_score(names[0], score, "pictures", args.degradation or None))
+    _write_scores(describe_protocol(args.degradation), options.scale, entries, args.json)
 
 
-def _evaluate_views(args: argparse.Namespace, scale: int) -> None:
-    if len(args.words) > 1:
-        raise InvalidOption(
-            f"evaluate: {args.words[1]!r} is given beside --light-field {args.light_field}; give one of them"
-        )
-    (folder,) = _folders([args.light_field], what="views")
-    grid = read_pair("grid", args.grid or VIEWS)
-    from ciir.training.evaluation.light_fields import evaluate
+def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
+    names = args.words or [LIGHT_FIELD_DEFAULT]
+    for name in names:
+        if Path(name).is_dir():
+            raise InvalidOption(
+                f"evaluate: the folder {name!r} is given beside --light-field {args.light_field}; give one of them"
+            )
+    grid, degradation = read_pair("grid", args.grid or VIEWS), args.degradation or DEGRADATION
+    from ciir.training.evaluation.light_fields import describe_protocol, load_network, measure
 
-    model = args.words[0] if args.words else LIGHT_FIELD_DEFAULT
-    try:
-        score = evaluate(model, folder, grid=grid, scale=scale, degradation=args.degradation or DEGRADATION)
-    except ValueError as error:
-        raise InvalidOption(str(error)) from error
-    _print_score(model, score, "views")
+    networks = [load_network(name, options.scale) for name in names]  # a misspelt name is found before the work
+    entries: list[dict[str, Any]] = []
+    for name, network in zip(names, networks, strict=True):
+        try:
+            found = measure(
+                network, Path(args.light_field), grid=grid, degradation=degradation, layout=make_layout(options)
+            )
+        except ValueError as error:
+            raise InvalidOption(str(error)) from error
+        views = [{"v": v, "u": u, "psnr": _finite(psnr), "ssim": ssim} for (v, u), (psnr, ssim) in found.views.items()]
+        entries.append(_show_score(name, found.mean, "views", degradation) | {"views": views})
+    _write_scores(describe_protocol(grid), options.scale, entries, args.json)
 
 
-def _print_score(model: str, score: Accuracy, counted: str) -> None:
+def _show_score(model: str, score: Accuracy, counted: str, degradation: str | None) -> dict[str, Any]:
+    """Prints the line of a score, and returns it for JSON."""
     common.print_line(
         f"{model} on {score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}"
     )
+    return {
+        "model": model,
+        "data": score.data,
+        "degradation": degradation,
+        "count": score.pictures,
+        "psnr": _finite(score.psnr),
+        "ssim": score.ssim,
+    }
+
+
+def _finite(psnr: float) -> float | None:
+    """`psnr`, or None for infinity, which JSON doesn't have."""
+    return psnr if math.isfinite(psnr) else None
+
+
+def _write_scores(protocol: str, scale: int, entries: list[dict[str, Any]], path: str | None) -> None:
+    if path is not None:
+        with replacing(Path(path)) as file:
+            file.write(report_json({"protocol": protocol, "scale": scale, "scores": entries}))
 
 
 def _train(args: argparse.Namespace) -> None:

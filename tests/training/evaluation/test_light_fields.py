@@ -17,7 +17,7 @@ from ciir.models.catalogue import SHIPPED
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import Nearest
 from ciir.training.evaluation import light_fields
-from ciir.training.evaluation.light_fields import evaluate, score
+from ciir.training.evaluation.light_fields import load_network, score
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -84,16 +84,20 @@ def test_views_outside_the_grid_are_ignored(tmp_path):
 
 def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
     folder = save(tmp_path / "v", field(3, 3))
-    by_name = evaluate("paper", folder, grid=(3, 3), degradation="box")
-    assert by_name == evaluate(str(SHIPPED / "paper.json"), folder, grid=(3, 3), degradation="box")
+    by_name = score(load_network("paper", 2), folder, grid=(3, 3), degradation="box")
+    by_path = load_network(str(SHIPPED / "paper.json"), 2)
+    assert by_name == score(by_path, folder, grid=(3, 3), degradation="box")
     assert by_name == score(models.load_upscaler("paper"), folder, grid=(3, 3), degradation="box")
-    with pytest.raises(UnknownModel):
-        evaluate("fancy", folder)
+    assert score(load_network("bicubic", 3), folder, grid=(3, 3)).pictures == 9
+
+
+def test_a_network_that_is_not_there():
+    with pytest.raises(UnknownModel, match="no 'feild' here; give one of fast, fast-int8, field, field-int8"):
+        load_network("feild", 2)
     with pytest.raises(UnsupportedScale):
-        evaluate("fast", folder, scale=4)
+        load_network("fast", 4)
     with pytest.raises(UnsupportedScale, match="paper upscales by 2, not 4"):
-        evaluate(str(SHIPPED / "paper.json"), folder, scale=4)
-    assert evaluate("bicubic", folder, grid=(3, 3), scale=3).pictures == 9
+        load_network(str(SHIPPED / "paper.json"), 4)
 
 
 def test_too_few_views_are_refused(tmp_path):
@@ -119,3 +123,5 @@ def test_folders_without_a_usable_set_of_views(tmp_path):
 
 def test_the_protocol_is_that_of_the_default_grid():
     assert f"central {light_fields.GRID[0]}x{light_fields.GRID[1]}" in light_fields.PROTOCOL
+    assert light_fields.describe_protocol() == light_fields.PROTOCOL
+    assert "central 3x4" in light_fields.describe_protocol((3, 4))

@@ -1,4 +1,4 @@
-"""Light fields for validation and evaluation: folders of views and their low-resolution versions."""
+"""Light fields for validation and evaluation: their views and the low-resolution versions of these."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ciir.errors import InputError
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import Layout
 from ciir.training.data.downscale import downscale_picture
 
 if TYPE_CHECKING:
@@ -28,42 +29,47 @@ class Pair(NamedTuple):
     high: NDArray[np.uint8]
 
 
-def read_views(folder: Path, *, grid: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """Reads the views in `folder`, `(V, U, H, W, 3)` 8-bit RGB; only the middle ones where `grid` = (V, U) is smaller.
+def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None) -> NDArray[np.uint8]:
+    """Reads a light field, `(V, U, H, W, 3)` 8-bit RGB, of which `grid` = (V, U) are the middle views, by default all.
 
-    Raises `ValueError` where there is no full grid of pictures of one size, it is smaller than `grid`, or the views are
+    `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it lies in its
+    file, where a caller can say. 16-bit views are rounded to 8 bits.
+
+    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `LEAST`.
     """
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: no such folder; name a folder of pictures, one for each view")
-    bundle = Bundle.from_path(folder)
+    if not path.exists():
+        raise ValueError(f"{path}: no such folder or file; name a light field, such as a folder of views")
+    shown = path.resolve().name
     try:
-        field = inputs.read(bundle)
+        field = inputs.read(Bundle.from_path(path), layout or Layout())
     except InputError as error:
-        message = str(error).removeprefix(f"{bundle.name}: ")
+        message = str(error).removeprefix(f"{path}: ").removeprefix(f"{shown}: ")
         problem, _, remedy = message.rpartition("; ")
-        if remedy.startswith("give pixels "):  # this option exists for reconstruction only
+        if layout is None and remedy.startswith("give pixels "):  # recipes and exports have no such option
             message = (
                 f"{problem}; name them view_VV_UU.png by row and column, or remove the pictures that are not views"
             )
-        raise ValueError(f"{folder}: {message}") from error
+        raise ValueError(f"{path}: {message}") from error
     if not isinstance(field, LightField) or field.views.shape[:2] == (1, 1):
-        raise ValueError(f"{folder}: no set of views; name a folder of pictures, one for each view")
+        raise ValueError(f"{path}: no set of views; name a folder of pictures, one for each view, or a container")
     views = field.views if field.is_transparent() else field.views[..., : 3 if field.views.shape[4] > 2 else 1]
-    if views.dtype != np.uint8 or views.shape[4] not in (1, 3):
-        raise ValueError(f"{folder}: views of {views.shape[4]} channels, {views.dtype}; give 8-bit grey or RGB")
+    if views.shape[4] not in (1, 3):
+        raise ValueError(f"{path}: views of {views.shape[4]} channels, not all opaque; give grey or RGB")
     down, across = grid or views.shape[:2]
     if down > views.shape[0] or across > views.shape[1]:
         raise ValueError(
-            f"{folder}: {views.shape[0]}x{views.shape[1]} views; --grid {down}x{across} needs more: give a smaller grid"
+            f"{path}: {views.shape[0]}x{views.shape[1]} views; --grid {down}x{across} needs more: give a smaller grid"
         )
     if min(views.shape[2:4]) < LEAST:
         raise ValueError(
-            f"{folder}: views of {views.shape[2]}x{views.shape[3]} pixels; at least {LEAST}x{LEAST} are needed: "
+            f"{path}: views of {views.shape[2]}x{views.shape[3]} pixels; at least {LEAST}x{LEAST} are needed: "
             "name larger views"
         )
     top, left = (views.shape[0] - down) // 2, (views.shape[1] - across) // 2
     views = views[top : top + down, left : left + across]
+    if views.dtype == np.uint16:
+        views = np.rint(views / 257)
     return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], 3)).astype(np.uint8))
 
 

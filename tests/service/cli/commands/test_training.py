@@ -1,3 +1,4 @@
+import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -5,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import ciir
 from ciir import models
 from ciir.models.cards import Accuracy
 from ciir.renderer.writers.pictures import encode
@@ -22,6 +24,11 @@ def test_evaluate(tmp_path, capsys):
     (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
     assert main(["evaluate", "nearest", str(tmp_path)]) == 0
     assert "PSNR inf dB, SSIM 1.0000" in capsys.readouterr().out
+    assert main(["evaluate", "nearest", str(tmp_path), "--degradation", "box", "--json", str(tmp_path / "s.json")]) == 0
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert "LR: box, to 8 bits" in found["protocol"]
+    assert (found["scores"][0]["count"], found["scores"][0]["psnr"]) == (1, None)
+    capsys.readouterr()
     assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
     assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
@@ -46,27 +53,64 @@ def test_evaluate_takes_arguments_around_options(tmp_path, capsys):
         assert "PSNR inf dB" in capsys.readouterr().out
 
 
+def make_light_field():
+    """5x5 views of flat 2x2 cells: nearest interpolation inverts their means."""
+    small = np.random.default_rng(0).integers(0, 255, (5, 5, 16, 20, 3), np.uint8)
+    return ciir.LightField(small.repeat(2, axis=2).repeat(2, axis=3), is_ordered=True, depth_sense="cameras")
+
+
+@pytest.mark.parametrize("name", ["views", "views.zip", "lf.mat", "lf.npz", "eia.png"])
+def test_evaluate_any_light_field(tmp_path, capsys, name):
+    """Whatever holds the views, several models have a line each."""
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    file = tmp_path / name
+    make_light_field().save(file)
+    given = ["--light-field", str(file), "--degradation", "box", *(["--lenses", "32x40"] if "eia" in name else [])]
+    assert main(["evaluate", "nearest", "bicubic", *given]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"nearest on {name} 5x5 (box): PSNR inf dB, SSIM 1.0000 on Y over 25 views"
+    assert lines[1].startswith(f"bicubic on {name} 5x5 (box): PSNR ")
+    assert len(lines) == 2
+
+
+def test_evaluate_writes_json(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    make_light_field().save(tmp_path / "lf.npz")
+    given = ["--light-field", str(tmp_path / "lf.npz"), "--grid", "3x4", "--degradation", "box"]
+    assert main(["evaluate", "nearest", "bicubic", *given, "--json", str(tmp_path / "scores.json")]) == 0
+    capsys.readouterr()
+    found = json.loads((tmp_path / "scores.json").read_text())
+    assert "central 3x4" in found["protocol"]
+    exact, other = found["scores"]
+    assert (exact["model"], exact["psnr"], exact["ssim"]) == ("nearest", None, 1)  # JSON has no infinity
+    assert (other["model"], other["data"], other["degradation"]) == ("bicubic", "lf.npz 3x4 (box)", "box")
+    assert [(view["v"], view["u"]) for view in other["views"]] == [(v, u) for v in range(3) for u in range(4)]
+    assert other["psnr"] == pytest.approx(np.mean([view["psnr"] for view in other["views"]]), abs=1e-4)
+    assert other["ssim"] == pytest.approx(np.mean([view["ssim"] for view in other["views"]]), abs=1e-5)
+
+
 def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
     asked = []
 
-    def evaluate(model, folder, **options):
-        asked.append((model, folder, options))
+    def measure(model, path, *, layout, **options):
+        asked.append((model, path, options))
         if options["grid"] == (9, 9):
             raise ValueError("knights: no view (8, 8); give a smaller grid")
-        return Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95)
+        return SimpleNamespace(mean=Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95), views={})
 
-    monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", SimpleNamespace(evaluate=evaluate))
+    stand_in = SimpleNamespace(measure=measure, load_network=lambda *model: model, describe_protocol=str)
+    monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", stand_in)
     given = ["evaluate", "--light-field", str(tmp_path)]
-    protocol = {"grid": (5, 5), "scale": 2, "degradation": "bicubic"}
+    protocol = {"grid": (5, 5), "degradation": "bicubic"}
     assert main(given) == 0
     assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
     assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
     assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
     capsys.readouterr()
     assert asked == [
-        (models.catalogue.LIGHT_FIELD_DEFAULT, tmp_path, protocol),
-        ("quality", tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
-        ("quality", tmp_path, protocol | {"scale": 4}),
+        ((models.catalogue.LIGHT_FIELD_DEFAULT, 2), tmp_path, protocol),
+        (("quality", 2), tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
+        (("quality", 4), tmp_path, protocol),
     ]
     assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
 

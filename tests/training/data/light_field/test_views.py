@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.layout import Layout
 from ciir.training.data.downscale import KINDS, downscale_picture
 from ciir.training.data.light_field.views import LEAST, degrade_views, read_views
 
@@ -86,15 +88,21 @@ def test_errors_name_the_folder(tmp_path, damage, message):
 
 
 def test_no_folder(tmp_path):
-    assert "no such folder; name a folder of pictures" in refused(tmp_path / "gone")
-    Image.new("RGB", (40, 40)).save(tmp_path / "a.png")
-    assert "no such folder" in refused(tmp_path / "a.png")
+    assert "no such folder or file; name a light field" in refused(tmp_path / "gone")
+
+
+def test_other_files(tmp_path):
+    """16 bits are rounded to 8; a picture needs its lenses."""
+    pixels = views(2, 3)
+    np.save(tmp_path / "deep.npy", pixels.astype(np.uint16) * 257 - np.uint16(100) * (pixels > 0))
+    np.testing.assert_array_equal(read_views(tmp_path / "deep.npy"), pixels)
+    Image.fromarray(LightField(pixels).eia()).save(tmp_path / "eia.png")
+    np.testing.assert_array_equal(read_views(tmp_path / "eia.png", layout=Layout(pixels=(2, 3))), pixels)
+    assert "give the number of lenses" in refused(tmp_path / "eia.png")
 
 
 def test_views_too_small_or_of_an_unsupported_type(tmp_path):
     small = f"views of {LEAST - 1}x{LEAST} pixels; at least {LEAST}x{LEAST} are needed: name larger views"
     assert small in refused(save(tmp_path / "small", views(3, 3, LEAST - 1, LEAST)))
     clear = np.concatenate([views(2, 2), views(2, 2)[..., :1]], axis=-1)
-    assert "views of 4 channels, uint8; give 8-bit grey or RGB" in refused(save(tmp_path / "clear", clear))
-    deep = views(2, 2)[..., 0].astype(np.uint16)
-    assert "views of 1 channels, uint16" in refused(save(tmp_path / "deep", deep))
+    assert "views of 4 channels, not all opaque; give grey or RGB" in refused(save(tmp_path / "clear", clear))
