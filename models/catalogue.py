@@ -158,5 +158,6 @@ def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
         raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
     if scale not in entries[name].scales:
         scales = ", ".join(map(str, entries[name].scales))
-        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; give that, or model bicubic")
+        remedy = "give that, or model bicubic" if scale > 1 else "give that"
+        raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; {remedy}")
     return entries[name]

@@ -6,17 +6,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.errors import BackendUnavailable
+from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
 from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.service.pipeline import cost
 from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
 from ciir.service.pipeline.model_selection import select_model
-from ciir.service.pipeline.options import NO_MODEL
+from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.prediction import predict_times
 
 if TYPE_CHECKING:
+    from ciir.models.catalogue import Entry
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
 
@@ -46,7 +47,7 @@ class Plan:
 
 
 def make_plan(job: Job) -> Plan:
-    """The plan for `job`."""
+    """The plan for `job`. Raises `UnsupportedScale` where its model doesn't upscale by its scale."""
     reasons: list[str] = []
     strategy: Strategy = "direct" if job.strategy == "direct" else "upscale"
     if job.strategy == "auto":
@@ -58,10 +59,13 @@ def make_plan(job: Job) -> Plan:
         return Plan(strategy, NO_MODEL, job.scale, LENSLET_SAMPLES, tuple(reasons))
     if job.model == NO_MODEL:
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
-        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons))
+        ignored = () if job.scale in (1, Options.scale) else (f"scale: {job.scale} changes nothing with model none",)
+        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=ignored)
     selected = select_model(job)
+    model = next(entry for entry in catalogue.list_entries() if entry.name == selected.model)
+    _check_scale(job, model)
     reasons += selected.reasons
-    is_network = next(entry.card is not None for entry in catalogue.list_entries() if entry.name == selected.model)
+    is_network = model.card is not None
     notes = [selected.note] if selected.note else []
     restores_means = job.sampling == "lenslet" and is_network and not job.is_transparent
     if restores_means:
@@ -81,6 +85,18 @@ def make_plan(job: Job) -> Plan:
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
         tuple(notes),
     )
+
+
+def _check_scale(job: Job, model: Entry) -> None:
+    """Raises `UnsupportedScale`, with a remedy for the kind of input, where `model` doesn't upscale by the scale."""
+    if job.scale in model.scales:
+        return
+    given = f"scale: {model.name} upscales by {', '.join(map(str, model.scales))}, not {job.scale}"
+    if job.scale == 1:
+        raise UnsupportedScale(f"{given}; give model none for views that are not upscaled")
+    if job.mesh is not None:
+        raise UnsupportedScale(f"{given}; give strategy direct, which renders the mesh that large, or model bicubic")
+    raise UnsupportedScale(f"{given}; give that, or model bicubic")
 
 
 def _select_strategy(job: Job) -> tuple[Strategy, str]:

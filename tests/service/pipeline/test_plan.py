@@ -1,3 +1,7 @@
+import pytest
+
+from ciir.errors import UnsupportedScale
+from ciir.models import processor
 from ciir.models.catalogue import default_name, light_field_default_name
 from ciir.service.pipeline.plan import make_plan
 from tests.support.pipeline import make_light_field_job, make_mesh_job
@@ -25,6 +29,23 @@ def test_direct_averages_over_cells_and_needs_no_model():
     assert (made.strategy, made.model, made.scale, made.samples) == ("direct", "none", 3, 4)
 
 
+@pytest.mark.parametrize(
+    ("make", "options", "message"),
+    [
+        (mesh, {"scale": 3}, "fast upscales by 2, not 3; give strategy direct, which renders the mesh that large, or "),
+        (pictures, {"scale": 3}, "fast upscales by 2, not 3; give that, or model bicubic"),
+        (pictures, {"scale": 3, "model": "quality"}, "quality upscales by 2, not 3; give that, or model bicubic"),
+        (mesh, {"scale": 1}, "fast upscales by 2, not 1; give model none"),
+        (pictures, {"scale": 1, "model": "bicubic"}, "bicubic upscales by 2, 3, 4, 5, 6, 7, 8, not 1; give model none"),
+    ],
+)
+def test_a_scale_that_the_model_does_not_have(monkeypatch, make, options, message):
+    """The remedy is one that works for the kind of input."""
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: "no VNNI")
+    with pytest.raises(UnsupportedScale, match=message):
+        make(**options)
+
+
 def test_auto_says_why():
     assert pictures(strategy="auto").strategy == "upscale"
     assert any("pictures" in reason for reason in pictures(strategy="auto").reasons)
@@ -33,6 +54,8 @@ def test_auto_says_why():
 def test_without_a_model_nothing_is_enlarged():
     made = pictures(model="none", scale=4)
     assert (made.model, made.scale) == ("none", 1)
+    assert made.notes == ("scale: 4 changes nothing with model none",)
+    assert pictures(model="none").notes == pictures(model="none", scale=1).notes == ()
     assert any("scale" in reason for reason in made.reasons)
 
 

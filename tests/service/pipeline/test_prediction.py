@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from ciir.errors import BackendUnavailable
+from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
 from ciir.models.light_field.views import list_required_views
 from ciir.models.single import skipping
@@ -152,7 +152,8 @@ def test_a_strategy_that_is_not_possible_is_not_taken(prices):
     views = [(v, 7) for v in range(10)]
     assert select(limit=10 * 100 * 100 * 64, wanted=views)[0] == "direct"
     assert select(limit=10 * 100 * 100 * 64 - 1, wanted=views)[0] == "upscale"
-    assert select(scale=3, lenses=(2000, 2000))[0] == "upscale"  # neither is possible; the pipeline reports why
+    with pytest.raises(UnsupportedScale):
+        select(scale=3, lenses=(2000, 2000))  # neither is possible
 
 
 @pytest.mark.parametrize(
