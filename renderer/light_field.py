@@ -67,9 +67,7 @@ class LightField:
         views = self.views
         if not isinstance(views, np.ndarray) or views.dtype not in (np.uint8, np.uint16):
             kind = views.dtype.name if isinstance(views, np.ndarray) else type(views).__name__
-            raise InvalidOption(
-                f"views: {kind} is not taken; give uint8 or uint16, as in (255 * views).round().astype('u1')"
-            )
+            raise InvalidOption(f"views: {kind} is not taken; give uint8 or uint16, as in {_advise_levels(views)}")
         if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
             raise InvalidOption(
                 f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
@@ -303,6 +301,12 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
+
+
+def _advise_levels(views: Any) -> str:
+    """How to make 8 or 16 bits of `views`, by their largest number: up to 1 it is a share of white, above a level."""
+    most = views.max() if isinstance(views, np.ndarray) and views.dtype.kind in "iuf" and views.size else 1
+    return f"{'views' if most > 1 else '(255 * views)'}.round().astype('{'u2' if most > 255 else 'u1'}')"
 
 
 def _round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:

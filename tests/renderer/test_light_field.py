@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -69,6 +71,22 @@ def test_refocusing_keeps_the_type_of_the_pixels() -> None:
     assert np.abs(plane - views.mean(axis=(0, 1))).max() <= 0.52  # rounding, and float32 sums of 16 bit
     assert np.array_equal(light_field.refocus(1.5, aperture=0.5), views[1, 1])  # the middle view alone is not shifted
     assert light_field.disparity().disparity.shape == (20, 24)
+
+
+@pytest.mark.parametrize(
+    ("most", "kind", "advice"),
+    [
+        (1, float, "(255 * views).round().astype('u1')"),
+        (255, float, "in views.round().astype('u1')"),
+        (255, np.int64, "in views.round().astype('u1')"),
+        (65535, float, "in views.round().astype('u2')"),
+        (np.nan, float, "(255 * views).round().astype('u1')"),
+    ],
+)
+def test_the_advice_for_other_types_fits_the_numbers(most: float, kind: type, advice: str) -> None:
+    """255 times levels of 8 bits would overflow."""
+    with pytest.raises(InvalidOption, match=re.escape(advice)):
+        LightField(np.full((2, 2, 4, 4, 3), most, kind))
 
 
 @pytest.mark.parametrize("sense", ["lenses", "cameras"])
