@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
     from ciir.errors import (
         BackendUnavailable,
         Error,
@@ -66,6 +67,7 @@ __all__ = [
     "TooLarge",
     "Unreadable",
     "UnsupportedType",
+    "__version__",
     "open",
     "reconstruct",
     "render",
@@ -74,6 +76,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("ciir")
     if name not in _MODULES:
         raise AttributeError(f"module 'ciir' has no attribute {name!r}")
     return getattr(import_module(_MODULES[name]), name)

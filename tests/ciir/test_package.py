@@ -1,3 +1,4 @@
+import importlib.metadata
 import json
 import subprocess
 import sys
@@ -20,3 +21,7 @@ def test_an_import_loads_nothing_heavy():
 def test_all_errors_are_one_tree():
     for name in ("BackendUnavailable", "InputError", "InvalidGeometry", "InvalidOption", "ModelError", "TooLarge"):
         assert issubclass(getattr(ciir, name), ciir.Error)
+
+
+def test_the_version_is_that_of_the_installation():
+    assert ciir.__version__ == importlib.metadata.version("ciir")
