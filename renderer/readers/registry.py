@@ -179,6 +179,24 @@ SUFFIXES: dict[str, Format] = {suffix: entry for entry in FORMATS for suffix in 
 READ = ", ".join(SUFFIXES)
 """All suffixes, for messages."""
 
+MESHES = ", ".join(suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, MeshFormat))
+"""The suffixes of meshes, for messages."""
+_OTHER_MESHES = frozenset(
+    (".3ds", ".abc", ".blend", ".c4d", ".fbx", ".ma", ".max", ".mb", ".skp", ".step", ".stp", ".usd", ".usda", ".usdc")
+) | {".usdz", ".wrl", ".x3d"}
+"""Suffixes of meshes that are not read."""
+_PLACEHOLDERS = (
+    (
+        re.compile(rb"(\xef\xbb\xbf)?\s*(<!--.{0,4096}?-->\s*)?<(!doctype\s+html|html\b)", re.IGNORECASE | re.DOTALL),
+        "this is a web page; download the file itself",
+    ),
+    (
+        re.compile(rb"version https://git-lfs\.github\.com/spec/"),
+        "this is a Git LFS pointer; download the file itself, as git lfs pull does",
+    ),
+)
+"""What may be stored in place of a file, and the message."""
+
 _BOM = b"\xef\xbb\xbf"
 _STL_HEADER = 84  # 80 bytes of free text, then the number of triangles as uint32
 _STL_TRIANGLE = 50
@@ -190,6 +208,10 @@ def find_by_suffix(name: str) -> Format | None:
     Raises `UnsupportedType` for a suffix that is not one of `SUFFIXES`.
     """
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    if suffix in _OTHER_MESHES:
+        raise UnsupportedType(
+            f"{clean_text(name)}: meshes of type {suffix} are not read; export it as GLB (read are {MESHES})"
+        )
     if suffix and suffix not in SUFFIXES:
         raise UnsupportedType(
             f"{clean_text(name)}: files of type {clean_text(suffix)} are not read; give one of {READ}"
@@ -227,6 +249,9 @@ def identify(name: str, data: bytes) -> Format:
         raise Unreadable(f"{clean_text(name)}: the file is empty (0 bytes); give it again")
     by_content = _recognise(data, by_name)
     if by_content is None:
+        for start, advice in _PLACEHOLDERS:
+            if start.match(data):
+                raise UnsupportedType(f"{clean_text(name)}: {advice}")
         what = "text" if _is_text(data) else "binary data"
         if by_name is not None:
             raise UnsupportedType(f"{clean_text(name)}: the content is {what}, not {by_name.name}; save it again")

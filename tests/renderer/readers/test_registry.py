@@ -67,8 +67,27 @@ def test_random_bytes_are_refused() -> None:
 
 
 def test_a_type_that_is_not_read_is_named() -> None:
-    with pytest.raises(UnsupportedType, match=r"files of type \.fbx are not read; give one of \.glb"):
-        identify("a.fbx", b"Kaydara FBX Binary  \0")
+    with pytest.raises(UnsupportedType, match=r"files of type \.doc are not read; give one of \.glb"):
+        identify("a.doc", b"Dear all")
+
+
+def test_meshes_that_are_not_read_are_to_be_exported() -> None:
+    """Types of pictures and containers would be no help."""
+    for name in ("a.FBX", "a.usdz", "folder/a.blend"):
+        with pytest.raises(UnsupportedType, match="are not read; export it as GLB") as caught:
+            identify(name, b"Kaydara FBX Binary  \0")
+        assert ".obj" in str(caught.value)
+        assert ".png" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["duck.glb", "duck.png", "duck.obj", "duck.stl", "duck"])
+def test_what_is_stored_in_place_of_a_file(name: str) -> None:
+    for data in (b"<!DOCTYPE html>\n<html>", b"\xef\xbb\xbf\n<HTML lang=en>", b"<!-- a --> <!doctype html>"):
+        with pytest.raises(UnsupportedType, match="this is a web page; download the file itself"):
+            identify(name, data)
+    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 120484\n"
+    with pytest.raises(UnsupportedType, match="this is a Git LFS pointer; download the file itself"):
+        identify(name, pointer)
 
 
 @pytest.mark.parametrize(
