@@ -61,7 +61,8 @@ class Array:
             warnings.simplefilter("ignore", UserWarning)
             shape, self._is_fortran, self.dtype = read(file)
         self.shape: tuple[int, ...] = tuple(map(int, shape))
-        if len(self.shape) == 4 and self.shape[3] > 4:  # grey views, without an axis of channels
+        self.is_grey = len(self.shape) == 4 and self.shape[3] > 4  # views without an axis of channels
+        if self.is_grey:
             self.shape += (1,)
         self._data, self._start, self._name = data, file.tell(), name
         if self.dtype.hasobject:
@@ -99,6 +100,9 @@ def _read_array(array: Array, stated: object, name: str, layout: Layout, limits:
     if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
         grid, notes = settle_grid(shape[0], layout, name, "views")
         shape = (*grid, *shape[1:3], *(shape[3:] or (1,)))
+    if array.is_grey and shape[1] == 3:
+        note = f"axes: {shape[0]}x3 grey views; if they are {shape[0]} views of 3 colours, (N, 3, H, W), save "
+        notes = (note + "np.moveaxis(array, 1, -1), (N, H, W, 3)",)
     check_array(name, shape, array.dtype, limits)
     made = _make_light_field(array.read().reshape(shape), stated, name, layout)
     return replace(made, notes=notes + made.notes)

@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
+import ciir
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
@@ -233,3 +234,11 @@ def test_a_bomb_is_not_unpacked():
         archive.writestr("views.npy", bytes(2**22))
     with pytest.raises(TooLarge, match="unpacks to over"):
         read(file.getvalue(), "npz")
+
+
+def test_colours_before_rows_are_noted(tmp_path):
+    """PyTorch's (N, 3, H, W) has the shape of Nx3 grey views; 5 axes say what they are."""
+    for shape, is_noted in (((9, 3, 16, 20), True), ((9, 2, 16, 20), False), ((9, 3, 16, 20, 1), False)):
+        np.save(tmp_path / "views.npy", np.zeros(shape, np.uint8))
+        notes = "; ".join(ciir.open(tmp_path / "views.npy").notes)
+        assert ("if they are 9 views of 3 colours, (N, 3, H, W), save np.moveaxis(array, 1, -1)" in notes) == is_noted
