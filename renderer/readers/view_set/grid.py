@@ -40,6 +40,8 @@ class Grid:
     depth_sense: DepthSense = "cameras"
     left_out: tuple[str, ...] = ()
     """Pictures whose names are unlike those of the views."""
+    is_filled: bool = False
+    """Whether the names have one number, or none, so that they may as well be one row of views."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -265,5 +267,5 @@ def _wrap(files: Sequence[str], rows: int, cols: int, *, by_column: bool) -> Gri
     end = _shorten(lines[0][-1], files)
     namings = [f"the names fill {each}s, {end} ends the first" for each in ("row", "column")]
     if by_column:
-        return Grid(tuple(zip(*lines, strict=True)), namings[1], namings[0])
-    return Grid(tuple(lines), namings[0], namings[1])
+        return Grid(tuple(zip(*lines, strict=True)), namings[1], namings[0], is_filled=True)
+    return Grid(tuple(lines), namings[0], namings[1], is_filled=True)

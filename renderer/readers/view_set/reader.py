@@ -137,9 +137,10 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     if layout.order == "serpentine":
         change = "no transpose" if layout.transpose else "transpose"
     naming = f"views: {rows}x{cols}, rows x columns: {grid.naming}{_describe_turns(layout.order == 'serpentine')}"
+    row = f"; pixels 1x{rows * cols} takes them as one row" if grid.is_filled and layout.pixels is None else ""
     notes = (
         *views.notes,
-        *([f"{naming}; {change} takes them the other way"] if grid.naming and not is_own else []),
+        *([f"{naming}; {change} takes them the other way{row}"] if grid.naming and not is_own else []),
     )
     if layout.order in ASKED:
         return note_asked(replace(turned, notes=notes), layout)
@@ -152,7 +153,8 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
         f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "
         f"{grid.transposed_naming if found.order.startswith('transposed') else grid.naming}"
         f"{_describe_turns(found.is_serpentine)}{upwards}, which fits {found.votes} of {found.of} "
-        f"textured tiles{describe_other_axis(found)}; order given keeps the order of the names"
+        f"textured tiles{describe_other_axis(found)}; order given keeps the order of the "
+        f"names{row}"
     )
     return replace(views, notes=(*views.notes, note), is_ordered=True)
 

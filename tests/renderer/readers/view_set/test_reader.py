@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
+import ciir
 from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
@@ -198,3 +200,15 @@ def test_columns_that_are_named_first_are_found_by_the_pictures() -> None:
     }
     for v, u in np.ndindex(3, 3):
         assert np.array_equal(light_field.views[v, u], named[u + 1, v + 1])
+
+
+@pytest.mark.parametrize("count", [4, 9, 16])
+def test_numbered_pictures_may_be_one_row(tmp_path, count):
+    """Of a camera rail: the note on the square that was taken names the option for a row."""
+    for number in range(count):
+        Image.new("RGB", (12, 10), (number, 0, 0)).save(tmp_path / f"shot{number:02d}.png")
+    option = f"pixels 1x{count} takes them as one row"
+    assert any(option in note for note in ciir.open(tmp_path).notes)
+    row = ciir.open(tmp_path, pixels=(1, count))
+    assert row.views.shape[:2] == (1, count)
+    assert not any(option in note for note in row.notes)
