@@ -232,7 +232,7 @@ class LightField:
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.
 
-        `limits`: the least and the largest disparity in pixels a view, by default found from the pictures.
+        `limits`: the least and the largest disparity in pixels a view, by default those in the centre and the corners.
 
         Raises `InvalidOption` as `renderer.focus.disparity.estimate_disparity`.
         """
@@ -243,7 +243,7 @@ class LightField:
     def disparities(
         self, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
     ) -> Iterator[DisparityMap]:
-        """`disparity` of each of `views`, by default of all; without `limits` in those of the centre view."""
+        """`disparity` of each of `views`, by default of all."""
         from ciir.renderer.focus.disparity import estimate_disparities
 
         return estimate_disparities(self, views, limits=limits)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
-from ciir.models.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models.light_field.disparity import (
     crop_luma,
     measure_shifts,
@@ -77,7 +77,7 @@ def upscale_views(
     (`models.light_field.disparity`): the network runs once for each shift, on boxes around the parts that have it. The
     result for a view doesn't depend on which others are wanted. Large views are upscaled in tiles, all views of one
     tile after another, to save memory. Levels of 16 bit that use fewer are multiplied by a power of two before, and
-    divided after (`models.bit_depth`).
+    divided after (`ciir.bit_depth`).
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """

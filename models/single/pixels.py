@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
 from ciir.models import tiles
-from ciir.models.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
 
@@ -38,7 +38,7 @@ def upscale_pixels(
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
     Colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided after
-    (`models.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which doesn't
+    (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which doesn't
     change the result. `statistics`: the pixels are added to it.
 
     Raises `InvalidImage` where the array is of another shape or type.

@@ -7,6 +7,7 @@ PAMI 30, 2008) lets a pixel agree with its neighbours, across edges less; the be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from math import ceil, floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.matching import match
@@ -42,6 +44,10 @@ LEAST_SIDE = 4
 """Pixels along a side of the smallest views: half of them are at the border."""
 COARSE = 96
 """Pixels along the longer side of the pictures in which the range of disparities is found."""
+COARSE_PARTS = 4
+"""Planes to a pixel of disparity of those pictures."""
+GAP = 1.0
+"""Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
 UNNOTICED = 2.5
 """8-bit levels of noise with which pictures count as clean: fine texture looks like as much."""
 OUTLINE = 13
@@ -89,7 +95,7 @@ def estimate_disparity(
 ) -> DisparityMap:
     """The disparity of `view`, by default the centre one.
 
-    `limits`: the least and the largest disparity in pixels a view, by default found from the pictures. `beyond`: how
+    `limits`: the least and the largest disparity in pixels a view, by default of `find_limits`. `beyond`: how
     far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
     disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
 
@@ -100,20 +106,15 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    views = light_field.views
+    views = raise_levels(light_field.views, count_unused_bits(light_field.views))
     height, width = views.shape[2:4]
-    if views.shape[0] * views.shape[1] < 2:
-        raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")
-    if min(height, width) < LEAST_SIDE:
-        raise InvalidOption(
-            f"disparity: views of {height}x{width} pixels show none; give {LEAST_SIDE}x{LEAST_SIDE} or more"
-        )
+    _check_views(views)
     view = view or center_view(*views.shape[:2])
     light_field.view(*view)
     farthest = max(views.shape[:2]) // 2
     parts = max(LEAST_PARTS, round(farthest / STEP))
     if limits is None:
-        limits = _find_limits(views, view)
+        limits = find_limits(views)
     else:
         _check_limits(limits, max(height, width))
     numbers = _list_planes(limits, parts)
@@ -179,13 +180,22 @@ def estimate_disparities(
 ) -> Iterator[DisparityMap]:
     """The disparity of each of `views`, by default of all, row by row: one after the other, as they are made.
 
-    `limits`: as in `estimate_disparity`; by default those of the centre view, for all. Raises as it does.
+    `limits`: as in `estimate_disparity`, and raises as it does.
     """
-    grid = light_field.views.shape[:2]
-    if limits is None and max(grid) > 1:
-        limits = _find_limits(light_field.views, center_view(*grid))
-    for view in parse_views("all", *grid) if views is None else views:
+    if limits is None:
+        limits = find_limits(light_field.views)
+    for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
         yield estimate_disparity(light_field, view, limits=limits)
+
+
+def _check_views(views: NDArray[Any]) -> None:
+    height, width = views.shape[2:4]
+    if views.shape[0] * views.shape[1] < 2:
+        raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")
+    if min(height, width) < LEAST_SIDE:
+        raise InvalidOption(
+            f"disparity: views of {height}x{width} pixels show none; give {LEAST_SIDE}x{LEAST_SIDE} or more"
+        )
 
 
 def _check_limits(limits: tuple[float, float], side: int) -> None:
@@ -205,22 +215,63 @@ def _list_planes(limits: tuple[float, float], parts: int) -> range:
     return range(low, max(high, low + 2) + step, step)
 
 
-def _find_limits(views: NDArray[Any], view: View) -> tuple[float, float]:
-    """The range of disparities, from a sweep over small pictures, with the next views alone."""
+def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, float]:
+    """The range of disparities that the centre view sees, and with `corners` what only the views in the corners see.
+
+    A corner sees what is nearer or farther at the borders. It has no view on two of its sides, so patterns that repeat
+    look like disparities far from all others there: its range goes on from the centre's, without a gap of over `GAP`.
+
+    Raises `InvalidOption` as `estimate_disparity`.
+    """
+    _check_views(views)
+    views = raise_levels(views, count_unused_bits(views))
+    grid = views.shape[:2]
+    factor = max(1, -(-max(views.shape[2:4]) // COARSE))
+    center = _look_coarsely(views, center_view(*grid), factor)
+    ranges = [_find_range(center)]
+    for corner in product(*({0, count - 1} for count in grid)) if corners and center.size else ():
+        found = _look_coarsely(views, corner, factor, window=5)
+        ranges.append(_find_range(_select_joined(found, *_find_ends(center))))
+    return factor * min(low for low, _ in ranges), factor * max(high for _, high in ranges)
+
+
+def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1) -> NDArray[np.float32]:
+    """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
+    `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
+    """
     height, width = views.shape[2:4]
-    factor = max(1, -(-max(height, width) // COARSE))
     rows, cols = (slice(max(0, at - 2), at + 3) for at in view)
     near = views[rows, cols, : height // factor * factor, : width // factor * factor]
     blocks = (*near.shape[:2], height // factor, factor, width // factor, factor, near.shape[4])
     scale = np.float32(255 / np.iinfo(views.dtype).max)
     small = scale * near.reshape(blocks).mean(axis=(3, 5), dtype=np.float32)
     most = max(small.shape[2:4]) // 4
-    parts = 4
     numbers = range(-most * 2, most * 2 + 1)
     place = view[0] - rows.start, view[1] - cols.start
-    sweep = Sweep(small, place, parts=parts, farthest=2)
-    disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / parts)
+    sweep = Sweep(small, place, parts=COARSE_PARTS, farthest=2)
+    disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / COARSE_PARTS)
     is_sure = (confidence > 0) & (confidence >= np.median(confidence))
-    low, high = np.quantile(disparity[is_sure], (0.005, 0.995)) if is_sure.any() else (0.0, 0.0)
-    margin = max(0.5 / parts, 0.08 * (high - low))  # near the border, where few views reach, the nearest is not seen
-    return factor * float(low - margin), factor * float(high + margin)
+    found: NDArray[np.float32] = ndimage.median_filter(disparity, window, mode="nearest")[is_sure]
+    return found
+
+
+def _find_ends(found: NDArray[Any]) -> tuple[float, float]:
+    """The least and the largest disparity but for half a percent at each end; 0 where none was found."""
+    low, high = np.quantile(found, (0.005, 0.995)) if found.size else (0.0, 0.0)
+    return float(low), float(high)
+
+
+def _find_range(found: NDArray[Any]) -> tuple[float, float]:
+    """The ends with a margin: near the border, where few views reach, the nearest is not seen."""
+    low, high = _find_ends(found)
+    margin = max(0.5 / COARSE_PARTS, 0.08 * (high - low))
+    return low - margin, high + margin
+
+
+def _select_joined(found: NDArray[Any], low: float, high: float) -> NDArray[Any]:
+    """The disparities, `(n,)`, that are reached from the range of `low` to `high` without a gap of over `GAP`."""
+    ordered = np.sort(np.append(found, [low, high]))
+    groups = np.cumsum(np.diff(ordered, prepend=ordered[0]) > GAP)
+    first, last = groups[np.searchsorted(ordered, [low, high])]
+    joined: NDArray[Any] = ordered[(groups >= first) & (groups <= last)]
+    return joined

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.focus.disparity import estimate_disparity, find_limits
 from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
@@ -121,7 +121,8 @@ def make_model(
         extra = partial(cost, view) if has_background else None
         # Something nearer would hide what the centre view sees, but it hides what is farther.
         beyond = FARTHER if has_background and limits else 0.0
-        mapped = estimate_disparity(field, view, limits=limits, beyond=beyond, extra=extra)
+        searched = limits or find_limits(field.views, corners=False)
+        mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra)
         limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
         picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
         patch = make_patch(picture, mapped.disparity, is_used, most)

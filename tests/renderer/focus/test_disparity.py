@@ -3,9 +3,13 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.focus.disparity import _find_moved, estimate_disparity
+from ciir.renderer.focus.disparity import _find_moved, estimate_disparity, find_limits
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.view_set import reader as view_set
+from tests.support.paths import SHARED
 
+CAPTURED = SHARED / "data/lightfields"
 NEAR, FAR = 1.6, 0.4
 
 
@@ -81,6 +85,51 @@ def test_every_view_has_the_planes_of_the_centre():
         np.testing.assert_array_equal(one.planes, centre.planes)
         moved = np.roll(one.disparity, [round(NEAR * (at - 1)) for at in one.view], (0, 1))
         assert (np.abs(moved - centre.disparity)[8:-8, 8:-8] > 0.1).mean() < 0.12  # outlines, and what they hide
+
+
+@pytest.mark.parametrize("view", [(0, 0), (1, 2), (2, 2)])
+def test_views_alone_have_the_planes_that_all_have(view):
+    light_field, _ = make_light_field()
+    alone = estimate_disparity(light_field, view)
+    (found,) = light_field.disparities([view])
+    np.testing.assert_array_equal(found.planes, alone.planes)
+    np.testing.assert_array_equal(found.disparity, alone.disparity)
+
+
+def give_coarse(monkeypatch, by_view):
+    """Makes the disparities in small pictures those of `by_view`, elsewhere those of the centre."""
+    module = "ciir.renderer.focus.disparity._look_coarsely"
+    monkeypatch.setattr(module, lambda views, view, factor, window=1: by_view.get(view, by_view[2, 2]))
+
+
+def test_corners_extend_the_range_of_the_centre(monkeypatch):
+    give_coarse(monkeypatch, {(2, 2): np.linspace(0, 2, 1000), (4, 0): np.linspace(1, 5, 1000)})
+    views = np.zeros((5, 5, 8, 8, 3), np.uint8)
+    assert find_limits(views) == pytest.approx((0, 5), abs=0.5)
+    assert find_limits(views, corners=False) == pytest.approx((0, 2), abs=0.3)
+
+
+def test_disparities_far_from_all_others_in_a_corner_are_errors(monkeypatch):
+    corner = np.append(np.linspace(0, 2, 900), np.linspace(-8, -7, 100))
+    give_coarse(monkeypatch, {(2, 2): np.linspace(0, 2, 1000), (0, 0): corner, (4, 4): np.empty(0)})
+    assert find_limits(np.zeros((5, 5, 8, 8, 3), np.uint8)) == pytest.approx((0, 2), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("folder", "pattern", "view", "least", "largest"),
+    [
+        ("knights", "out_0[0-4]_0[0-4]_*.jpg", (0, 0), -1.5, 3),
+        ("saii-5x5", "*.png", (4, 4), 1, 44),
+    ],
+)
+@pytest.mark.skipif(not CAPTURED.is_dir(), reason="needs the captured light fields")
+def test_ranges_in_corners_of_captured_light_fields(folder, pattern, view, least, largest):
+    """The patterns of `knights` repeat; the floor before `saii-5x5` comes nearer below the centre view."""
+    files = {path.name: path.read_bytes() for path in (CAPTURED / folder).glob(pattern)}
+    order = "columns" if folder == "saii-5x5" else "rows"
+    light_field = view_set.read(files, name=folder, layout=Layout(order=order)).load()
+    (found,) = light_field.disparities([view])
+    assert (found.planes[0], found.planes[-1]) == pytest.approx((least, largest), abs=1)
 
 
 def test_one_view_is_refused():
@@ -188,3 +237,10 @@ def shift_views(views):
     return np.array(
         [[np.roll(view, (middle - v, middle - u), (0, 1)) for u, view in enumerate(row)] for v, row in enumerate(views)]
     )
+
+
+def test_16_bits_of_which_10_are_used_have_the_disparity_of_8():
+    light_field, _ = make_light_field()
+    dark = LightField(light_field.views.astype(np.uint16) * 4)
+    for found, want in zip(dark.disparities([(0, 0)]), light_field.disparities([(0, 0)]), strict=True):
+        np.testing.assert_allclose(found.disparity, want.disparity, atol=0.02)  # 1020 of 1023 is white

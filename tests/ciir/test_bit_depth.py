@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models import catalogue
-from ciir.models.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
 
