@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.benchmarks.bench.work import reconstruct_views
-from ciir.benchmarks.harm.case import SCALE
+from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.network import LightFieldNetwork
@@ -47,7 +47,8 @@ class Model:
 
     name: str
     is_light_field: bool
-    upscale: Callable[[Views, View], Picture]
+    upscale: Callable[[Views, View, bool], Picture]
+    """Of views and the wanted one, and whether a light-field network's pipeline finds how views were sampled."""
 
 
 @dataclass(frozen=True)
@@ -143,16 +144,17 @@ def load_model(name: str) -> Model:
     return Model(name, is_light_field, partial(_upscale_light_field if is_light_field else _upscale_single, network))
 
 
-def _upscale_single(network: Any, views: Views, at: View) -> Picture:
+def _upscale_single(network: Any, views: Views, at: View, finds_sampling: bool = False) -> Picture:  # noqa: ARG001
     picture: Picture = upscale_pixels(network, views[at][np.newaxis])[0]
     return picture
 
 
-def _upscale_light_field(network: Any, views: Views, at: View) -> Picture:
+def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: bool) -> Picture:
     grid = (views.shape[0], views.shape[1])
     every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
     fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.find_fallback(network.card)), scale=SCALE)
-    return np.asarray(upscale_views(network, fallback, every, [at], grid)[0][0], np.uint8)
+    made, _ = upscale_views(network, fallback, every, [at], grid, finds_sampling=finds_sampling)
+    return np.asarray(made[0], np.uint8)
 
 
 def reconstruct_case(case: Case, model: str) -> Result:
@@ -225,8 +227,9 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
 
 def _upscale_case(network: Model, case: Case) -> Picture:
     """What the pipeline makes of a case by a network."""
-    picture = network.upscale(case.views, case.at)
-    return restore_means(picture, case.views[case.at]) if case.options.sampling == "lenslet" else picture
+    is_lenslet = case.options.sampling == "lenslet"
+    picture = network.upscale(case.views, case.at, case.kind == LIGHT_FIELD and not is_lenslet)
+    return restore_means(picture, case.views[case.at]) if is_lenslet else picture
 
 
 def _subtract(psnr: float, other: float) -> float:

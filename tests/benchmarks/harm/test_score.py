@@ -23,7 +23,7 @@ def make_model(name, change=0, *, is_light_field=False):
     """Bicubic interpolation, `change` levels brighter."""
     bicubic = catalogue.load_upscaler("bicubic")
 
-    def upscale(views, at):
+    def upscale(views, at, finds_sampling=False):
         picture = score.upscale_pixels(bicubic, views[at][np.newaxis])[0]
         return np.clip(picture.astype(int) + change, 0, 255).astype(np.uint8)
 

@@ -74,7 +74,7 @@ def test_what_is_no_toml_is_refused():
 
 
 def test_a_panel_of_too_many_pixels_is_refused():
-    with pytest.raises(TooLarge, match="at most 64,000,000 are made"):
+    with pytest.raises(TooLarge, match="at most 67,108,864 are made"):
         parse(SMALLEST.replace("[30, 20]", "[90000, 90000]"))
 
 

@@ -178,5 +178,5 @@ def test_what_is_no_calibration_is_refused(data, message):
 
 
 def test_a_screen_of_too_many_pixels_is_refused():
-    with pytest.raises(TooLarge, match="at most 64,000,000 are made"):
+    with pytest.raises(TooLarge, match="at most 67,108,864 are made"):
         make_calibration(screenW=90000.0, screenH=90000.0)

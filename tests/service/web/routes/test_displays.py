@@ -100,7 +100,7 @@ def test_a_mesh_becomes_what_the_command_line_makes(client, tmp_path, monkeypatc
         ({}, {"calibration": b"\xff"}, (422, "calibration: no text in UTF-8")),
         ({}, {"calibration": b"x" * 70_000}, (413, "calibration: over 65,536 bytes")),
         ({}, {"device": "go"}, (422, "device: a file; only 'file' and 'calibration' and 'display' may be one")),
-        ({"display": PANEL.replace("60, 40", "60000, 40000")}, {}, (413, "at most 64,000,000")),
+        ({"display": PANEL.replace("60, 40", "60000, 40000")}, {}, (413, "at most 67,108,864")),
         ({"format": "png"}, {}, (422, "format: 'png' is not known; give quilt, lenticular, panel, or POST to /v1/rec")),
         ({"views": "all"}, {}, (422, "'views': no such field")),
     ],
