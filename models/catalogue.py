@@ -91,7 +91,7 @@ def light_field_default_name() -> str:
 
 def find_fallback(card: cards.Card) -> str:
     """The network of single pictures, in float, that makes the pixels of which the light-field network of `card` has
-    low confidence, and its share of means (`models.light_field.antialiasing`)."""
+    low confidence, and its share of means (`models.light_field.finishing`)."""
     return FALLBACKS.get(card.float_twin or card.name, DEFAULT)
 
 

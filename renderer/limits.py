@@ -16,7 +16,7 @@ class Limits:
     ratio: int = 250
     """Unpacked over packed bytes of a zip, checked from 1 MiB unpacked."""
     pixels: int = 2**26
-    """Pixels in a picture, and in all textures of a mesh, which are scaled down to that: 8192x8192."""
+    """Pixels in a picture, 8192x8192, and in all textures of a mesh: each is scaled down to half of what is left."""
     set_bytes: int = 1_000_000_000
     """Bytes of all views of a set, decoded: 17 x 17 of 1024 x 1024 x 3 (Knights in full) are 909 million."""
     triangles: int = 4_000_000

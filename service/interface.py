@@ -249,8 +249,8 @@ def upscale(
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
     the default of single pictures. `skip`: whether pixels whose result is known are skipped, which changes no pixel.
-    `sampling`: `lenslet` where pixels are means over the pitch, as of a lenslet array without noise; what a network
-    makes is then brought closer to these means. `progress(done, total)` counts views.
+    `sampling`: `lenslet` of a rendered array of lenslets, whose means over the lenses then stay means. Of captured
+    light fields it is found, and so is whether they are free of noise. `progress(done, total)` counts views.
 
     Returns the same kind, `scale` times as large along each side. Raises `ciir.Error`.
     """

@@ -127,7 +127,8 @@ class Settings(BaseSettings):
     max_ratio: int = _limit("ratio")
     """Maximum ratio of unpacked to packed bytes of a zip; checked from 1 MiB unpacked."""
     max_pixels: int = _limit("pixels")
-    """Maximum pixels of a picture, checked before decoding, and of all textures of a mesh, scaled down to fit."""
+    """Maximum pixels of a picture, checked before decoding, and of all textures of a mesh. A texture is scaled down to
+    half of what is left."""
     max_set_bytes: int = _limit("set_bytes")
     """Maximum decoded bytes of all pictures of a set of views together."""
     max_triangles: int = _limit("triangles")

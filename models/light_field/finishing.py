@@ -26,8 +26,8 @@ light-field network is weaker. On 48 views of four captured light fields, made s
 gains -0.04 to 0.5 dB over the network, 0.16 in the mean. Shares by the network's uncertainty are no better."""
 
 
-class Made(NamedTuple):
-    """What else than the light-field network had a part in views."""
+class Finishing(NamedTuple):
+    """How views were finished after the light-field network."""
 
     fallback: float = 0.0
     """Share of all pixels that come mostly from the single-image fallback, because confidence is low."""
@@ -45,7 +45,7 @@ def finish_view(
     upscale_alone: Callable[[], Pixels],
     *,
     is_surrounded: bool,
-) -> Made:
+) -> Finishing:
     """Changes `picture` `(scale*H, scale*W, C)`, which a light-field network made of `small` `(H, W, C)`, in place.
 
     From `CONFIDENT` to `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's, in a view of which more
@@ -66,4 +66,4 @@ def finish_view(
         blend_pictures(picture, upscale_alone(), weight)
     if sampling and sampling.gain:
         picture[...] = restore_luma(picture, small, sampling.kind, gain=sampling.gain, noise=sampling.noise)
-    return Made(share, is_filtered, sampling is not None and sampling.gain > 0)
+    return Finishing(share, is_filtered, sampling is not None and sampling.gain > 0)

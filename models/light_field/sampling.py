@@ -30,8 +30,8 @@ CLEAN = {"filter": (0.036, 0.046), "means": (0.046, 0.056)}
 which it doesn't. On those views it is 0.013 to 0.031 after the filter and 0.023 to 0.048 of means, but for that
 corner; 0.066 and more of points, and 0.09 and more of 66 rendered views with pinholes."""
 ERRORS = {"filter": 0.0, "means": 10.0}
-"""Standard errors of a pixel up to which a difference is mostly left. What noise and JPEG gain by more, views without
-them lose."""
+"""Standard errors of a pixel up to which a difference is mostly left. More is better for noisy views and JPEGs, and
+worse for others."""
 BORDER = 2
 """Pixels along each border that are not compared: filters end there in different ways."""
 WHOLE_ROWS, BANDS, BAND_ROWS = 128, 4, 16
@@ -39,7 +39,7 @@ WHOLE_ROWS, BANDS, BAND_ROWS = 128, 4, 16
 MEDIAN = 0.6745
 """Median of the size of normal noise, in its standard deviations."""
 FLAT = 1e-9
-"""Sum of squared differences, of values in [0, 1], up to which a view counts as flat."""
+"""Sum of squared differences, or of ranges, of values in [0, 1], up to which a view counts as flat."""
 
 
 class Sampling(NamedTuple):
@@ -74,14 +74,15 @@ def find_sampling(large: Pixels, small: Pixels) -> Sampling | None:
             parts.append(_crop_border(np.asarray(made[kind]) - seen))
         ranges.append(_crop_border(measure_range(seen)))
     sums = {kind: sum(map(_add_squares, parts)) for kind, parts in differences.items()}
-    if sums["means"] <= FLAT:
+    contrast = sum(map(_add_squares, ranges))
+    if min(sums["means"], contrast) <= FLAT:
         return None
     ratio = (sums["filter"] / sums["means"]) ** 0.5
     filtered, means = 1 - _rise(ratio, FILTERED, UNFILTERED), _rise(ratio, NOT_MEANS, MEANS)
     kind, likeness = ("filter", filtered) if filtered else ("means", means)
     if not likeness:
         return None
-    cleanness = 1 - _rise((sums[kind] / sum(map(_add_squares, ranges))) ** 0.5, *CLEAN[kind])
+    cleanness = 1 - _rise((sums[kind] / contrast) ** 0.5, *CLEAN[kind])
     error = np.median(np.abs(np.concatenate([part.ravel() for part in differences[kind]]))) / MEDIAN
     return Sampling(kind, likeness, likeness * cleanness, ERRORS[kind] * float(error))
 

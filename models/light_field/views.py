@@ -15,7 +15,7 @@ from ciir.models.light_field.disparity import (
     select_shifted,
     shift_part,
 )
-from ciir.models.light_field.finishing import Made, finish_view
+from ciir.models.light_field.finishing import Finishing, finish_view
 from ciir.models.light_field.pixels import convert_to_planes, round_levels, write_planes
 from ciir.models.light_field.sampling import find_sampling
 from ciir.models.light_field.skipping import (
@@ -60,7 +60,7 @@ def upscale_views(
     skip: bool = True,
     statistics: SkipStatistics | None = None,
     finds_sampling: bool = False,
-) -> tuple[Pixels, Made]:
+) -> tuple[Pixels, Finishing]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
@@ -69,7 +69,7 @@ def upscale_views(
     to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
-    channels; and what else had a part in it.
+    channels; and how they were finished.
 
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
     noise, or disparities beyond the network's planes (`models.light_field.finishing`). Where content moves by more than
@@ -96,7 +96,7 @@ def upscale_views(
         pictures, others = _upscale_repeated(job, fallback, some, finds_sampling)
         parts.append(lower_levels(pictures, unused))
         made += others
-    total = Made(
+    total = Finishing(
         float(np.mean([each.fallback for each in made])),
         any(each.is_averaged for each in made),
         any(each.is_restored for each in made),
@@ -140,8 +140,8 @@ class _Output(NamedTuple):
 
 def _upscale_repeated(
     job: _Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
-) -> tuple[Pixels, list[Made]]:
-    """The views `wanted`, each of several with equal windows upscaled once, and what else had a part in each."""
+) -> tuple[Pixels, list[Finishing]]:
+    """The views `wanted`, each of several with equal windows upscaled once, and how each was finished."""
     pixels = job.views[wanted[0]].shape[0] * job.views[wanted[0]].shape[1]
     job.statistics.pixels += len(wanted) * pixels
     firsts = list(range(len(wanted)))
@@ -156,8 +156,8 @@ def _upscale_repeated(
 
 def _upscale_distinct(
     job: _Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
-) -> tuple[Pixels, list[Made]]:
-    """The views `wanted`, and what else had a part in each."""
+) -> tuple[Pixels, list[Finishing]]:
+    """The views `wanted`, and how each was finished."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     output = _Output(

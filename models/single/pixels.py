@@ -37,9 +37,9 @@ def upscale_pixels(
     hidden colours don't bleed into visible ones, and alpha has a pass of its own. Alpha is exact where it was flat:
     where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
 
-    Colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided after
-    (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which doesn't
-    change the result. `statistics`: the pixels are added to it.
+    For a network, colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided
+    after (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which
+    doesn't change the result. `statistics`: the pixels are added to it.
 
     Raises `InvalidImage` where the array is of another shape or type.
     """
@@ -47,7 +47,8 @@ def upscale_pixels(
         raise InvalidImage(f"an array of shape {pictures.shape}: give (N, H, W, C) with C from 1 to 4")
     if pictures.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(f"pictures of type {pictures.dtype}: give 8 or 16 bit unsigned integers")
-    unused = [count_unused_bits(picture) for picture in pictures]
+    is_network = hasattr(upscaler, "card")  # interpolation has none, and is the same at all levels
+    unused = [count_unused_bits(picture) if is_network else 0 for picture in pictures]
     if any(unused):
         pictures = np.stack([raise_levels(picture, bits) for picture, bits in zip(pictures, unused, strict=True)])
     large = _upscale_distinct(upscaler, pictures, skip, SkipStatistics() if statistics is None else statistics)

@@ -6,7 +6,7 @@ PAMI 30, 2008) lets a pixel agree with its neighbours, across edges less; the be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import ceil, floor
 from pathlib import Path
@@ -106,7 +106,18 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    views = raise_levels(light_field.views, count_unused_bits(light_field.views))
+    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+
+
+def _estimate(
+    light_field: LightField,
+    view: View | None,
+    limits: tuple[float, float] | None,
+    beyond: float = 0.0,
+    extra: Callable[[float], NDArray[np.float32]] | None = None,
+) -> DisparityMap:
+    """As `estimate_disparity`, of views that use all bits."""
+    views = light_field.views
     height, width = views.shape[2:4]
     _check_views(views)
     view = view or center_view(*views.shape[:2])
@@ -182,10 +193,17 @@ def estimate_disparities(
 
     `limits`: as in `estimate_disparity`, and raises as it does.
     """
+    light_field = _raise_levels(light_field)
     if limits is None:
         limits = find_limits(light_field.views)
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        yield estimate_disparity(light_field, view, limits=limits)
+        yield _estimate(light_field, view, limits)
+
+
+def _raise_levels(light_field: LightField) -> LightField:
+    """The light field, with levels that use all bits where they are of 16."""
+    unused = count_unused_bits(light_field.views)
+    return replace(light_field, views=raise_levels(light_field.views, unused)) if unused else light_field
 
 
 def _check_views(views: NDArray[Any]) -> None:
@@ -226,7 +244,7 @@ def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, fl
     _check_views(views)
     views = raise_levels(views, count_unused_bits(views))
     grid = views.shape[:2]
-    factor = max(1, -(-max(views.shape[2:4]) // COARSE))
+    factor = max(1, min(-(-max(views.shape[2:4]) // COARSE), min(views.shape[2:4]) // LEAST_SIDE))
     center = _look_coarsely(views, center_view(*grid), factor)
     ranges = [_find_range(center)]
     for corner in product(*({0, count - 1} for count in grid)) if corners and center.size else ():

@@ -71,8 +71,8 @@ def measure(
 
     `path` and `layout` as for `training.data.light_field.views.read_views`. Each view is degraded by
     `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as `ciir reconstruct` does
-    it: with a single-image fallback, and restored as the sampling that is found asks for; by a single-picture model
-    view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
+    it: with a single-image fallback, in float, and restored as the sampling that is found asks for; by a single-picture
+    model view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MAX_SIDE = 16_384
 """Most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
 MOST_WORK = 4
-"""Most pixels that are decoded for each that all textures may have: those that don't fit are scaled down afterwards."""
+"""So many times the pixels that all textures may have are decoded: larger ones are scaled down afterwards."""
 MAX_NOTES = 50
 _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
@@ -118,7 +118,10 @@ class Resolver:
             if max(height, width) > MAX_SIDE:
                 raise TooLarge(f"{height}x{width} pixels; at most {MAX_SIDE:,} along a side are drawn; scale it down")
             if height * width > self._work_left:
-                raise TooLarge(f"{height}x{width} pixels; textures before it have nearly as many as are decoded")
+                raise TooLarge(
+                    f"{height}x{width} pixels; {max(self._work_left, 0):,} are left of the "
+                    f"{MOST_WORK * self._max_pixels:,} that are decoded for all textures; scale them down"
+                )
             # Charged before decoding: a picture that fails costs as much, and so do long files of few pixels.
             self._work_left -= max(height * width, len(data or b"") // 64)
 
@@ -146,7 +149,7 @@ class Resolver:
             pixels = np.asarray(Image.fromarray(pixels).reduce(factor))
             self.add_note(
                 f"texture {clean_text(name)} is scaled down from {height}x{width} to {pixels.shape[0]}x"
-                f"{pixels.shape[1]} pixels: all together may have {self._max_pixels:,}"
+                f"{pixels.shape[1]} pixels: each may have half of what is left of {self._max_pixels:,} for all"
             )
         self._pixels_left -= pixels.shape[0] * pixels.shape[1]
         return pixels

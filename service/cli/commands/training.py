@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
+from ciir.models.catalogue import LIGHT_FIELD_DEFAULT, list_names
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common, output_path
@@ -63,7 +63,7 @@ def _evaluate(args: argparse.Namespace) -> None:
 def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
     names = args.words or [LIGHT_FIELD_DEFAULT]
     for name in names:
-        if Path(name).is_dir():
+        if name not in list_names() and Path(name).is_dir():
             raise InvalidOption(
                 f"evaluate: the folder {name!r} is given beside --light-field {args.light_field}; give one of them"
             )

@@ -6,7 +6,7 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.finishing import Made
+from ciir.models.light_field.finishing import Finishing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
@@ -34,14 +34,14 @@ def upscale_batches(
     opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
     statistics: SkipStatistics,
-) -> Generator[tuple[Sequence[View], Iterable[Pixels], Made]]:
-    """Each batch's wanted views, the pictures that are written of them, and what the fallback made of them."""
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], Finishing]]:
+    """Each batch's wanted views, the pictures that are written of them, and how they were finished."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:
             kept.update(zip(batch.new, new, strict=True))
             pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
-            used = Made()
+            used = Finishing()
             if upscale is not None:
                 with clock.stage("upscale"):
                     wait()

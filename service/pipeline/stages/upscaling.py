@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Made
+from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Finishing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", Made]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", Finishing]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
-what else than a light-field network had a part in them."""
+how they were finished after a light-field network."""
 
 
 def load_upscaler(
@@ -38,7 +38,7 @@ def load_upscaler(
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
         made, used = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
@@ -54,7 +54,7 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
             colours, alpha = _split_alpha(views)
             made, used = upscale_views(
                 network,
@@ -71,9 +71,9 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Made]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), Made()
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), Finishing()
 
     return upscale_singly
 

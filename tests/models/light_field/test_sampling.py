@@ -84,7 +84,16 @@ def test_a_view_that_is_all_border_is_neither(shape):
 
 
 def test_a_flat_view_is_neither():
-    assert find_sampling(np.full((80, 60, 3), 77, np.uint8), np.full((40, 30, 3), 77, np.uint8)) is None
+    flat = np.full((40, 30, 3), 77, np.uint8)
+    assert find_sampling(np.full((80, 60, 3), 77, np.uint8), flat) is None
+    assert find_sampling(make_fine(40, 30), flat) is None
+
+
+def test_what_lies_between_the_compared_rows_is_not_seen():
+    small = np.full((WHOLE_ROWS + 72, 40, 1), 65535, np.uint16)
+    large = small.repeat(2, axis=0).repeat(2, axis=1)
+    small[20:50], large[40:100], large[3] = 0, 0, 65000
+    assert find_sampling(large, small) is None
 
 
 @pytest.mark.parametrize("height", [WHOLE_ROWS, 4 * WHOLE_ROWS])

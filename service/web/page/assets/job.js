@@ -98,9 +98,10 @@ export function showStatus(message) {
  * @param {() => Promise<Job>} start
  * @param {string} name Of what it makes.
  * @param {AbortSignal} signal Of the work.
+ * @param {boolean} [isNew] Whether `start` begins the job.
  * @returns {Promise<{job: Job, response: Response}>}
  */
-export async function run(start, name, signal) {
+export async function run(start, name, signal, isNew = true) {
   signal.throwIfAborted();
   showStatus(name);
   hideProblem();
@@ -120,7 +121,9 @@ export async function run(start, name, signal) {
     showReport(mine.status);
     return { job: mine, response };
   } finally {
-    if (mine) markJob(mine.url, signal.aborted ? "cancelled" : mine.status.state);
+    // A job that was there before, and is left soon, goes on.
+    const isLeft = signal.aborted && !isNew && performance.now() - begun < LONG;
+    if (mine && !isLeft) markJob(mine.url, signal.aborted ? "cancelled" : mine.status.state);
     if (!signal.aborted) {
       job = null;
       panel.hidden = true;

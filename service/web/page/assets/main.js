@@ -141,7 +141,7 @@ function reopen(entry) {
       return new Job(entry.url, status);
     };
     try {
-      return (await run(start, entry.what, signal)).response;
+      return (await run(start, entry.what, signal, false)).response;
     } catch (error) {
       if (error instanceof Problem && [404, 410].includes(error.status)) forgetJob(entry.url);
       throw error;

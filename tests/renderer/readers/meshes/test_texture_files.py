@@ -74,7 +74,10 @@ def test_a_corrupt_texture_is_charged_before_it_is_decoded() -> None:
     resolver = Resolver(files, "a.obj", max_pixels=700)
     assert all(resolver.load_texture(name, opaque=True) is None for name in files)
     assert "0.png: damaged or cut off (while the PNG picture was decoded); send" in resolver.notes[0]
-    assert "20x30 pixels; textures before it have nearly as many as are decoded" in resolver.notes[MOST_WORK]
+    assert (
+        "20x30 pixels; 396 are left of the 2,800 that are decoded for all textures; scale them down"
+        in resolver.notes[MOST_WORK]
+    )
 
 
 def test_textures_are_scaled_down_to_what_is_left() -> None:
@@ -85,7 +88,9 @@ def test_textures_are_scaled_down_to_what_is_left() -> None:
     assert sizes == [(20, 30), (20, 30), (20, 30), (14, 20)]
     assert sum(height * width for height, width in sizes) <= 2400
     assert all((texture.pixels == (10, 20, 30, 255)).all() for texture in made if texture)
-    assert resolver.notes[0] == ("texture 0.png is scaled down from 40x60 to 20x30 pixels: all together may have 2,400")
+    assert resolver.notes[0] == (
+        "texture 0.png is scaled down from 40x60 to 20x30 pixels: each may have half of what is left of 2,400 for all"
+    )
     assert resolver.notes[4:] == ["textures over 2,400 pixels in all are left out; scale them down"]
 
 
