@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.displays.interpolation import find_disparities
 from ciir.renderer.displays.screen import place_views
+from ciir.renderer.focus.disparity import find_usual_range
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,10 +103,10 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
     )
     if cameras.shape[1] == 1:
         return note
-    least, largest = find_disparities(cameras[(cameras.shape[0] - 1) // 2])
+    least, largest = find_usual_range(cameras)
     is_beyond = least < disparity - moved or largest > disparity + moved
     blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
-    return f"{note}; those of the views are about {least} to {largest}{blurs}"
+    return f"{note}; those of the views are about {_round(least)} to {_round(largest)}{blurs}"
 
 
 def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:
@@ -114,21 +114,28 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
 
     `cameras`: `(V, U, h, w, c)`; `disparity`: of what lies in the display's plane.
     """
-    row = cameras[(cameras.shape[0] - 1) // 2]
-    if len(row) == 1 or count == 1:
+    size_u = cameras.shape[1]
+    if size_u == 1 or count == 1:
         return ()
-    least, largest = find_disparities(row)
-    moved = max(abs(least - disparity), abs(largest - disparity)) * (len(row) - 1) / (count - 1)
+    least, largest = find_usual_range(cameras)
+    moved = max(abs(least - disparity), abs(largest - disparity)) * (size_u - 1) / (count - 1)
     if moved <= GHOST:
         return ()
     far = f"content moves by about {moved:.2g} pixels between neighbouring views of the display"
     return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity)}",)
 
 
-def _suggest_plane(least: int, largest: int, disparity: float) -> str:
+def _suggest_plane(least: float, largest: float, disparity: float) -> str:
     """The disparity that is best in the display's plane, for a note, unless it is there."""
     middle = (least + largest) / 2
-    return "" if abs(middle - disparity) <= 1 else f"; disparity {middle:g} brings its middle into the display's plane"
+    if abs(middle - disparity) <= 1:
+        return ""
+    return f"; disparity {_round(middle)} brings its middle into the display's plane"
+
+
+def _round(number: float) -> str:
+    """To a tenth, without a minus before 0."""
+    return f"{round(number, 1) + 0:g}"
 
 
 def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:

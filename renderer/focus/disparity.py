@@ -253,6 +253,19 @@ def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, fl
     return factor * min(low for low, _ in ranges), factor * max(high for _, high in ranges)
 
 
+def find_usual_range(views: NDArray[Any]) -> tuple[float, float]:
+    """The disparities between which most of the centre view lies, but for 2 % at each end: about, and quickly.
+
+    0 to 0 for views of less than `LEAST_SIDE` pixels along a side, and where nothing shows any.
+    """
+    if min(views.shape[2:4]) < LEAST_SIDE:
+        return 0.0, 0.0
+    factor = max(1, -(-max(views.shape[2:4]) // COARSE))
+    found = _look_coarsely(views, center_view(*views.shape[:2]), factor)
+    low, high = np.quantile(found, (0.02, 0.98)) if found.size else (0.0, 0.0)
+    return factor * float(low), factor * float(high)
+
+
 def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1) -> NDArray[np.float32]:
     """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
     `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.

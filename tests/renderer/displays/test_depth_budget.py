@@ -1,8 +1,10 @@
 import math
+import re
 
 import numpy as np
 import pytest
 
+import ciir
 from ciir.renderer.displays.depth_budget import (
     describe_light_field,
     describe_native,
@@ -12,11 +14,14 @@ from ciir.renderer.displays.depth_budget import (
     measure_quilt,
 )
 from ciir.renderer.displays.integral import IntegralDisplay
+from ciir.renderer.displays.light_fields import order_as_cameras
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.scene import Part, Scene
 from tests.support.displays import make_calibration
 from tests.support.light_fields import make_views
+from tests.support.paths import SHARED
 
+ARRAY = SHARED / "data/lightfields/eia-200x200x15.jpg"
 DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
 """Sharp to 1 mm / (0.1 / 4) = 40 mm."""
 
@@ -55,7 +60,7 @@ def test_what_leaves_the_frame_in_some_direction_is_counted():
 def test_content_that_moves_too_far_between_views_is_noted():
     cameras = make_views((3, 5), disparities=(3, 3))  # to the right: a disparity of -3
     assert describe_row(cameras, 5, 0.0) == ()
-    assert "about 8 pixels between neighbouring views" in describe_row(cameras, 5, 5.0)[0]
+    assert "about 8.1 pixels between neighbouring views" in describe_row(cameras, 5, 5.0)[0]
     assert describe_row(cameras, 9, 5.0) == ()
     assert describe_row(cameras[:, :1], 5, 5.0) == ()
 
@@ -66,14 +71,29 @@ def test_a_light_fields_disparities_are_held_against_the_panel():
     (note,) = describe_light_field(cameras, DISPLAY, 0.0)
     assert "sharp for disparities from -1.9 to 1.9 pixels between neighbouring views" in note
     assert note.endswith(
-        "those of the views are about -3 to -3; the rest blurs; disparity -3 brings its middle into the display's plane"
+        "those of the views are about -3.1 to -3; the rest blurs; "
+        "disparity -3 brings its middle into the display's plane"
     )
     assert describe_light_field(cameras, DISPLAY, 6.0)[0].endswith(
         "disparity -3 brings its middle into the display's plane"
     )
     (note,) = describe_light_field(cameras, DISPLAY, -1.2)
-    assert note.endswith("about -3 to -3")
+    assert note.endswith("about -3.1 to -3")
     assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
+
+
+@pytest.mark.skipif(not ARRAY.is_file(), reason="needs ../shared")
+def test_errors_do_not_widen_the_disparities_of_a_captured_array():
+    """99.8 % of `LightField.disparity` are from -0.22 to 0.64, in the order of cameras."""
+    light_field = ciir.open(ARRAY, lenses=(200, 200))
+    (note,) = describe_light_field(order_as_cameras(light_field), DISPLAY, 0.0)
+    least, largest = map(float, re.search(r"about (\S+) to (\S+)$", note).groups())
+    assert -0.3 < least < largest < 0.7
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 9)])
+def test_the_smallest_views_have_a_note(size):
+    assert "about 0 to 0" in describe_light_field(np.zeros((2, 3, *size, 3), np.uint8), DISPLAY, 0.0)[0]
 
 
 def test_a_light_fields_disparities_are_held_against_a_lenticular_display():
@@ -86,10 +106,11 @@ def test_a_light_fields_disparities_are_held_against_a_lenticular_display():
     assert f"sharp for disparities from {-moved:.2g} to {moved:.2g} pixels" in note
     assert moved < 4
     assert note.endswith(
-        "those of the views are about -4 to -4; the rest blurs; disparity -4 brings its middle into the display's plane"
+        "those of the views are about -4.1 to -3.9; the rest blurs; "
+        "disparity -4 brings its middle into the display's plane"
     )
     (note,) = describe_native(cameras, calibration, -4.0)
-    assert note.endswith("about -4 to -4")
+    assert note.endswith("about -4.1 to -3.9")
     assert describe_native(cameras[:, :1], calibration, 0.0) == ()
 
 
