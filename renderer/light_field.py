@@ -201,14 +201,16 @@ class LightField:
         `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `renderer.focus.apertures`. `occluders`: with `remove` what
         stands before a plane is removed (`renderer.focus.occluders`), by the method `mapping`.
 
-        Raises `InvalidOption` for disparities that are not finite, for an unknown method, shape or way with occluders,
-        for one that doesn't go with the method, and for an aperture that lets no view through.
+        Raises `InvalidOption` for disparities that are not finite or over the longer side of a view, for an unknown
+        method, shape or way with occluders, for one that doesn't go with the method, and for an aperture without views.
         """
         from ciir.renderer.focus.apertures import read_aperture
         from ciir.renderer.focus.occluders import make_planes
+        from ciir.renderer.focus.planes import check_overlap
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         planes = make_planes(self.views, disparities, weights, method, occluders)
+        check_overlap(disparities, max(self.views.shape[2:4]))
         return (_round_levels(plane, self.views.dtype) for plane in planes)
 
     def all_in_focus(

@@ -110,6 +110,16 @@ def check_disparities(disparities: Numbers) -> None:
         raise InvalidOption("disparities: give finite numbers, in pixels a view, as in [-0.5, 0.25]")
 
 
+def check_overlap(disparities: Numbers, side: int) -> None:
+    """Raises `InvalidOption` for disparities at which views of `side` pixels along their longer side don't overlap."""
+    most = np.abs(disparities).max(initial=0)
+    if not most <= side:
+        raise InvalidOption(
+            f"disparity: {most:g} pixels are over the {side} of a view, so that no views overlap; give less, or "
+            "another depth"
+        )
+
+
 def _make_planes(
     views: NDArray[Any], disparities: NDArray[np.float64], weights: NDArray[np.float32], method: Method
 ) -> Iterator[NDArray[np.float32]]:

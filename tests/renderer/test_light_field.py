@@ -89,6 +89,17 @@ def test_the_advice_for_other_types_fits_the_numbers(most: float, kind: type, ad
         LightField(np.full((2, 2, 4, 4, 3), most, kind))
 
 
+@pytest.mark.parametrize("occluders", ["keep", "remove"])
+@pytest.mark.parametrize("disparity", [999, -24.5])
+def test_disparities_without_overlap_are_refused(disparity, occluders):
+    field = LightField(np.full((3, 3, 20, 24, 3), 9, np.uint8))
+    message = f"disparity: {abs(disparity):g} pixels are over the 24 of a view, so that no views overlap; give less"
+    with pytest.raises(InvalidOption, match=message):
+        field.refocus(disparity, occluders=occluders)
+    assert field.refocus(24.0, occluders=occluders).any()
+    assert list(field.planes([])) == []
+
+
 @pytest.mark.parametrize("sense", ["lenses", "cameras"])
 def test_flipping_reverses_views_and_in_u_the_depth_sense(sense):
     views = np.arange(2 * 3 * 4 * 5, dtype=np.uint8).reshape(2, 3, 4, 5, 1)

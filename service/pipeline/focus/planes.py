@@ -11,6 +11,7 @@ from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.apertures import read_aperture
 from ciir.renderer.focus.occluders import make_planes
+from ciir.renderer.focus.planes import check_overlap
 from ciir.renderer.writers.stacks import Stack
 from ciir.service.pipeline.focus.light_fields import Captured, capture, estimate_view
 from ciir.service.pipeline.options import KINDS, Options
@@ -79,12 +80,7 @@ class _Planes:
         self._kind = "depths" if is_depth else "disparities"
         self._values = np.linspace(first, last, int(count))
         self._disparities = self._find_disparities() if is_depth else self._values
-        most, side = np.abs(self._disparities).max(), max(captured.light_field.shape[2:4]) // captured.scale
-        if not most <= side:
-            raise InvalidOption(
-                f"disparity: {most:g} pixels are over the {side} of a view, so that no views overlap; give less, or "
-                "another depth"
-            )
+        check_overlap(self._disparities, max(captured.light_field.shape[2:4]) // captured.scale)
 
     def _find_disparities(self) -> NDArray[np.float64]:
         """Of the depths."""
