@@ -7,18 +7,26 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ciir.errors import InvalidOption
+from ciir.renderer.focus.apertures import read_aperture
 from ciir.renderer.focus.depth_scale import DepthScale
 from ciir.renderer.focus.disparity import estimate_disparity
 from ciir.renderer.lens_array import LensArray
+from ciir.renderer.scene import Scene
+from ciir.renderer.views import parse_views
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
+from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.light_field import DepthSense, LightField
     from ciir.renderer.views import View
+    from ciir.renderer.writers.writer import Contents
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
@@ -39,6 +47,8 @@ class Captured:
     it."""
     report: Report
     """Of the views, without their list."""
+    count: int
+    """Views that were made."""
 
 
 def estimate_view(captured: Captured, view: View | None, limits: tuple[float, float] | None) -> DisparityMap:
@@ -61,6 +71,13 @@ class _Collector(WholeWriter):
     name = "focus"
     light_field: LightField
 
+    def begin(self, contents: Contents) -> None:
+        """Takes a part of the views, too: the others are black."""
+        super().begin(replace(contents, views=tuple(parse_views("all", *contents.grid))))
+        assert self._views is not None  # noqa: S101 - made by the line above
+        self._views[:] = 0
+        self._missing = len(contents.views)
+
     def encode(self, light_field: LightField) -> list[str]:
         """Writes nothing."""
         self.light_field = light_field
@@ -75,16 +92,19 @@ def capture(
     progress: Progress,
     clock: Clock,
 ) -> Captured:
-    """Reads or renders all views of `source`, and upscales them by the model of `options`.
+    """Reads or renders all views of `source`, and upscales them by the model of `options`: those that `_select_views`
+    gives; the others are then black.
 
     Raises as `service.pipeline.run.reconstruct`, and `InvalidOption` for a single view and for options of cameras that
     are incomplete or don't fit.
     """
     writer = _Collector(io.BytesIO(), WriterOptions())
+    with clock.stage("decode"):
+        views = _select_views(source, options)
     report = reconstruct(
-        source, replace(options, views="all"), writer, max_pixels=max_pixels, progress=progress, clock=clock
+        source, replace(options, views=views), writer, max_pixels=max_pixels, progress=progress, clock=clock
     )
-    del report["views"]
+    count = len(report.pop("views"))
     light_field = writer.light_field
     if light_field.shape[0] * light_field.shape[1] == 1:
         raise InvalidOption(
@@ -93,7 +113,23 @@ def capture(
         )
     depths = _find_depths(options, report, light_field.depth_sense)
     sign = 1 if light_field.depth_sense == "cameras" else -1
-    return Captured(light_field, report["plan"]["scale"], sign, depths, report)
+    return Captured(light_field, report["plan"]["scale"], sign, depths, report, count)
+
+
+def _select_views(source: Source, options: Options) -> str:
+    """The views to make: all, or where views are upscaled those that the aperture of planes lets through.
+
+    All of a mesh, whose model may depend on how many are rendered; with alpha, by which the way to the result depends
+    on all views; and to find disparities. Raises `InputError`.
+    """
+    given = Input(source)
+    if options.aperture is None or options.model == NO_MODEL or options.all_in_focus == "yes" or given.holds_mesh():
+        return "all"
+    content = given.open(options, "all")
+    if isinstance(content, Scene) or content.shape[4] in (2, 4):
+        return "all"
+    weights = read_aperture(options.aperture, content.shape[:2], options.aperture_shape)
+    return ";".join(f"{v},{u}" for v, u in np.argwhere(weights))
 
 
 def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthScale | None:

@@ -71,8 +71,7 @@ class _Planes:
 
     def __init__(self, captured: Captured, options: Options, clock: Clock, progress: Progress) -> None:
         self._captured, self._options, self._clock, self._progress = captured, options, clock, progress
-        self._grid = captured.light_field.shape[:2]
-        self._weights = read_aperture(options.aperture, self._grid, options.aperture_shape)
+        self._weights = read_aperture(options.aperture, captured.light_field.shape[:2], options.aperture_shape)
         first, last, count = options.stack or (options.disparity or 0.0, options.disparity or 0.0, 1)
         is_depth = options.depth is not None or options.stack_of == "depths"
         if options.depth is not None:
@@ -125,7 +124,7 @@ class _Planes:
         """Planes by their numbers."""
         views = self._captured.light_field.views
         disparities = self._captured.sign * self._captured.scale * self._disparities[list(order)]
-        done = self._grid[0] * self._grid[1]
+        done = self._captured.count
         with self._clock.stage("focus"):
             if self._options.all_in_focus == "yes":
                 found = estimate_view(self._captured, None, self._options.limits)

@@ -37,6 +37,31 @@ def test_a_stack_is_that_of_the_library():
     assert {"focus", "encode", "total"} <= set(report["timings_ms"])
 
 
+@pytest.mark.parametrize(
+    ("model", "given", "count"),
+    [
+        ("nearest", {"aperture": "1"}, 6),
+        ("field", {"aperture": "0.6"}, 2),
+        ("nearest", {"aperture": "1", "aperture_shape": "gauss"}, 12),
+        ("nearest", {"aperture": "1", "all_in_focus": "yes"}, 12),
+        ("none", {"aperture": "1"}, 12),
+    ],
+)
+def test_views_beyond_the_aperture_are_not_upscaled(monkeypatch, model, given, count):
+    steps = []
+
+    def make():
+        kept, texts = [], {"model": model, **({} if "all_in_focus" in given else {"disparity": "0.5"}), **given}
+        options, progress = KINDS["plane"].parse(texts), lambda done, total: steps.append((done, total))
+        refocus(CAMERAS, options, lambda stack: kept.extend(stack.read()) or [], progress=progress)
+        return kept
+
+    some = make()
+    assert steps[-1] == (count + 1, count + 1)
+    monkeypatch.setattr("ciir.service.pipeline.focus.light_fields._select_views", lambda source, options: "all")
+    np.testing.assert_array_equal(some, make())
+
+
 def test_larger_is_nearer_with_both_depth_senses():
     lenses, _, report = run(LENSES, disparity="1.25")
     np.testing.assert_allclose(lenses[0], next(library.refocus(LENSES.views, [-1.25])), atol=1e-3)
