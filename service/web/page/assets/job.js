@@ -122,7 +122,7 @@ export async function run(start, name, signal, isNew = true) {
     return { job: mine, response };
   } finally {
     // A job that was there before, and is left soon, goes on.
-    const isLeft = signal.aborted && !isNew && performance.now() - begun < LONG;
+    const isLeft = signal.aborted && signal.reason !== CANCELLED && !isNew && performance.now() - begun < LONG;
     if (mine && !isLeft) markJob(mine.url, signal.aborted ? "cancelled" : mine.status.state);
     if (!signal.aborted) {
       job = null;
