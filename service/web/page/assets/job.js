@@ -27,6 +27,8 @@ const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
 let work = new AbortController();
 /** @type {Job | null} The job of the work, while it runs. */
 let job = null;
+/** The last request to cancel a job: a job that is begun before its end could be the one that it removes. */
+let cancelling = Promise.resolve();
 let started = 0;
 let wasDone = false; // before the work asked for it
 let place = PICTURE; // where the work is reported
@@ -68,7 +70,7 @@ export async function perform(action, reported = PICTURE) {
  */
 export function stop(reason) {
   work.abort(reason);
-  if (performance.now() - started > LONG) job?.cancel().catch(() => {}); // it may have ended
+  if (job && performance.now() - started > LONG) cancelling = job.cancel().catch(() => {}); // it may have ended
   job = null;
   panel.hidden = restart.hidden = true;
 }
@@ -112,6 +114,8 @@ export async function run(start, name, signal, isNew = true) {
   /** @type {Job | undefined} */
   let mine;
   try {
+    await cancelling;
+    signal.throwIfAborted();
     mine = await start();
     signal.throwIfAborted();
     job = mine;

@@ -196,6 +196,26 @@ def test_what_was_cancelled_is_begun_again(page):
     expect(again).to_be_hidden()
 
 
+def test_a_job_is_begun_again_after_it_was_cancelled(page, posted):
+    """The same input and options are the same job of the server: begun before, it would be the one that is removed."""
+    deleted = []
+    page.route("**/events", lambda route: None)  # the job does not end
+    page.route(
+        "**/v1/reconstructions/*",
+        lambda route: deleted.append(route) if route.request.method == "DELETE" else route.fallback(),
+    )
+    with page.expect_request("**/events"):
+        go_to(page, "#scene=vase&lenses=21x31&pixels=5x5")  # that no other test has made
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="Try again").click()
+    check_progress(page)
+    assert len(posted) == 1
+    page.unroute("**/events")
+    [route] = deleted
+    route.continue_()
+    wait_for_picture(page, 42, 62)
+
+
 def test_a_cancelled_disparity_is_reported_in_plain_words(page):
     go_to(page, f"{SMALL}&show=around")
     box = page.get_by_role("checkbox", name="Disparity")
