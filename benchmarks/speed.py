@@ -37,9 +37,10 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct, render_eia
+from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
+from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
-from ciir.service.pipeline.run import render_eia
 from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at, open_path
 
 if TYPE_CHECKING:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, cast
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ciir.renderer.light_field import DepthSense, Pickup
     from ciir.renderer.readers.lenslet.grid import Known
     from ciir.renderer.views import Flip
@@ -18,6 +21,10 @@ OrderCheck = Literal["auto", "given", "rows", "columns", "serpentine"]
 """What is row and what is column: what the names and the pictures show; what the names show; the first number or index
 is the row; or it is the column; or as the names show, but every other row from right to left.
 """
+
+TEXT = "ciir layout"
+"""The keyword of the text by which a PNG that we write says how its views lie in it."""
+_WRITTEN = re.compile(r"(eia|mosaic) pixels=(\d{1,5})x(\d{1,5}) lenses=(\d{1,5})x(\d{1,5}) pickup=(virtual|optical)")
 
 
 @dataclass(frozen=True)
@@ -51,3 +58,22 @@ class Layout:
     def selects_frame(self) -> bool:
         """Whether one frame of a video is read, an elemental image array or a mosaic, and not all frames as views."""
         return self.lenses is not None or self.arrangement != "auto"
+
+    def complete(self, text: str, size: tuple[int, int]) -> Layout:
+        """With what the text of a picture of `size` says (`write_text`). Unchanged where other things are given, or
+        where it is of another size: what cuts or scales a picture may keep its texts.
+        """
+        found = _WRITTEN.fullmatch(text)
+        if found is None or self.arrangement != "auto" or any(self.crop):
+            return self
+        v, u, rows, cols = map(int, found.groups()[1:5])
+        agrees = self.pixels in (None, (v, u)) and self.lenses in (None, (rows, cols))
+        if not agrees or (v * rows, u * cols) != size:
+            return self
+        arrangement, pickup = cast("Arrangement", found[1]), cast("Pickup", found[6])
+        return replace(self, pixels=(v, u), lenses=(rows, cols), arrangement=arrangement, pickup=pickup)
+
+
+def write_text(arrangement: Literal["eia", "mosaic"], shape: Sequence[int], pickup: Pickup = "virtual") -> str:
+    """The text by which a PNG says how views of `shape`, `(V, U, H, W, C)`, lie in it."""
+    return "{} pixels={}x{} lenses={}x{} pickup={}".format(arrangement, *shape[:4], pickup)

@@ -19,7 +19,7 @@ from PIL.PngImagePlugin import PngImageFile
 from ciir.errors import Unreadable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from ciir.renderer.readers.pictures import Pixels
 
@@ -36,6 +36,17 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     check_size(height, width)
     chunks = _keep_pixel_chunks(data, name)
     return (_decode_16(chunks, colour) if depth == 16 and colour != GREY else _decode_8(chunks, depth)), 1
+
+
+def find_text(data: bytes, keyword: str) -> str | None:
+    """The first text (chunk tEXt) with that keyword, before the pixels; None where there is none."""
+    for kind, chunk in _list_chunks(data):
+        if kind == b"IDAT":
+            return None
+        found, _, text = chunk[8:-4].partition(b"\0")
+        if kind == b"tEXt" and found == keyword.encode("latin-1"):
+            return text.decode("latin-1")
+    return None
 
 
 def _decode_8(data: bytes, depth: int) -> Pixels:
@@ -74,15 +85,22 @@ def _add_alpha(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) ->
 
 def _keep_pixel_chunks(data: bytes, name: str) -> bytes:
     """The PNG without the chunks that hold no pixels: texts and profiles are compressed, and swell on reading."""
-    kept, offset = [SIGNATURE], len(SIGNATURE)
-    while offset + 12 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, offset)
-        chunk = data[offset : offset + 12 + length]
-        if len(chunk) < 12 + length:
-            break
+    kept = [SIGNATURE]
+    for kind, chunk in _list_chunks(data):
         if kind in PIXEL_CHUNKS:
             kept.append(chunk)
         if kind == b"IEND":
             return b"".join(kept)
-        offset += len(chunk)
     raise Unreadable(f"{name}: the PNG ends too early (no IEND chunk); send the whole file")
+
+
+def _list_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """The kind of each whole chunk, and the chunk with its length and checksum."""
+    offset = len(SIGNATURE)
+    while offset + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, offset)
+        chunk = data[offset : offset + 12 + length]
+        if len(chunk) < 12 + length:
+            return
+        yield kind, chunk
+        offset += len(chunk)

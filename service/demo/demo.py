@@ -15,9 +15,10 @@ from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.demo import contact_sheet
+from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import STAGES
-from ciir.service.pipeline.run import reconstruct, render_eia
+from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -86,7 +87,7 @@ def _make(scene: str, backend: Backend, report_step: Callable[[Step], None]) -> 
     """What is made of a scene, and its pictures of single steps by file name."""
     mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
     eias: list[bytes] = []
-    made = render_eia(scene, mesh, lambda pixels: eias.append(encode_png(pixels)))
+    made = render_eia(scene, mesh, lambda pixels: eias.append(encode_eia(pixels, mesh)))
     report_step(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
     eia = Bundle.from_upload(f"{scene}.png", eias[0])
     centre = PIXELS[0] // 2, PIXELS[1] // 2

@@ -12,9 +12,8 @@ import zipfile
 from pathlib import Path
 
 from ciir.errors import ConnectionFailed, Error
-from ciir.renderer.writers.pictures import encode_png
 from ciir.service.client import Client
-from ciir.service.pipeline import run
+from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.options import Options
 
 SCENE = "hamburger"
@@ -28,7 +27,7 @@ def main(url: str, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     eia = folder / "eia.png"
     options = Options.parse({"lenses": LENSES, "pixels": PIXELS, "sampling": "lenslet"})
-    run.render_eia(SCENE, options, lambda pixels: eia.write_bytes(encode_png(pixels)))
+    render_eia(SCENE, options, lambda pixels: eia.write_bytes(encode_eia(pixels, options)))
     with Client(url, retries=PATIENCE_SECONDS) as client:
         _reach(client)
         made = client.reconstruct(eia, lenses=LENSES, views="cross", format="zip")

@@ -19,6 +19,7 @@ from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
 from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
+from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.options import MODELS
 from ciir.service.pipeline.pictures import output_names, upscale_files
 from ciir.service.pipeline.source import SCENE
@@ -102,11 +103,11 @@ def _render_eia(source: Source, options: Options, output: Output) -> tuple[str, 
     name = output.format or "png"
 
     def keep(pixels: Pixels) -> None:
-        output.file.write(BY_SUFFIX[_SUFFIXES[name]].encode(pixels))
+        output.file.write(encode_eia(pixels, options, _SUFFIXES[name]))
         output.progress(1, 1)
 
     output.progress(0, 1)
-    return name, run.render_eia(source, options, keep, max_pixels=output.max_pixels, clock=output.clock)
+    return name, render_eia(source, options, keep, max_pixels=output.max_pixels, clock=output.clock)
 
 
 def _show(source: Source, options: Options, output: Output) -> tuple[str, Report]:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 from ciir.errors import InvalidOption
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.framing import find_extremes, make_frame
-from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Contents
-from ciir.service.pipeline.job import Job, resolve_array, resolve_job
-from ciir.service.pipeline.limits import check_eia, check_samples, check_size, check_time_count
+from ciir.service.pipeline.job import Job, resolve_job
+from ciir.service.pipeline.limits import check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.plan import Plan, make_plan
 from ciir.service.pipeline.prediction import predict_plan
@@ -32,7 +31,7 @@ from ciir.service.pipeline.stages.upscaling import (
     load_upscaler,
     sampling_reasons,
 )
-from ciir.service.pipeline.stages.view_sources import MeshViews, open_source
+from ciir.service.pipeline.stages.view_sources import open_source
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -205,54 +204,6 @@ def _reconstruct(
         "notes": [*described["notes"], *plan.notes, *fallback_notes(plan.model, fallback)],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
-    }
-
-
-def render_eia(
-    source: Source,
-    options: Options,
-    keep: Callable[[Pixels], object],
-    *,
-    max_pixels: int | None = None,
-    clock: Clock | None = None,
-) -> Report:
-    """Gives a mesh's elemental image array, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`; returns its report.
-
-    `max_pixels`: most samples of the mesh. Raises as `reconstruct`, and `InvalidOption` where the input is no mesh.
-    """
-    clock = clock or Clock()
-    given = Input(source)
-    array = resolve_array(options)
-    check_eia(array)
-    with clock.stage("decode"):
-        scene = given.read_mesh(options)
-    job = resolve_job(given.name, scene, replace(options, pickup="virtual"), max_views=given.limits.views)
-    points = array.rows * array.cols * job.samples**2
-    check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale")
-    views = MeshViews(scene, job, Plan("upscale", NO_MODEL, 1, job.samples), clock)
-    views.open()
-    pixels: Pixels = views.render_eia()
-    if options.pickup == "optical":
-        with clock.stage("map"):
-            rows, cols = job.lenses
-            pixels = LightField.from_eia(pixels, rows=rows, cols=cols).eia(pickup="optical")
-    with clock.stage("encode"):
-        keep(pixels)
-    described = views.describe()
-    return {
-        "input": given.describe(scene),
-        "lens_array": describe_array(job),
-        "scene_transform": described["transform"],
-        "plan": {
-            "backend": described["backend"],
-            "sampling": job.sampling,
-            "samples": job.samples,
-            "pickup": options.pickup,
-            "reasons": described["reasons"],
-        },
-        "notes": described["notes"],
-        "timings_ms": clock.timings_ms(),
-        "versions": find_versions(*described["packages"]),
     }
 
 

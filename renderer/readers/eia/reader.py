@@ -18,6 +18,7 @@ from ciir.renderer.readers.eia.advice import (
     note_raw,
 )
 from ciir.renderer.readers.eia.period import Periods
+from ciir.renderer.readers.layout import TEXT
 from ciir.renderer.readers.registry import find_by_signature
 
 if TYPE_CHECKING:
@@ -34,12 +35,25 @@ if TYPE_CHECKING:
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
 
+    Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open.
+
     The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
     `layout.restores_jpeg`.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
+    layout = complete_layout(layout, data, picture.shape[:2])
     is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
     return read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
+
+
+def complete_layout(layout: Layout, data: bytes, size: Pair) -> Layout:
+    """With the layout that the picture of `size` in `data` was written with, where `layout` leaves it open."""
+    if not any(entry.name == "PNG" for entry in find_by_signature(data)):
+        return layout
+    from ciir.renderer.readers import png  # it imports Pillow
+
+    text = png.find_text(data, TEXT)
+    return layout if text is None else layout.complete(text, size)
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:

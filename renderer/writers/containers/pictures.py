@@ -13,6 +13,7 @@ import tifffile
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.layout import TEXT, write_text
 from ciir.renderer.writers.options import EpiLine
 from ciir.renderer.writers.pictures import SUFFIXES, encode
 from ciir.renderer.writers.whole import WholeWriter
@@ -36,9 +37,14 @@ class PictureWriter(WholeWriter):
         """Refuses pixels that the picture format can't hold."""
         encode(contents.sample, self.options.suffix or SUFFIXES[0])
 
+    def describe(self, light_field: LightField) -> dict[str, str]:  # noqa: ARG002 - of the views, in those that have one
+        """The texts of a PNG, by keyword."""
+        return {}
+
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the picture."""
-        self.file.write(encode(self.draw(light_field), self.options.suffix or SUFFIXES[0]))
+        suffix = self.options.suffix or SUFFIXES[0]
+        self.file.write(encode(self.draw(light_field), suffix, self.describe(light_field)))
         return []
 
 
@@ -47,6 +53,10 @@ class EiaWriter(PictureWriter):
 
     name = "eia"
     sense = "lenses"
+
+    def describe(self, light_field: LightField) -> dict[str, str]:
+        """How many lenses there are, and pixels under each."""
+        return {TEXT: write_text("eia", light_field.views.shape)}
 
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array."""
@@ -58,6 +68,10 @@ class MosaicWriter(PictureWriter):
 
     name = "mosaic"
     sense = "cameras"
+
+    def describe(self, light_field: LightField) -> dict[str, str]:
+        """How many views there are, and of which size."""
+        return {TEXT: write_text("mosaic", light_field.views.shape)}
 
     def draw(self, light_field: LightField) -> Pixels:
         """The mosaic."""

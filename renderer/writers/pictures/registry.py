@@ -14,6 +14,8 @@ import numpy as np
 from ciir.errors import InvalidOption
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ciir.renderer.readers.pictures import Pixels
 
 
@@ -27,14 +29,15 @@ class PictureFormat:
     """Of file names, lower case; the first is the usual one."""
     media_type: str
 
-    def encode(self, pixels: Pixels) -> bytes:
-        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit.
+    def encode(self, pixels: Pixels, text: Mapping[str, str] | None = None) -> bytes:
+        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit, and in a PNG with `text`, by keyword.
 
         Raises `InvalidOption` where the format can't hold them. The encoder is imported when it is first needed.
         """
         squeezed = pixels[..., 0] if pixels.shape[2] == 1 else pixels
         encoder = import_module(f"ciir.renderer.writers.pictures.{self.name}").encode
-        return cast("bytes", encoder(np.ascontiguousarray(squeezed)))
+        texts = (text,) if text and self.name == "png" else ()
+        return cast("bytes", encoder(np.ascontiguousarray(squeezed), *texts))
 
 
 FORMATS = (
@@ -48,8 +51,9 @@ SUFFIXES = tuple(BY_SUFFIX)
 """What the name of a picture that is written ends with, in lower case."""
 
 
-def encode(pixels: Pixels, suffix: str) -> bytes:
-    """The file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit.
+def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None) -> bytes:
+    """The file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit; a PNG has
+    `text`, by keyword, too.
 
     PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
 
@@ -58,7 +62,7 @@ def encode(pixels: Pixels, suffix: str) -> bytes:
     entry = BY_SUFFIX.get(suffix.lower())
     if entry is None:
         raise InvalidOption(f"picture: {suffix!r} can't be written; end the name with {', '.join(SUFFIXES)}")
-    return entry.encode(pixels)
+    return entry.encode(pixels, text)
 
 
 def encode_png(pixels: Pixels) -> bytes:

@@ -10,6 +10,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.advice import SAME_PITCH, USUAL_PIXELS
 from ciir.renderer.readers.eia.period import Periods
+from ciir.renderer.readers.eia.reader import complete_layout
+from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.calibration import detect_grid
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.reader import find_grid
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.lenslet.calibration import Calibration
     from ciir.renderer.readers.lenslet.grid import LensGrid
+    from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Input
@@ -35,6 +38,27 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
     assert bundle is not None  # noqa: S101 - the key is of its files
     data = bundle.files[key]
     picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
+    own = complete_layout(Layout(), data, picture.shape[:2])
+    candidates = [_describe_own(own)] if own.pixels else _find_candidates(given, key, picture, options)
+    return {
+        "kind": candidates[0]["kind"] if candidates else "picture",
+        "input": given.describe(LightField(picture[None, None])),
+        "candidates": candidates,
+        "notes": [],
+    }
+
+
+def _describe_own(layout: Layout) -> Candidate:
+    """What a picture says of itself."""
+    given = {"arrangement": layout.arrangement, "pixels": layout.pixels, "pickup": layout.pickup}
+    return {"kind": layout.arrangement, "options": write_texts(given), "lenses": layout.lenses, "pixels": layout.pixels}
+
+
+def _find_candidates(given: Input, key: str, picture: Pixels, options: Options) -> list[Candidate]:
+    """What the picture `key` may be, the likeliest first. Raises `InputError`."""
+    bundle = given.bundle
+    assert bundle is not None  # noqa: S101 - the key is of its files
+    data = bundle.files[key]
     periods = Periods(picture)
     sizes = periods.rank_sizes()
     is_lytro = identify(key, data) in (LYTRO, LYTRO_RAW)
@@ -51,12 +75,7 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
             candidates.append(_describe_raw(grid, is_lytro=is_lytro))
     if not is_raw:
         candidates = [*_list_arrangements(periods, picture.shape, sizes), *candidates]
-    return {
-        "kind": candidates[0]["kind"] if candidates else "picture",
-        "input": given.describe(LightField(picture[None, None])),
-        "candidates": candidates,
-        "notes": [],
-    }
+    return candidates
 
 
 def _is_regular(grid: LensGrid, sizes: Sequence[tuple[int, int]]) -> bool:

@@ -23,9 +23,9 @@ FORMATS = {
     "mat73": ("a.mat", {}, "cameras", (1, 3)),
     "hci": ("a.h5", {}, "cameras", (1, 3)),
     "eslf": ("a_eslf.png", {}, "cameras", (1, 3)),
-    "mosaic": ("a.png", MOSAIC, "cameras", (1, 2, 3, 4)),
+    "mosaic": ("a.png", {}, "cameras", (1, 2, 3, 4)),
     "mosaic of TIFF": ("a.tif", MOSAIC, "cameras", (1, 2, 3, 4)),
-    "eia": ("a.png", EIA, "lenses", (1, 2, 3, 4)),
+    "eia": ("a.png", {}, "lenses", (1, 2, 3, 4)),
     "eia of TIFF": ("a.tif", EIA, "lenses", (1, 2, 3, 4)),
 }
 

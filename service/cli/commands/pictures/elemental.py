@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
-from ciir.service.pipeline import run as pipeline
+from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.source import open_source
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ def run(args: argparse.Namespace) -> None:
     with replacing(path) as file:
 
         def keep(pixels: Pixels) -> None:
-            file.write(encode(pixels, suffix))
+            file.write(encode_eia(pixels, options, suffix))
 
-        report = pipeline.render_eia(source, options, keep)
+        report = render_eia(source, options, keep)
     common.write_report(report, args.report)
     array = report["lens_array"]
     width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]

@@ -10,8 +10,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.eia.advice import RAW, advise_quilt
-from ciir.renderer.readers.layout import Layout
-from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.readers.layout import TEXT, Layout, write_text
+from ciir.renderer.writers.pictures import encode_png, png
 from tests.renderer.readers.eia.test_period import make_mosaic
 from tests.support.light_fields import make_views
 from tests.support.paths import SHARED
@@ -35,6 +35,30 @@ def message(picture, **layout):
         read(picture, **layout)
     assert "\n" not in str(caught.value)
     return str(caught.value)
+
+
+def read_png(picture, text, **layout):
+    bundle = Bundle("a.png", "a.png", {"a.png": png.encode(picture, {TEXT: text})})
+    return inputs.read(bundle, Layout(**layout))
+
+
+OWN = write_text("eia", (5, 7, 60, 60), "optical")
+
+
+@pytest.mark.parametrize("layout", [{}, {"pixels": (5, 7)}, {"lenses": (60, 60)}])
+def test_what_the_text_of_a_png_says_of_its_views(layout):
+    field = read_png(EIA, OWN, **layout)
+    assert np.array_equal(field.eia(pickup="optical"), EIA)
+    assert (field.notes, field.depth_sense) == ((), "lenses")
+
+
+def test_other_options_and_sizes_than_the_text_of_a_png_has():
+    assert read_png(MOSAIC, OWN, arrangement="mosaic", pixels=(5, 7)).depth_sense == "cameras"
+    assert read_png(EIA, OWN, pixels=(10, 7)).views.shape[:2] == (10, 7)
+    assert read_png(EIA, OWN, pixels=(5, 7), crop=(5, 0, 0, 0)).views.shape[:4] == (5, 7, 59, 60)
+    for text in (write_text("eia", (5, 7, 60, 61)), "eia", "", OWN + "\n", OWN.replace("eia", "views")):
+        with pytest.raises(InvalidOption, match="give the number of lenses"):
+            read_png(EIA, text)
 
 
 @pytest.mark.parametrize("layout", [{"pixels": (5, 7)}, {"lenses": (60, 60)}])

@@ -54,6 +54,13 @@ def test_the_elemental_images_of_a_scene_are_found_and_read_so(vase):
     assert (given["kind"], given["light_field"]) == ("eia", expected)
 
 
+def test_a_picture_that_we_wrote_says_what_it_is(tmp_path, vase):
+    vase.save(tmp_path / "a.png", "eia")
+    found = look("a.png", (tmp_path / "a.png").read_bytes())
+    options = {"arrangement": "eia", "pixels": "9x9", "pickup": "virtual"}
+    assert found["candidates"] == [{"kind": "eia", "options": options, "lenses": (40, 50), "pixels": (9, 9)}]
+
+
 def test_elemental_images_of_an_even_parallax_are_found():
     """Content moves by a pixel from one elemental image to the next: the period is not their size."""
     field = LightField(make_views((15, 15), side=40, disparities=(1, 1), channels=3), depth_sense="lenses")

@@ -3,9 +3,11 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.pictures import decode
+from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import render_eia
 from tests.support.inputs import EIA, EIA_PNG
 from tests.support.pipeline import SMALL, eia_bundle, run
 
@@ -31,6 +33,16 @@ def test_an_optical_elemental_image_array(cube):
         render_eia(cube, Options(**SMALL, pickup=pickup), kept.append)
     assert not np.array_equal(*kept)
     assert np.array_equal(LightField.from_eia(kept[1], rows=12, cols=10, pickup="optical").eia(), kept[0])
+
+
+@pytest.mark.parametrize("pickup", ["virtual", "optical"])
+def test_its_png_is_read_without_options(cube, pickup):
+    options, kept = Options(**SMALL, pickup=pickup), []
+    render_eia(cube, options, kept.append)
+    found = inputs.read(Bundle.from_upload("eia.png", encode_eia(kept[0], options)))
+    assert found.notes == ()
+    assert np.array_equal(found.eia(pickup=pickup), kept[0])
+    assert np.array_equal(decode(encode_eia(kept[0], options, ".tif"), name="a.tif"), kept[0])
 
 
 def test_elemental_wants_a_mesh():

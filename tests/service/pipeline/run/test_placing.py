@@ -10,8 +10,9 @@ from ciir.renderer.placement import Placement
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.writer import MemoryWriter
+from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct, render_eia
+from ciir.service.pipeline.run import reconstruct
 from tests.support.inputs import EIA_PNG
 
 SMALL = {"lenses": (14, 12), "pixels": (3, 5)}

@@ -13,9 +13,10 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct, render_eia
+from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.stages import schedule
 from tests.support.inputs import CUBE, EIA, EIA_PNG, make_off, make_picture
 from tests.support.paths import SHARED
