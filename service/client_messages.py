@@ -39,7 +39,7 @@ _FOREIGN = "the response is not from a ciir server; check the URL and any proxy"
 
 @dataclass(frozen=True)
 class Result:
-    """A result: the file and how long it took."""
+    """A result: the file, how long it took, and notes."""
 
     id: str
     content: bytes = field(repr=False)
@@ -49,6 +49,8 @@ class Result:
     """Milliseconds of each stage; `stored` if the server had kept the result."""
     name: str
     """Of the file, as the server gave it; a quilt's holds its layout."""
+    notes: tuple[str, ...] = ()
+    """On what was done: those that the command line prints."""
 
     def save(self, path: str | Path) -> None:
         """Writes `content` to a file, or as `name` into a folder."""
@@ -202,4 +204,5 @@ def read_result(response: httpx2.Response) -> Result:
     timings = {stage: float(ms) for stage, ms in parts}
     format_ = next(name for name, file_type in FILE_TYPES.items() if file_type.suffix == file.suffix)
     id_ = response.headers["etag"].removeprefix("W/").strip('"')
-    return Result(id_, response.content, format_, timings, file.name)
+    notes = tuple(json.loads(response.headers.get("x-notes", "[]")))
+    return Result(id_, response.content, format_, timings, file.name, notes)

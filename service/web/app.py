@@ -36,6 +36,7 @@ EXPOSED = (
     "Retry-After",
     "Server-Timing",
     *map(results.name_id_header, KINDS),
+    results.NOTES_HEADER,
     "X-Request-Id",
 )
 """Response headers that scripts of allowed origins may read."""

@@ -34,6 +34,7 @@ def test_a_result(client, eia_file, tmp_path):
     assert np.array_equal(decode(result.content, name="x"), EIA[1::4, 2::4])
     assert (result.format, len(result.id)) == ("png", 32)
     assert result.timings_ms["total"] > 0
+    assert result.notes == ()
     result.save(tmp_path / "view.png")
     assert (tmp_path / "view.png").read_bytes() == result.content
     result.save(tmp_path)
@@ -118,9 +119,8 @@ def test_tuples_and_folders(client, eia_file, tmp_path):
 
 
 def test_the_content_of_a_result_is_not_printed():
-    assert (
-        repr(Result("a", b"bytes", "png", {}, "a.png")) == "Result(id='a', format='png', timings_ms={}, name='a.png')"
-    )
+    shown = repr(Result("a", b"bytes", "png", {}, "a.png"))
+    assert shown == "Result(id='a', format='png', timings_ms={}, name='a.png', notes=())"
 
 
 def test_the_asynchronous_client(server, eia_file, cube_file):

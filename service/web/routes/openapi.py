@@ -45,6 +45,7 @@ _RESULT_HEADERS = {
     "ETag": _header("the job's id in quotes; weak (W/) if the file holds timings"),
     "Content-Location": _header("path of the result"),
     "Server-Timing": _header("milliseconds of each stage; `stored` if a kept result was sent"),
+    "X-Notes": _header("a JSON list of notes on what was done, in ASCII"),
 }
 
 

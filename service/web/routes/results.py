@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import IO, TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from ciir.service.jobs.job import Job, Result
     from ciir.service.jobs.jobs import Jobs
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
 CACHE = "private, no-cache"
 """Of results: a client may keep them and ask with the ETag whether they have changed."""
 LOST = "the result is no longer stored, or was damaged; post the input again"
+NOTES_HEADER = "X-Notes"
+"""The response header with what the command line prints as notes."""
+MOST_NOTES = 3000
+"""Characters in that header: proxies take about 4,000 in all headers by default."""
 CHUNK = 2**18
 """Bytes of a piece of a result; one that is not larger is sent in one piece."""
 RETRY_SECONDS = "1"
@@ -134,7 +139,18 @@ def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dic
         "Content-Location": f"{make_url(job)}/result",
         name_id_header(job.request.kind): job.id,
         "Server-Timing": ", ".join(f"{stage};dur={ms:.3f}" for stage, ms in timings.items()),
+        NOTES_HEADER: _write_notes(job, result.report["notes"]),
     }
+
+
+def _write_notes(job: Job, notes: Sequence[str]) -> str:
+    """A JSON list in ASCII of the notes; of those that make it too long the last item says where they are."""
+    written = json.dumps(notes)
+    kept = len(notes)
+    while len(written) > MOST_NOTES:
+        kept -= 1
+        written = json.dumps([*notes[:kept], f"{len(notes) - kept} more in the report of {make_url(job)}"])
+    return written
 
 
 def respond_unchanged(tag: str, kind: KindName) -> Response:

@@ -13,7 +13,8 @@ ID = "0123456789abcdef" * 2
 QUEUED = Job(ID, Request("upload.glb", {"lenses": "5x5"}, None), created=1.5, events=(Event("queued"),))
 PROGRESS = {"stage": "render", "views_done": 1, "views": 5}
 RUNNING = QUEUED.add_event(Event("running"), state="running", attempts=1).add_event(Event("progress", PROGRESS))
-DONE = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, {"timings_ms": {"total": 1.0}}))
+REPORT = {"timings_ms": {"total": 1.0}, "notes": ["a note on ΔE"]}
+DONE = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, REPORT))
 FAILED = RUNNING.add_event(Event("failed"), state="failed", problem=Problem(415, "Type not supported", "no mesh"))
 CANCELLED = RUNNING.add_event(Event("cancelled"), state="cancelled")
 
@@ -77,3 +78,22 @@ def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
     assert file.closed
     assert (response.body, response.headers["content-length"]) == (b"", "9")
     assert response.headers["etag"] == f'W/"{ID}"'
+    assert response.headers["x-notes"] == r'["a note on \u0394E"]'
+
+
+@pytest.mark.parametrize("count", [0, 3, 100])
+def test_notes_in_the_header_have_a_limit(count):
+    notes = [f"{number}{'x' * 200}" for number in range(count)]
+    report = {"timings_ms": {}, "notes": notes}
+    response = asyncio.run(
+        results.respond_with_result(
+            SimpleNamespace(open_result=lambda id_: io.BytesIO(b"")), DONE, Result("zip", 0, report), is_head=True
+        )
+    )
+    found = json.loads(response.headers["x-notes"])
+    assert len(response.headers["x-notes"]) <= results.MOST_NOTES
+    if count < 100:
+        assert found == notes
+    else:
+        assert found[:-1] == notes[: len(found) - 1]
+        assert found[-1] == f"{100 - len(found) + 1} more in the report of /v1/reconstructions/{ID}"
