@@ -23,13 +23,10 @@ from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE, Case
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULT_LIMITS
-from ciir.renderer.readers.eia import reader as eia
-from ciir.renderer.readers.layout import Layout
 from ciir.service.pipeline.options import Options
 from ciir.training.data import downscale
-from ciir.training.data.corrupt import compress_jpeg, encode_jpeg
-from ciir.training.data.light_field.views import degrade_views
+from ciir.training.data.corrupt import compress_jpeg
+from ciir.training.data.light_field.views import compress_array, degrade_views
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -176,9 +173,7 @@ def corrupt_views(views: Views, variation: Variation, random: np.random.Generato
         noise = variation.noise * random.standard_normal(views.shape, np.float32)
         views = np.clip(np.rint(views + noise), 0, 255).astype(np.uint8)
     if variation.jpeg and variation.is_interleaved:
-        array = encode_jpeg(LightField(views).eia().astype(np.uint8), variation.jpeg)
-        layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia", restores_jpeg=True)
-        views = eia.read(array, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)
+        views = compress_array(views, variation.jpeg)
     elif variation.jpeg:
         flat = np.ascontiguousarray(views).reshape(-1, *views.shape[2:])
         views = np.stack([compress_jpeg(view, variation.jpeg) for view in flat]).reshape(views.shape)

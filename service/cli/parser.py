@@ -167,6 +167,12 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         help="how LR is made of *_HR.png, of other pictures or of views (default for views: bicubic)",
     )
     command.add_argument(
+        "--jpeg",
+        type=int,
+        metavar="QUALITY",
+        help="with --light-field: LR views are those of an elemental image array in a JPEG of this quality, 1 to 100",
+    )
+    command.add_argument(
         "--light-field", metavar="INPUT", help="a light field instead of pictures: a folder of views, or any other"
     )
     command.add_argument(

@@ -16,7 +16,7 @@ from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
-from ciir.training.data.light_field.views import degrade_views, read_views
+from ciir.training.data.light_field.views import compress_array, degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def measure(
     grid: tuple[int, int] = GRID,
     degradation: str = "bicubic",
     layout: Layout | None = None,
+    jpeg: int | None = None,
 ) -> Measured:
     """Returns Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
 
@@ -73,6 +74,9 @@ def measure(
     `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as `ciir reconstruct` does
     it: with a single-image fallback, in float, and restored as the sampling that is found asks for; by a single-picture
     model view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
+
+    `jpeg`: the low-resolution views are those of an elemental image array in a JPEG of this quality
+    (`training.data.light_field.views.compress_array`).
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
@@ -83,6 +87,8 @@ def measure(
             "those, or another model"
         )
     low, high = degrade_views(read_views(path, grid=grid, layout=layout), degradation, network.scale)
+    if jpeg is not None:
+        low = compress_array(low, jpeg)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
     scores: dict[View, tuple[float, float]] = {}
@@ -99,7 +105,8 @@ def measure(
             raise ValueError(f"{path}: {error}; name larger views") from error
         scores[view] = (float(compute_psnr(got, truth, border=network.scale)), float(ssim))
     psnr, ssim = np.mean(list(scores.values()), axis=0)
-    name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({degradation})"
+    kind = degradation if jpeg is None else f"{degradation}, JPEG {jpeg}"
+    name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({kind})"
     return Measured(Accuracy(name, len(views), round(float(psnr), 4), round(float(ssim), 5)), scores)
 
 

@@ -41,7 +41,12 @@ def _evaluate(args: argparse.Namespace) -> None:
     if args.light_field is not None:
         _evaluate_views(args, options)
         return
-    for name, given in (("grid", args.grid), ("lenses", options.lenses), ("pixels", options.pixels)):
+    for name, given in (
+        ("grid", args.grid),
+        ("jpeg", args.jpeg),
+        ("lenses", options.lenses),
+        ("pixels", options.pixels),
+    ):
         if given is not None:
             raise InvalidOption(f"--{name}: this is for --light-field with the views of one; leave it out")
     if len(names) < 2:
@@ -67,6 +72,8 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
             raise InvalidOption(
                 f"evaluate: the folder {name!r} is given beside --light-field {args.light_field}; give one of them"
             )
+    if args.jpeg is not None and not 1 <= args.jpeg <= 100:
+        raise InvalidOption(f"--jpeg: {args.jpeg} is out of range; give 1 to 100")
     grid, degradation = read_pair("grid", args.grid or VIEWS), args.degradation or DEGRADATION
     from ciir.training.evaluation.light_fields import describe_protocol, load_network, measure
 
@@ -75,7 +82,12 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
     for name, network in zip(names, networks, strict=True):
         try:
             found = measure(
-                network, Path(args.light_field), grid=grid, degradation=degradation, layout=make_layout(options)
+                network,
+                Path(args.light_field),
+                grid=grid,
+                degradation=degradation,
+                layout=make_layout(options),
+                jpeg=args.jpeg,
             )
         except ValueError as error:
             raise InvalidOption(str(error)) from error

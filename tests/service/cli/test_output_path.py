@@ -99,7 +99,7 @@ def test_names_of_folders(tmp_path):
 @pytest.mark.parametrize("command", [*COMMANDS, "elemental"])
 @pytest.mark.parametrize("report", ["../in", "../p.png/r.json", "../pipe", "o.png", ""])
 def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, monkeypatch, command, report):
-    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.pipeline.run.render_eia"):
+    for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.cli.commands.pictures.elemental.render_eia"):
         monkeypatch.setattr(work, pytest.fail)
     monkeypatch.setattr("ciir.service.cli.commands.pictures.upscale.upscale_files", pytest.fail)
     argv = COMMANDS.get(command, ["elemental", "../cube.off"])

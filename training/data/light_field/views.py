@@ -8,9 +8,12 @@ import numpy as np
 
 from ciir.errors import InputError
 from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
+from ciir.training.data.corrupt import encode_jpeg
 from ciir.training.data.downscale import downscale_picture
 
 if TYPE_CHECKING:
@@ -77,3 +80,12 @@ def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
     """Degrades each view as `training.data.downscale.downscale_picture`. Raises `ValueError` as that does."""
     made = [downscale_picture(kind, view, scale) for view in views.reshape(-1, *views.shape[2:])]
     return Pair(*(np.stack(part).reshape(*views.shape[:2], *part[0].shape) for part in zip(*made, strict=True)))
+
+
+def compress_array(views: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """Views `(V, U, H, W, 3)` as they are upscaled of their elemental image array in a JPEG of `quality`, 1 to 100: the
+    file's rounding is undone in part.
+    """
+    data = encode_jpeg(LightField(views).eia().astype(np.uint8), quality)
+    layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia", restores_jpeg=True)
+    return eia.read(data, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)

@@ -101,7 +101,7 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
     stand_in = SimpleNamespace(measure=measure, load_network=lambda *model: model, describe_protocol=str)
     monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", stand_in)
     given = ["evaluate", "--light-field", str(tmp_path)]
-    protocol = {"grid": (5, 5), "degradation": "bicubic"}
+    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None}
     assert main(given) == 0
     assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
     assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
@@ -113,6 +113,21 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
         (("quality", 4), tmp_path, protocol),
     ]
     assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
+
+
+def test_evaluate_through_a_jpeg_of_the_array(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    make_light_field().save(tmp_path / "lf.npz")
+    given = ["evaluate", "nearest", "--light-field", str(tmp_path / "lf.npz"), "--degradation", "box", "--jpeg"]
+    for quality, least, most in (("95", 20, 40), ("30", 10, 30)):
+        path = tmp_path / f"{quality}.json"
+        assert main([*given, quality, "--json", str(path)]) == 0
+        (score,) = json.loads(path.read_text())["scores"]
+        assert score["data"] == f"lf.npz 5x5 (box, JPEG {quality})"
+        assert least < score["psnr"] < most
+    capsys.readouterr()
+    assert "--jpeg: 101 is out of range; give 1 to 100" in fails(capsys, *given, "101")
+    assert "--jpeg: this is for --light-field" in fails(capsys, "evaluate", "fast", str(tmp_path), "--jpeg", "75")
 
 
 WITHOUT_TORCH = """
