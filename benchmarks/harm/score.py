@@ -22,7 +22,7 @@ from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Scene
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import AUTO, Options
-from ciir.service.pipeline.plan import make_plan
+from ciir.service.pipeline.planning.plan import make_plan
 from ciir.training.evaluation.light_fields import load_network
 from ciir.training.evaluation.metrics import SSIM_RADIUS, compute_psnr, compute_ssim, rgb_to_luma
 

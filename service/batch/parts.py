@@ -29,7 +29,7 @@ from ciir.service.batch.record import Record, hash_name
 from ciir.service.batch.task import Outcome, Part, Task
 from ciir.service.pipeline import run
 from ciir.service.pipeline.job import resolve_job
-from ciir.service.pipeline.plan import make_plan
+from ciir.service.pipeline.planning.plan import make_plan
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.times import FrameWriter, join_reports
 

@@ -8,7 +8,7 @@ from pathlib import Path
 NAME = "CIIR_CACHE"
 """The environment variable that names the folder."""
 COSTS = "costs.json"
-"""The file of measured costs (`service.pipeline.cost`)."""
+"""The file of measured costs (`service.pipeline.planning.cost`)."""
 is_read_only = False
 """Set in worker processes, which may not write files: what would be kept in the folder stays in memory."""
 

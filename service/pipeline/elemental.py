@@ -11,7 +11,7 @@ from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.job import resolve_array, resolve_job
 from ciir.service.pipeline.limits import check_eia, check_samples
 from ciir.service.pipeline.options import NO_MODEL
-from ciir.service.pipeline.plan import Plan
+from ciir.service.pipeline.planning.plan import Plan
 from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions
 from ciir.service.pipeline.source import Input, Source
 from ciir.service.pipeline.stages.view_sources import MeshViews

@@ -14,8 +14,8 @@ from ciir.renderer.writers.writer import Contents
 from ciir.service.pipeline.job import Job, resolve_job
 from ciir.service.pipeline.limits import check_samples, check_size, check_time_count
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
-from ciir.service.pipeline.plan import Plan, make_plan
-from ciir.service.pipeline.prediction import predict_plan
+from ciir.service.pipeline.planning.plan import Plan, make_plan
+from ciir.service.pipeline.planning.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
 from ciir.service.pipeline.stages.arrangement import Arrangement

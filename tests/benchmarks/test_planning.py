@@ -2,7 +2,7 @@ import pytest
 
 from ciir.benchmarks import planning
 from ciir.renderer.readers.bundle import Bundle
-from ciir.service.pipeline import cost
+from ciir.service.pipeline.planning import cost
 
 
 def row(**changes):

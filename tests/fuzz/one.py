@@ -20,7 +20,7 @@ import atheris
 OURS = [
     "ciir.renderer",
     "ciir.service.pipeline.run",
-    "ciir.service.pipeline.plan",
+    "ciir.service.pipeline.planning.plan",
     "ciir.service.pipeline.options",
     "ciir.service.web",
 ]

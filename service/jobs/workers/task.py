@@ -184,7 +184,7 @@ def warm_up() -> None:
     from ciir.renderer.writers.formats import FileWriter
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline.options import Options
-    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.planning.plan import Plan
     from ciir.service.pipeline.stages import upscaling
     from ciir.service.pipeline.stages.arrangement import Arrangement
 

@@ -13,7 +13,7 @@ from ciir.renderer.focus.disparity import DisparityMap
 from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import KINDS, NO_MODEL
-from ciir.service.pipeline.plan import Plan
+from ciir.service.pipeline.planning.plan import Plan
 from ciir.service.pipeline.report import Clock, describe_array, find_versions
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.view_sources import MeshViews

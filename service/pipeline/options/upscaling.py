@@ -20,7 +20,7 @@ AUTO_MODEL = (
     f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: within the neighbour time), else {DEFAULT}; "
     "their int8 twins where the processor supports them"
 )
-"""The rule of `auto` in words; `service.pipeline.model_selection` applies it."""
+"""The rule of `auto` in words; `service.pipeline.planning.model_selection` applies it."""
 MAX_SCALE = 8
 
 UPSCALING = {

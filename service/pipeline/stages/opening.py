@@ -13,7 +13,7 @@ from ciir.service.pipeline.options import NO_MODEL
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.planning.plan import Plan
 
 
 @contextmanager

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
-    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.planning.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
 UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", Finishing]]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
     from ciir.service.pipeline.job import Job
-    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.planning.plan import Plan
     from ciir.service.pipeline.report import Clock, Report
 
 

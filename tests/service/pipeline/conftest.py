@@ -3,7 +3,7 @@
 import pytest
 
 from ciir.renderer.readers.bundle import Bundle
-from ciir.service.pipeline import cost
+from ciir.service.pipeline.planning import cost
 from tests.support.inputs import CUBE
 
 

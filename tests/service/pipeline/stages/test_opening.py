@@ -5,7 +5,7 @@ import pytest
 from ciir.errors import BadCard, InvalidImage
 from ciir.models import catalogue
 from ciir.models.single.network import SingleImageNetwork
-from ciir.service.pipeline.plan import Plan
+from ciir.service.pipeline.planning.plan import Plan
 from ciir.service.pipeline.stages import view_sources
 from ciir.service.pipeline.stages.opening import open_session
 from tests.support.inputs import EIA

@@ -10,11 +10,11 @@ from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
 from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
-from ciir.service.pipeline import cost
 from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
-from ciir.service.pipeline.model_selection import select_model
 from ciir.service.pipeline.options import NO_MODEL, Options
-from ciir.service.pipeline.prediction import predict_times
+from ciir.service.pipeline.planning import cost
+from ciir.service.pipeline.planning.model_selection import select_model
+from ciir.service.pipeline.planning.prediction import predict_times
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry

@@ -6,10 +6,10 @@ from ciir.models import catalogue, processor
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.evidence import ORDERS
-from ciir.service.pipeline import model_selection
 from ciir.service.pipeline.job import resolve_job
-from ciir.service.pipeline.model_selection import select_model
 from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.planning import model_selection
+from ciir.service.pipeline.planning.model_selection import select_model
 from tests.support.light_fields import make_views, put_in
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 

@@ -11,8 +11,8 @@ from ciir.models import catalogue
 from ciir.models.light_field.views import list_required_views
 from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
-from ciir.service.pipeline import cost
 from ciir.service.pipeline.options import NO_MODEL
+from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.stages.schedule import batch_size
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.placement import Placement
     from ciir.renderer.scene import Scene
-    from ciir.service.pipeline.cost import Costs
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
-    from ciir.service.pipeline.plan import Plan
+    from ciir.service.pipeline.planning.cost import Costs
+    from ciir.service.pipeline.planning.plan import Plan
 
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide, and this machine is measured."""

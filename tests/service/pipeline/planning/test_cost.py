@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from ciir.errors import BackendUnavailable
 from ciir.models import catalogue
 from ciir.renderer import backends
-from ciir.service.pipeline import cache_folder, cost
-from ciir.service.pipeline.cost import Costs, Rendering, Stage
+from ciir.service.pipeline import cache_folder
+from ciir.service.pipeline.planning import cost
+from ciir.service.pipeline.planning.cost import Costs, Rendering, Stage
 
 INTERPOLATION = {"bicubic x2, interpolation; here": 0.5}
 

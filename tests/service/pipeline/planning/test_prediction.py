@@ -10,10 +10,10 @@ from ciir.renderer import backends
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.placement import AS_GIVEN, Placement
 from ciir.renderer.scenes import load_scene
-from ciir.service.pipeline import cost, plan, prediction
-from ciir.service.pipeline.cost import Stage
 from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.planning import cost, plan, prediction
+from ciir.service.pipeline.planning.cost import Stage
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 

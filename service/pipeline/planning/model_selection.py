@@ -9,7 +9,7 @@ from ciir.models import catalogue, processor
 from ciir.models.light_field.views import list_required_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.service.pipeline.options import AUTO, NO_MODEL
-from ciir.service.pipeline.prediction import predict_extra
+from ciir.service.pipeline.planning.prediction import predict_extra
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry

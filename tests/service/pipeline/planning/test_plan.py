@@ -3,7 +3,7 @@ import pytest
 from ciir.errors import UnsupportedScale
 from ciir.models import processor
 from ciir.models.catalogue import default_name, light_field_default_name
-from ciir.service.pipeline.plan import make_plan
+from ciir.service.pipeline.planning.plan import make_plan
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 
