@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.displays.screen import place_views
-from ciir.renderer.focus.disparity import find_usual_range
+from ciir.renderer.focus.stereo.search_range import find_usual_range
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

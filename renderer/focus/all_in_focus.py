@@ -11,7 +11,7 @@ from scipy import ndimage
 from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import make_taps
-from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
+from ciir.renderer.focus.stereo.noise import DIFFERENCE, estimate_noise
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,7 +7,6 @@ PAMI 30, 2008) lets a pixel agree with its neighbours, across edges less; the be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 from math import ceil, floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +17,11 @@ from scipy import ndimage
 from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.all_in_focus import focus_everywhere
-from ciir.renderer.focus.matching import match
-from ciir.renderer.focus.noise import estimate_noise
-from ciir.renderer.focus.refinement import FIRST, LAST, refine, select_views
-from ciir.renderer.focus.sweep import Sweep, read_levels
+from ciir.renderer.focus.stereo.matching import match
+from ciir.renderer.focus.stereo.noise import estimate_noise
+from ciir.renderer.focus.stereo.refinement import CLEAN, FIRST, LAST, refine, select_views
+from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, find_limits, find_reach
+from ciir.renderer.focus.stereo.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
 if TYPE_CHECKING:
@@ -40,18 +40,16 @@ LEAST_PARTS = 4
 MOST_PLANES = 96
 MOST_COSTS = 2**27
 """Most pixels times planes: each takes 12 bytes."""
-LEAST_SIDE = 4
-"""Pixels along a side of the smallest views: half of them are at the border."""
-COARSE = 96
-"""Pixels along the longer side of the pictures in which the range of disparities is found."""
-COARSE_PARTS = 4
-"""Planes to a pixel of disparity of those pictures."""
-GAP = 1.0
-"""Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
 UNNOTICED = 2.5
 """8-bit levels of noise with which pictures count as clean: fine texture looks like as much."""
 OUTLINE = 13
 """Pixels along each side of the window around an outline in which it may be moved."""
+CLEAN_VIEWS = 5
+"""Rows, and columns, of views that correct a map of clean ones: 9 take four times as long for a tenth less error."""
+MISMATCH = 0.5
+"""Share of the largest difference that counts from which nothing fits a pixel."""
+MOST_MISMATCHED = 0.4
+"""Share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two planes."""
 MOVED = 0.3
 """Pixels a view by which the sides of an outline differ."""
 
@@ -72,6 +70,8 @@ class DisparityMap:
     """`(n,)`: the disparities that were compared; the fit goes between them."""
     depth_sense: DepthSense
     """Of the light field."""
+    notes: tuple[str, ...] = ()
+    """What speaks against the map."""
 
     @property
     def hci(self) -> NDArray[np.float32]:
@@ -99,8 +99,9 @@ def estimate_disparity(
     far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
     disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
 
-    Noise beyond `UNNOTICED` has all views correct the map (`refinement`). With it they make the view itself almost free
-    of noise, and outlines are looked for again in that, in ten times the time or more.
+    Other views then correct the map (`stereo.refinement`), of clean ones by less than a plane. Beyond noise of
+    `UNNOTICED` all of them do, make the view itself almost free of noise, and outlines are looked for again in that, in
+    ten times the time or more.
 
     Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, a view that is
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
@@ -124,8 +125,10 @@ def _estimate(
     light_field.view(*view)
     farthest = max(views.shape[:2]) // 2
     parts = max(LEAST_PARTS, round(farthest / STEP))
+    notes: list[str] = []
     if limits is None:
         limits = find_limits(views)
+        notes += _note_reach(limits, (height, width))
     else:
         _check_limits(limits, max(height, width))
     numbers = _list_planes(limits, parts)
@@ -140,11 +143,14 @@ def _estimate(
     noise = max(0.0, deviation - UNNOTICED)
     planes = np.array(numbers) / parts
 
+    mismatched: list[float] = []
+
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The map and its confidence; `own`: the view without noise."""
         blur, compared = min(noise / 11, 1.0), 4 if noise else 2
         sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
+        mismatched.append(float((cost.min(axis=0) > MISMATCH * sweep.most_cost).mean()))
         window = 3
         if own is None:
             cost /= 1 + noise / 5  # so that neighbours count more
@@ -163,7 +169,25 @@ def _estimate(
         sharper, confidence = look(own)
         disparity = np.where(_find_moved(disparity, sharper), sharper, disparity)
         disparity = np.clip(refine(views, view, disparity, deviation, LAST, own=own), planes[0], planes[-1])
-    return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense)
+    else:
+        corrected = refine(views, view, disparity, UNNOTICED, CLEAN, most=CLEAN_VIEWS).clip(planes[0], planes[-1])
+        disparity = np.where(np.abs(corrected - disparity) < planes[1] - planes[0], corrected, disparity)
+    if mismatched[0] > MOST_MISMATCHED:
+        notes.append(
+            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities of {planes[0]:.2f} to "
+            f"{planes[-1]:.2f}: views in a wrong order, larger disparities (limits), or things that change among views"
+        )
+    return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
+
+
+def _note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
+    """A note where limits that were found end where the search did."""
+    reach = find_reach(size)
+    if max(-limits[0], limits[1]) < reach:
+        return []
+    return [
+        f"disparities are looked for up to {reach:g} pixels a view, and some are as large; give limits to look further"
+    ]
 
 
 def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -194,10 +218,14 @@ def estimate_disparities(
     `limits`: as in `estimate_disparity`, and raises as it does.
     """
     light_field = _raise_levels(light_field)
+    notes: list[str] = []
     if limits is None:
+        _check_views(light_field.views)
         limits = find_limits(light_field.views)
+        notes += _note_reach(limits, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        yield _estimate(light_field, view, limits)
+        found = _estimate(light_field, view, limits)
+        yield replace(found, notes=(*notes, *found.notes))
 
 
 def _raise_levels(light_field: LightField) -> LightField:
@@ -231,78 +259,3 @@ def _list_planes(limits: tuple[float, float], parts: int) -> range:
     low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # of 1/49 * 49, too
     step = ceil((high - low) / MOST_PLANES)
     return range(low, max(high, low + 2) + step, step)
-
-
-def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, float]:
-    """The range of disparities that the centre view sees, and with `corners` what only the views in the corners see.
-
-    A corner sees what is nearer or farther at the borders. It has no view on two of its sides, so patterns that repeat
-    look like disparities far from all others there: its range goes on from the centre's, without a gap of over `GAP`.
-
-    Raises `InvalidOption` as `estimate_disparity`.
-    """
-    _check_views(views)
-    views = raise_levels(views, count_unused_bits(views))
-    grid = views.shape[:2]
-    factor = max(1, min(-(-max(views.shape[2:4]) // COARSE), min(views.shape[2:4]) // LEAST_SIDE))
-    center = _look_coarsely(views, center_view(*grid), factor)
-    ranges = [_find_range(center)]
-    for corner in product(*({0, count - 1} for count in grid)) if corners and center.size else ():
-        found = _look_coarsely(views, corner, factor, window=5)
-        ranges.append(_find_range(_select_joined(found, *_find_ends(center))))
-    return factor * min(low for low, _ in ranges), factor * max(high for _, high in ranges)
-
-
-def find_usual_range(views: NDArray[Any]) -> tuple[float, float]:
-    """The disparities between which most of the centre view lies, but for 2 % at each end: about, and quickly.
-
-    0 to 0 for views of less than `LEAST_SIDE` pixels along a side, and where nothing shows any.
-    """
-    if min(views.shape[2:4]) < LEAST_SIDE:
-        return 0.0, 0.0
-    factor = max(1, -(-max(views.shape[2:4]) // COARSE))
-    found = _look_coarsely(views, center_view(*views.shape[:2]), factor)
-    low, high = np.quantile(found, (0.02, 0.98)) if found.size else (0.0, 0.0)
-    return factor * float(low), factor * float(high)
-
-
-def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1) -> NDArray[np.float32]:
-    """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
-    `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
-    """
-    height, width = views.shape[2:4]
-    rows, cols = (slice(max(0, at - 2), at + 3) for at in view)
-    near = views[rows, cols, : height // factor * factor, : width // factor * factor]
-    blocks = (*near.shape[:2], height // factor, factor, width // factor, factor, near.shape[4])
-    scale = np.float32(255 / np.iinfo(views.dtype).max)
-    small = scale * near.reshape(blocks).mean(axis=(3, 5), dtype=np.float32)
-    most = max(small.shape[2:4]) // 4
-    numbers = range(-most * 2, most * 2 + 1)
-    place = view[0] - rows.start, view[1] - cols.start
-    sweep = Sweep(small, place, parts=COARSE_PARTS, farthest=2)
-    disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / COARSE_PARTS)
-    is_sure = (confidence > 0) & (confidence >= np.median(confidence))
-    found: NDArray[np.float32] = ndimage.median_filter(disparity, window, mode="nearest")[is_sure]
-    return found
-
-
-def _find_ends(found: NDArray[Any]) -> tuple[float, float]:
-    """The least and the largest disparity but for half a percent at each end; 0 where none was found."""
-    low, high = np.quantile(found, (0.005, 0.995)) if found.size else (0.0, 0.0)
-    return float(low), float(high)
-
-
-def _find_range(found: NDArray[Any]) -> tuple[float, float]:
-    """The ends with a margin: near the border, where few views reach, the nearest is not seen."""
-    low, high = _find_ends(found)
-    margin = max(0.5 / COARSE_PARTS, 0.08 * (high - low))
-    return low - margin, high + margin
-
-
-def _select_joined(found: NDArray[Any], low: float, high: float) -> NDArray[Any]:
-    """The disparities, `(n,)`, that are reached from the range of `low` to `high` without a gap of over `GAP`."""
-    ordered = np.sort(np.append(found, [low, high]))
-    groups = np.cumsum(np.diff(ordered, prepend=ordered[0]) > GAP)
-    first, last = groups[np.searchsorted(ordered, [low, high])]
-    joined: NDArray[Any] = ordered[(groups >= first) & (groups <= last)]
-    return joined

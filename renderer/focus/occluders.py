@@ -17,8 +17,8 @@ import numpy as np
 from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import REACH, make_sinc_taps
-from ciir.renderer.focus.noise import DIFFERENCE, estimate_noise
 from ciir.renderer.focus.planes import check_disparities, refocus
+from ciir.renderer.focus.stereo.noise import DIFFERENCE, estimate_noise
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:

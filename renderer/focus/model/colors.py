@@ -8,8 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from ciir.renderer.backends.embree import PreparedScene, list_rays
-from ciir.renderer.focus.conjugate_gradients import solve
-from ciir.renderer.focus.sweep import read_levels
+from ciir.renderer.focus.stereo.conjugate_gradients import solve
+from ciir.renderer.focus.stereo.sweep import read_levels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

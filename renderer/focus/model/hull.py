@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.renderer.backends.embree import PreparedScene, list_rays
-from ciir.renderer.focus.sweep import read_levels
+from ciir.renderer.focus.stereo.sweep import read_levels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

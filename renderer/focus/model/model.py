@@ -17,10 +17,11 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.disparity import estimate_disparity, find_limits
+from ciir.renderer.focus.disparity import estimate_disparity
 from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
+from ciir.renderer.focus.stereo.search_range import find_limits
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
 from ciir.renderer.views import center_view
@@ -109,6 +110,7 @@ def make_model(
         return BEFORE_BACKGROUND * find_share(is_shown, view, disparity)
 
     model: Model | None = None
+    notes: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
     for view in dict.fromkeys([center, *corners]):
         is_used: NDArray[np.bool_] = is_shown[view]
@@ -123,6 +125,7 @@ def make_model(
         beyond = FARTHER if has_background and limits else 0.0
         searched = limits or find_limits(field.views, corners=False)
         mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra)
+        notes = notes or mapped.notes
         limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
         picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
         patch = make_patch(picture, mapped.disparity, is_used, most)
@@ -143,7 +146,8 @@ def make_model(
         )
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
     model = replace(model, colors=colors.astype(np.uint8))
-    notes = () if delta else (f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z",)
+    if not delta:
+        notes = (*notes, f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z")
     return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
 
 

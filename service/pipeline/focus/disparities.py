@@ -51,6 +51,7 @@ def find_disparity(
     grid = light_field.shape[0] * light_field.shape[1]
     progress(grid + 1, grid + 1)
     notes = captured.report["notes"]
+    notes += found.notes
     if scale > 1:
         notes += [f"disparities are in pixels of the upscaled views, {scale} for each that was read along each side"]
     return found, _complete(captured.report, found, options, clock, is_exact=False)

@@ -71,14 +71,14 @@ def test_a_light_fields_disparities_are_held_against_the_panel():
     (note,) = describe_light_field(cameras, DISPLAY, 0.0)
     assert "sharp for disparities from -1.9 to 1.9 pixels between neighbouring views" in note
     assert note.endswith(
-        "those of the views are about -3.1 to -3; the rest blurs; "
+        "those of the views are about -3.1 to -2.9; the rest blurs; "
         "disparity -3 brings its middle into the display's plane"
     )
     assert describe_light_field(cameras, DISPLAY, 6.0)[0].endswith(
         "disparity -3 brings its middle into the display's plane"
     )
     (note,) = describe_light_field(cameras, DISPLAY, -1.2)
-    assert note.endswith("about -3.1 to -3")
+    assert note.endswith("about -3.1 to -2.9")
     assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
 
 

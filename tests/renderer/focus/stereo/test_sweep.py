@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.focus import sweep
-from ciir.renderer.focus.sweep import Sweep
+from ciir.renderer.focus.stereo import sweep
+from ciir.renderer.focus.stereo.sweep import Sweep
 
 
 def kernel(distance):

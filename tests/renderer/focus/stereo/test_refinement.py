@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ciir.renderer.focus.conjugate_gradients import solve
-from ciir.renderer.focus.refinement import FIRST, LAST, refine
+from ciir.renderer.focus.stereo.conjugate_gradients import solve
+from ciir.renderer.focus.stereo.refinement import FIRST, LAST, refine
 
 SLOPE = 0.8
 NOISE = 10
@@ -51,9 +51,9 @@ def test_strips_of_rows_are_the_same(monkeypatch):
     views, view = make_views((3, 3))
     views[0, 0] = 255 - views[0, 0]  # which does not count, by its neighbourhood
     wrong = np.full(views.shape[2:4], SLOPE + 0.1, np.float32)
-    monkeypatch.setattr("ciir.renderer.focus.refinement.ROWS", 64)
+    monkeypatch.setattr("ciir.renderer.focus.stereo.refinement.ROWS", 64)
     at_once = refine(views, view, wrong, NOISE, LAST)
-    monkeypatch.setattr("ciir.renderer.focus.refinement.ROWS", 8)
+    monkeypatch.setattr("ciir.renderer.focus.stereo.refinement.ROWS", 8)
     np.testing.assert_allclose(refine(views, view, wrong, NOISE, LAST), at_once, atol=1e-4)
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from ciir.renderer.focus.matching import LARGE_STEP, SMALL_STEP, _add_path, match
+from ciir.renderer.focus.stereo.matching import LARGE_STEP, SMALL_STEP, _add_path, match
 
 
 def test_one_path_is_equation_13():

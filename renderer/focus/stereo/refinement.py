@@ -1,4 +1,4 @@
-"""Disparity from noisy views: all views together correct a map that few of them gave.
+"""All views together correct a disparity map that few of them gave, of noisy views most.
 
 Looked up along a pixel's disparity that is wrong by e, the view at (v, u) from the wanted one differs from the mean of
 all by e * (v*Iy + u*Ix). Least squares over all views (Lucas and Kanade, IJCAI 1981) have the least variance that
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from ciir.renderer.focus.conjugate_gradients import solve
-from ciir.renderer.focus.sweep import read_levels
+from ciir.renderer.focus.stereo.conjugate_gradients import solve
+from ciir.renderer.focus.stereo.sweep import read_levels
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -47,6 +47,8 @@ FIRST = tuple(Round(blur, 300.0, slopes=True) for blur in (1.5, 0.8, 0.3))
 """For maps with large errors."""
 LAST = Round(0.3, 300.0, slopes=True), Round(0.3, 100.0, slopes=False)
 """For outlines, near which slopes are wrong."""
+CLEAN = (Round(0.3, 300.0, slopes=True),)
+"""For maps of clean views, which are wrong by fractions of a plane."""
 STEP = 0.1
 """Pixels between neighbours that lower the smoothness by e."""
 SLOPE = 3.0
@@ -67,13 +69,15 @@ def refine(
     rounds: Iterable[Round] = (*FIRST, *LAST),
     *,
     own: Picture | None = None,
+    most: int = MOST_VIEWS,
 ) -> Picture:
-    """`disparity` `(H, W)` of `view`, corrected with the views `(V, U, H, W, C)` of `select_views`.
+    """`disparity` `(H, W)` of `view`, corrected with the views `(V, U, H, W, C)` of `select_views`, `most` rows and
+    columns of them.
 
     `noise`: its standard deviation, in 8-bit levels. `own`: the view with less noise, `(C, H, W)` in 8-bit levels;
     views that differ from it count less. Without it those do that differ from the mean of all.
     """
-    rows, cols = select_views(views.shape[:2], view)
+    rows, cols = select_views(views.shape[:2], view, most)
     places = [(int(v), int(u)) for v in rows for u in cols]
     offsets = np.array(places, np.float32) - np.array(view, np.float32)
 
@@ -91,13 +95,14 @@ def refine(
     return disparity
 
 
-def select_views(grid: tuple[int, ...], view: View) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the `grid` at most half of it from `view`: at most `MOST_VIEWS` of each, evenly spread."""
+def select_views(
+    grid: tuple[int, ...], view: View, most: int = MOST_VIEWS
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the `grid` at most half of it from `view`: at most `most` of each, evenly spread."""
     farthest = max(grid) // 2
     ranges = ((max(0, at - farthest), min(count, at + farthest + 1)) for count, at in zip(grid, view, strict=True))
     rows, cols = (
-        np.unique(np.linspace(start, stop - 1, min(MOST_VIEWS, stop - start)).round().astype(int))
-        for start, stop in ranges
+        np.unique(np.linspace(start, stop - 1, min(most, stop - start)).round().astype(int)) for start, stop in ranges
     )
     return rows, cols
 

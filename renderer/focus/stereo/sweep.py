@@ -69,6 +69,8 @@ class Sweep:
         """`(C, H, W)`: the view itself, in 8-bit levels."""
         gradient = np.sqrt(np.mean(np.square(np.gradient(self.own, axis=_AXES)), axis=1)).max(axis=0)
         self._most = MOST_DIFFERENCE + MOST_SHIFT * gradient  # (H, W)
+        self.most_cost = 2 * self._most
+        """`(H, W)`: what a plane costs that fits badly."""
         self._sides: list[list[Picture]] = []
         for axis, count, at in zip(_AXES, views.shape[:2], view, strict=True):
             for sign, reach in ((-1, at), (1, count - 1 - at)):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.focus.noise import estimate_noise
+from ciir.renderer.focus.stereo.noise import estimate_noise
 
 
 @pytest.mark.parametrize("noise", [2, 10])

@@ -1,0 +1,121 @@
+"""The range of disparities of a light field: what small views show, compared at all that move them by an eighth."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import ndimage
+
+from ciir.bit_depth import count_unused_bits, raise_levels
+from ciir.renderer.focus.stereo.matching import match
+from ciir.renderer.focus.stereo.sweep import Sweep
+from ciir.renderer.views import center_view
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.views import View
+
+LEAST_SIDE = 4
+"""Pixels along a side of the smallest views: half of them are at the border."""
+COARSE = 96
+"""Pixels along the longer side of the pictures in which the range of disparities is found."""
+COARSE_PARTS = 4
+"""Planes to a pixel of disparity of those pictures."""
+SURE = 0.5
+"""Confidence from which a pixel counts, or from the median on where that is lower."""
+EVEN = 0.5
+"""Pixels by which the disparities around a pixel differ at most where it counts: errors stand alone, surfaces don't."""
+GAP = 1.0
+"""Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
+
+
+def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, float]:
+    """The range of disparities that the centre view sees, and with `corners` what only the views in the corners see.
+
+    A corner sees what is nearer or farther at the borders. It has no view on two of its sides, so patterns that repeat
+    look like disparities far from all others there: its range goes on from the centre's, without a gap of over `GAP`.
+    """
+    views = raise_levels(views, count_unused_bits(views))
+    grid = views.shape[:2]
+    factor = _find_factor(views.shape[2:4])
+    center = _look_coarsely(views, center_view(*grid), factor)
+    ranges = [_find_range(center)]
+    for corner in product(*({0, count - 1} for count in grid)) if corners and center.size else ():
+        found = _look_coarsely(views, corner, factor, window=5)
+        ranges.append(_find_range(_select_joined(found, *_find_ends(center))))
+    return factor * min(low for low, _ in ranges), factor * max(high for _, high in ranges)
+
+
+def find_reach(size: tuple[int, int]) -> float:
+    """The largest disparity that is looked for in views of `size`, either way."""
+    factor = _find_factor(size)
+    return factor * _count_planes(max(size) // factor) / COARSE_PARTS
+
+
+def find_usual_range(views: NDArray[Any]) -> tuple[float, float]:
+    """The disparities between which most of the centre view lies, but for 2 % at each end: about, and quickly.
+
+    0 to 0 for views of less than `LEAST_SIDE` pixels along a side, and where nothing shows any.
+    """
+    if min(views.shape[2:4]) < LEAST_SIDE:
+        return 0.0, 0.0
+    factor = _find_factor(views.shape[2:4])
+    found = _look_coarsely(views, center_view(*views.shape[:2]), factor)
+    low, high = np.quantile(found, (0.02, 0.98)) if found.size else (0.0, 0.0)
+    return factor * float(low), factor * float(high)
+
+
+def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1) -> NDArray[np.float32]:
+    """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
+    `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
+    """
+    height, width = views.shape[2:4]
+    rows, cols = (slice(max(0, at - 2), at + 3) for at in view)
+    near = views[rows, cols, : height // factor * factor, : width // factor * factor]
+    blocks = (*near.shape[:2], height // factor, factor, width // factor, factor, near.shape[4])
+    scale = np.float32(255 / np.iinfo(views.dtype).max)
+    small = scale * near.reshape(blocks).mean(axis=(3, 5), dtype=np.float32)
+    most = _count_planes(max(small.shape[2:4]))
+    numbers = range(-most, most + 1)
+    place = view[0] - rows.start, view[1] - cols.start
+    sweep = Sweep(small, place, parts=COARSE_PARTS, farthest=2)
+    disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / COARSE_PARTS)
+    steps = ndimage.maximum_filter(disparity, 3) - ndimage.minimum_filter(disparity, 3)
+    is_sure = (confidence > 0) & (confidence >= np.fmin(SURE, np.median(confidence))) & (steps <= EVEN)
+    found: NDArray[np.float32] = ndimage.median_filter(disparity, window, mode="nearest")[is_sure]
+    return found
+
+
+def _find_factor(size: tuple[int, ...]) -> int:
+    """By which views of `size` are made smaller."""
+    return max(1, min(-(-max(size) // COARSE), min(size) // LEAST_SIDE))
+
+
+def _count_planes(side: int) -> int:
+    """How many planes are compared on each side of disparity 0: up to an eighth of the longer side."""
+    return side // 4 * 2
+
+
+def _find_ends(found: NDArray[Any]) -> tuple[float, float]:
+    """The least and the largest disparity but for half a percent at each end; 0 where none was found."""
+    low, high = np.quantile(found, (0.005, 0.995)) if found.size else (0.0, 0.0)
+    return float(low), float(high)
+
+
+def _find_range(found: NDArray[Any]) -> tuple[float, float]:
+    """The ends with a margin: near the border, where few views reach, the nearest is not seen."""
+    low, high = _find_ends(found)
+    margin = max(0.5 / COARSE_PARTS, 0.08 * (high - low))
+    return low - margin, high + margin
+
+
+def _select_joined(found: NDArray[Any], low: float, high: float) -> NDArray[Any]:
+    """The disparities, `(n,)`, that are reached from the range of `low` to `high` without a gap of over `GAP`."""
+    ordered = np.sort(np.append(found, [low, high]))
+    groups = np.cumsum(np.diff(ordered, prepend=ordered[0]) > GAP)
+    first, last = groups[np.searchsorted(ordered, [low, high])]
+    joined: NDArray[Any] = ordered[(groups >= first) & (groups <= last)]
+    return joined
