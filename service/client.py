@@ -241,7 +241,10 @@ class Job(_Path):
         return messages.read_result(self._client.get(f"{self.path}/result"))
 
     def cancel(self) -> dict[str, Any]:
-        """Cancels the job, or removes one that has ended, and returns its last status."""
+        """Cancels the job, or removes one that has ended, and returns its last status.
+
+        It goes on if another client has asked for the same.
+        """
         return messages.read_status(self._client.delete(self.path))
 
 

@@ -13,6 +13,8 @@ Lane = Literal["small", "large"]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
 """States that a job only leaves when it is submitted again."""
+CLIENTS_LIMIT = 100
+"""Most clients that a job's record lists; requests of others are not listed."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,8 @@ class Job:
     """Worker processes that died during a run, or were ended in it."""
     has_timed_out: bool = False
     """Whether one of them was ended as it took all the time that a job has."""
+    clients: tuple[str, ...] = ()
+    """Digests of the clients that asked for the job and did not cancel it; empty in a record of an older version."""
     lane: Lane = "small"
     """The queue that it waits in (`service.jobs.lanes`)."""
     input: str = ""
@@ -104,6 +108,16 @@ class Job:
         """Name of the result file, unique to the run."""
         return f"{self.id}.{self.lease}"
 
+    def add_client(self, client: str) -> Job:
+        """The job with one more client, unless it is listed or `CLIENTS_LIMIT` are."""
+        if client in self.clients or len(self.clients) >= CLIENTS_LIMIT:
+            return self
+        return replace(self, clients=(*self.clients, client))
+
+    def list_others(self, client: str) -> tuple[str, ...]:
+        """The clients without that one."""
+        return tuple(other for other in self.clients if other != client)
+
     def add_event(self, event: Event, **changes: Any) -> Job:
         """The job with one more event and other changes of attributes."""
         return replace(self, events=(*self.events, event), **changes)
@@ -117,8 +131,9 @@ class Job:
         """Parses what `to_bytes` wrote. Raises `ValueError`, `LookupError` or `TypeError` for anything else."""
         fields = json.loads(text)
         problem, result = fields.pop("problem"), fields.pop("result")
+        events, clients = tuple(Event(**event) for event in fields["events"]), tuple(fields.get("clients", ()))
         return cls(
-            **fields | {"request": Request(**fields["request"]), "events": tuple(Event(**e) for e in fields["events"])},
+            **fields | {"request": Request(**fields["request"]), "events": events, "clients": clients},
             problem=None if problem is None else Problem(**problem),
             result=None if result is None else Result(**result),
         )

@@ -81,18 +81,22 @@ class Jobs:
         """The id of the job for this request."""
         return compute_id(request, hash_content(file), self._limits)
 
-    def submit(self, request: Request, file: BinaryIO) -> tuple[Job, bool]:
+    def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
         """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now (True).
 
         A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, or lost
-        its result is. Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a
-        little).
+        its result is. `client` is listed in the job. Raises `QueueFull` if `max_waiting` jobs wait in its lane
+        (simultaneous calls may exceed it a little).
         """
         content = hash_content(file)
         id_ = compute_id(request, content, self._limits)
         found = self.records.get(id_)
-        if found is not None and self._is_valid(found):
-            return self._mark_used(found), False
+        joined = self._join(found, client)
+        if joined is not None and joined is not found:
+            with suppress(QueueUnavailable):  # logged; on a full disk the job is answered all the same
+                joined = self.records.update(id_, lambda job: self._join(job, client))
+        if joined is not None:
+            return self._mark_used(joined), False
         self.disk.check()
         lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
@@ -100,15 +104,14 @@ class Jobs:
             raise QueueFull(retry_after=1 + waiting // JOBS_PER_SECOND)
         name = f"{id_}.{secrets.token_hex(8)}"
         queued = (Event("queued"),)
-        new = Job(id_, request, created=time.time(), events=queued, lane=lane, input=name, content=content)
+        new = Job(
+            id_, request, created=time.time(), clients=(client,), lane=lane, input=name, content=content, events=queued
+        )
         self._put_input(new, file)
-        created = self.records.update(id_, lambda job: None if job is not None and self._is_valid(job) else new)
-        if created is None:  # another call submitted the same meanwhile
+        created = self.records.update(id_, lambda job: self._join(job, client) or new) or new
+        if created.input != name:  # another call submitted the same meanwhile
             self.remove_input(name)
-            existing = self.records.get(id_)
-            if existing is None:
-                raise QueueUnavailable("the same job was submitted and expired at the same moment; post it again")
-            return self._mark_used(existing), False
+            return self._mark_used(created), False
         self.queue.push(lane, id_)
         return created, True
 
@@ -116,14 +119,14 @@ class Jobs:
         """The current state of the job; None if there is no such job."""
         return self.records.get(id_)
 
-    def cancel(self, id_: str) -> Job | None:
+    def cancel(self, id_: str, client: str = "") -> Job | None:
         """Cancels the job, or removes one that has ended, and returns it; None if there is no such job.
 
-        Its work stops soon.
+        Its work stops soon. A job that other clients have asked for too is only left by `client`.
         """
         job = self.records.get(id_)
-        if job is None or job.state not in FINAL:
-            return self.lifecycle.cancel(id_)
+        if job is None or job.state not in FINAL or job.list_others(client):
+            return self.lifecycle.cancel(id_, client)
         self._expire(job.input)
         return job
 
@@ -221,6 +224,10 @@ class Jobs:
             )
             self.files.remove(RESULTS, job.output)
         return False
+
+    def _join(self, job: Job | None, client: str) -> Job | None:
+        """The job with `client` listed; None if it doesn't answer a new request for the same."""
+        return job.add_client(client) if job is not None and self._is_valid(job) else None
 
     def _mark_used(self, job: Job) -> Job:
         if job.state == "done":  # a failure is forgotten in time, even while it is requested

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS
@@ -87,19 +87,25 @@ class Lifecycle:
             self._files.remove_run(run.output)
             self._files.remove(RESULTS, run.output)
 
-    def cancel(self, id_: str) -> Job | None:
-        """Cancels the job unless it has ended, and returns it; None if there is no such job."""
+    def cancel(self, id_: str, client: str = "") -> Job | None:
+        """Removes the client from the job, cancels one without other clients unless it has ended, and returns it.
+
+        None if there is no such job.
+        """
 
         def step(job: Job | None) -> Job | None:
-            if job is None or job.state in FINAL:
+            if job is None:
                 return None
-            return job.add_event(Event("cancelled"), state="cancelled")
+            if others := job.list_others(client):
+                return replace(job, clients=others)
+            return None if job.state in FINAL else job.add_event(Event("cancelled"), state="cancelled")
 
-        cancelled = self._records.update(id_, step)
-        if cancelled is None:
+        job = self._records.update(id_, step)
+        if job is None:
             return self._records.get(id_)
-        self.settle(cancelled)
-        return cancelled
+        if job.state == "cancelled":
+            self.settle(job)
+        return job
 
     def settle(self, job: Job) -> None:
         """Registers an ended job for expiry and removes its input.

@@ -19,9 +19,9 @@ from ciir.service.settings import Settings
 from tests.support.waiting import wait_until
 
 
-def submit_data(jobs, data=b"data", **options):
+def submit_data(jobs, data=b"data", client="", **options):
     """Submits a job whose input is `data`."""
-    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data))[0]
+    return jobs.submit(Request("upload.png", options, None), io.BytesIO(data), client)[0]
 
 
 def wait_for_end(jobs, id_, states=FINAL):

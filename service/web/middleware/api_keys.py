@@ -45,6 +45,11 @@ def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
     return check
 
 
+def hash_client(request: Request) -> str:
+    """A short digest of `find_client`, to be stored."""
+    return sha256(find_client(request).encode()).hexdigest()[:16]
+
+
 def find_client(request: Request) -> str:
     """The client that sent a request: the digest of its API key, else its address."""
     address = request.client.host if request.client is not None else ""

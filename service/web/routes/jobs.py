@@ -19,7 +19,7 @@ from ciir.errors import QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.job import FINAL, Job
 from ciir.service.pipeline.options import KINDS, Kind
 from ciir.service.web import multipart
-from ciir.service.web.middleware.api_keys import find_client
+from ciir.service.web.middleware.api_keys import find_client, hash_client
 from ciir.service.web.prefer import Preference
 from ciir.service.web.routes import events, openapi, results, schemas, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
@@ -72,7 +72,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
             id_ = await to_thread.run_sync(state.engine.jobs.compute_id, given.request, given.file)
             if (tag := results.find_matching_tag(tags, id_)) is not None:
                 return results.respond_unchanged(tag, kind.name)  # no job is needed
-        job = await _submit(state, given)
+        job = await _submit(state, given, hash_client(request))
     finally:
         await form.close()
     preference = Preference.parse(request.headers.getlist("prefer"))
@@ -96,10 +96,10 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     return response
 
 
-async def _submit(state: State, given: Upload) -> Job:
-    """Submits the form as a job. Raises `QueueFull` or `QueueUnavailable`."""
+async def _submit(state: State, given: Upload, client: str) -> Job:
+    """Submits the form as a job of that client. Raises `QueueFull` or `QueueUnavailable`."""
     try:
-        job, is_new = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file)
+        job, is_new = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file, client)
     except (QueueFull, QueueUnavailable) as error:
         state.metrics.submitted.labels("refused").inc()
         _log.info("refused %s of %s, %d bytes: %s", given.request.kind, given.request.name, given.size, error)
@@ -127,9 +127,9 @@ async def read_job(job: FoundJob, state: State) -> Response:
     return results.respond_with_status(job, has_result=has_result)
 
 
-async def cancel_job(job: FoundJob, state: State) -> Response:
-    """Cancels the job, or removes one that has ended."""
-    cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id)
+async def cancel_job(request: Request, job: FoundJob, state: State) -> Response:
+    """Cancels the job, or removes one that has ended, unless other clients have asked for it too."""
+    cancelled = await to_thread.run_sync(state.engine.jobs.cancel, job.id, hash_client(request))
     return results.respond_with_status(cancelled or job)
 
 
@@ -199,8 +199,14 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}",
         operation_id=f"delete{title}",
         summary="Cancel a job, or remove one that has ended with its result",
-        description="Identical requests share one job: it is cancelled or removed for all of them.",
-        responses=openapi.describe_status(kind, 200, "the status: cancelled, or that at its end") | status,
+        description="Identical requests share one job: it goes on, and its result is kept, while another client (API "
+        "key, or address) that asked for it has not cancelled it.",
+        responses=openapi.describe_status(
+            kind,
+            200,
+            "the status: cancelled, that at its end, or queued or running if the job goes on for other clients",
+        )
+        | status,
     )(cancel_job)
     router.head("/{id}/result", include_in_schema=False)(read_result)
     router.get(

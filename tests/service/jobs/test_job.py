@@ -1,6 +1,8 @@
+import json
+
 import pytest
 
-from ciir.service.jobs.job import Event, Job, Problem, Request, Result, parse_id
+from ciir.service.jobs.job import CLIENTS_LIMIT, Event, Job, Problem, Request, Result, parse_id
 
 JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5, lane="large", input="i", lease="l")
 
@@ -9,6 +11,7 @@ JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5,
     "job",
     [
         JOB,
+        JOB.add_client("a").add_client("b"),
         JOB.add_event(Event("running", {"attempt": 1}), state="running").add_event(Event("progress", {"stage": "map"})),
         JOB.add_event(Event("failed"), state="failed", problem=Problem(422, "Not readable", "no file")),
         JOB.add_event(Event("done"), state="done", result=Result("zip", 5, {"views": [{"v": 1}], "notes": ["ü"]})),
@@ -17,6 +20,20 @@ JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5,
 def test_bytes_are_parsed_to_the_same_job(job):
     assert Job.from_bytes(job.to_bytes()) == job
     assert Job.from_bytes(job.to_bytes()).to_bytes() == job.to_bytes()
+
+
+def test_a_record_of_an_older_version_lists_no_clients():
+    fields = json.loads(JOB.to_bytes())
+    del fields["clients"]
+    assert Job.from_bytes(json.dumps(fields).encode()) == JOB
+
+
+def test_a_job_lists_each_client_once_and_not_too_many():
+    assert JOB.add_client("a").add_client("b").add_client("a").clients == ("a", "b")
+    job = JOB
+    for number in range(2 * CLIENTS_LIMIT):
+        job = job.add_client(str(number))
+    assert len(job.clients) == CLIENTS_LIMIT
 
 
 @pytest.mark.parametrize("text", [b"", b"{}", b"[]", b"\xff", b'{"problem": null, "result": null, "request": {}}'])

@@ -3,6 +3,7 @@ import errno
 import io
 import os
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -142,6 +143,34 @@ def test_a_job_that_has_ended_is_removed(jobs, end):
     assert jobs.get(job.id) is None
     assert (list_files(jobs), jobs.queue.finished.items(), jobs.queue.jobs.items()) == ([], {}, {})
     assert submit_data(jobs).state == "queued"
+
+
+def test_a_job_of_several_clients_is_cancelled_by_the_last(jobs):
+    job = submit_data(jobs, client="a")
+    assert submit_data(jobs, client="b").clients == ("a", "b")
+    run = jobs.lifecycle.start(job.id, "c-1")
+    assert submit_data(jobs, client="c") == jobs.get(job.id)
+    assert jobs.cancel(job.id, "d").clients == ("a", "b", "c")  # it never asked
+    assert [jobs.cancel(job.id, client).state for client in ("a", "a", "b")] == ["running"] * 3
+    assert jobs.lifecycle.add_progress(run, {"stage": "map"})
+    assert jobs.cancel(job.id, "c").state == "cancelled"
+    assert list_files(jobs) == []
+    assert submit_data(jobs, client="b").clients == ("b",)
+
+
+def test_a_job_without_clients_is_cancelled_by_any(jobs):
+    job = submit_data(jobs, client="a")
+    jobs.records.update(job.id, lambda job: replace(job, clients=()))  # as an older version stored it
+    assert jobs.cancel(job.id, "b").state == "cancelled"
+
+
+def test_the_result_of_several_clients_is_removed_by_the_last(jobs):
+    job = finish_job(jobs, submit_data(jobs, client="a"))
+    assert submit_data(jobs, client="b").clients == ("a", "b")
+    assert jobs.cancel(job.id, "a").state == "done"
+    assert read_result(jobs, job.id) == b"result"
+    assert jobs.cancel(job.id, "b").state == "done"
+    assert (jobs.get(job.id), list_files(jobs)) == (None, [])
 
 
 def test_a_full_queue(service):

@@ -212,6 +212,27 @@ def test_cancelling(own, eia):
     check_problem(own.delete(place), 404)
 
 
+def test_cancelling_one_of_two_equal_requests(tmp_path, eia):
+    first, second = ({"X-API-Key": key, "Prefer": "respond-async"} for key in ("first", "second"))
+    with run_app(tmp_path, api_keys="first,second") as own:
+        started, go = pause_work(own)
+        place = post_file(own, data=eia, headers=first, lenses="6x9", model="none").headers["location"]
+        assert started.wait(30)
+        assert post_file(own, data=eia, headers=second, lenses="6x9", model="none").headers["location"] == place
+        response = own.delete(place, headers=first)
+        assert (response.status_code, response.json()["state"]) == (200, "running")
+        job = own.engine.jobs.get(place.rpartition("/")[2])
+        assert [len(client) for client in job.clients] == [16]
+        assert "clients" not in response.json()
+        go.set()
+        wait_until(lambda: own.get(place, headers=second).json()["state"] == "done")
+        assert own.get(f"{place}/result", headers=second).status_code == 200
+        assert own.delete(place, headers=first).json()["state"] == "done"  # a client that never asked removes nothing
+        assert own.get(f"{place}/result", headers=second).status_code == 200
+        assert own.delete(place, headers=second).json()["state"] == "done"
+        check_problem(own.get(place, headers=second), 404)
+
+
 def test_a_job_goes_on_without_its_client(own, eia):
     place = post_file(own, data=eia, headers={"Prefer": "wait=0"}, lenses="6x9", model="none").headers["location"]
     wait_until(lambda: own.get(place).json()["state"] == "done")
