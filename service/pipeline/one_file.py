@@ -16,11 +16,11 @@ from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, Pict
 from ciir.renderer.writers.depth import encode_disparity
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
-from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
+from ciir.renderer.writers.stacks import PLANE, STACK
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
 from ciir.service.pipeline import run
 from ciir.service.pipeline.elemental import encode_eia, render_eia
-from ciir.service.pipeline.options import MODELS
+from ciir.service.pipeline.options import MODELS, find_plane_format
 from ciir.service.pipeline.pictures import output_names, upscale_files
 from ciir.service.pipeline.source import SCENE
 
@@ -125,12 +125,8 @@ def _show(source: Source, options: Options, output: Output) -> tuple[str, Report
 def _refocus(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     from ciir.service.pipeline.focus.planes import refocus
 
-    is_one = options.count_planes() == 1
-    name, writers = output.format or ("png" if is_one else "zip"), PLANE if is_one else STACK
-    if name not in writers:
-        what = "one plane" if is_one else "a stack of planes"
-        raise InvalidOption(f"format: {name} can't hold {what}; give {', '.join(writers)}")
-    check_rate(options.fps, name)
+    name = find_plane_format(options, output.format)
+    writers = PLANE if options.count_planes() == 1 else STACK
     report = refocus(
         source,
         options,

@@ -2,7 +2,7 @@
 
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
-from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, MODELS, Kind, KindName
+from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, MODELS, Kind, KindName, find_plane_format
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, RECONSTRUCTION, Options, write_texts
@@ -35,6 +35,7 @@ __all__ = [
     "Options",
     "Sampling",
     "Strategy",
+    "find_plane_format",
     "read_pair",
     "write_texts",
 ]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
-from ciir.errors import UnknownModel
+from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
-from ciir.renderer.displays.pictures import USES
+from ciir.renderer.displays.pictures import USES, find_kind, find_target
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.depth import maps
-from ciir.renderer.writers.formats import BINARY, FORMATS
-from ciir.renderer.writers.stacks import PLANE, STACK
+from ciir.renderer.writers.formats import BINARY, FORMATS, check_options
+from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
 from ciir.service.pipeline.options.lenslet import LENSLET
@@ -24,10 +24,14 @@ from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from ciir.renderer.displays.pictures import Kind as DisplayKind
+
 KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity", "inspection"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
 _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbour_time")
 """Options of what is made of all views."""
+_ANY_SIZE = 2**62
+"""Pixels: the size of a display is checked where the limits are known."""
 _MODEL = "a model that upscales the views first: a name that `ciir models` lists, or auto; or none (default none)"
 
 
@@ -71,6 +75,8 @@ class Kind:
     """Texts of defaults that differ from those of `Options`."""
     checks: tuple[Callable[[Options], None], ...] = ()
     """Each raises `InvalidOption` where options don't go together."""
+    format_check: Callable[[Options, str | None], object] | None = None
+    """Raises `InputError` where options don't fit the format."""
 
     @property
     def plural(self) -> str:
@@ -89,6 +95,11 @@ class Kind:
         for check in (Options.check_lens_grid, *self.checks):
             check(options)
         return options
+
+    def check_format(self, options: Options, name: str | None) -> None:
+        """Raises `InputError` for an option that the format `name`, or the default for None, has no use for."""
+        if self.format_check is not None:
+            self.format_check(options, name)
 
     def list_models(self) -> list[str]:
         """The values of the option `model`."""
@@ -115,6 +126,29 @@ class Kind:
         return schema | ({"enum": self.list_models()} if name == "model" else {})
 
 
+def _check_views(options: Options, name: str | None) -> None:
+    what = "the default format, png or zip," if name is None else f"format {name}"
+    check_options(options.make_writer_options(), FORMATS[name or "zip"].uses, what)
+
+
+def _check_display(options: Options, name: str | None) -> None:
+    written = options.make_writer_options()
+    kind = find_kind(written) if name is None else cast("DisplayKind", name)
+    check_options(written, USES[kind], f"format {kind}")
+    find_target(kind, written, max_pixels=_ANY_SIZE)
+
+
+def find_plane_format(options: Options, name: str | None) -> str:
+    """The format of depth planes. Raises `InvalidOption` where it can't hold as many, or has no frames per second."""
+    is_one = options.count_planes() == 1
+    found, writers = name or ("png" if is_one else "zip"), PLANE if is_one else STACK
+    if found not in writers:
+        what = "one plane" if is_one else "a stack of planes"
+        raise InvalidOption(f"format: {found} can't hold {what}; give {', '.join(writers)}")
+    check_rate(options.fps, found)
+    return found
+
+
 KINDS: dict[KindName, Kind] = {
     kind.name: kind
     for kind in (
@@ -125,6 +159,7 @@ KINDS: dict[KindName, Kind] = {
             RECONSTRUCTION,
             tuple(name for name in FORMATS if name not in USES),
             "png for one view, else zip",
+            format_check=_check_views,
         ),
         Kind(
             "upscale",
@@ -166,6 +201,7 @@ KINDS: dict[KindName, Kind] = {
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
             {"place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
+            format_check=_check_display,
         ),
         Kind(
             "plane",
@@ -187,6 +223,7 @@ KINDS: dict[KindName, Kind] = {
             },
             {"model": NO_MODEL},
             (Options.check_planes,),
+            find_plane_format,
         ),
         Kind(
             "disparity",

@@ -57,7 +57,8 @@ def check_content_type(content_type: str | None) -> None:
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:
     """Parses the parts of a job's form.
 
-    Raises `InvalidOption` for one that is unknown, repeated, missing or out of range, and `UnknownModel`.
+    Raises `InvalidOption` for one that is unknown, repeated, missing, out of range or of no use to the format,
+    `UnknownModel`, and `Unreadable` for the text of a display that can't be read.
     """
     upload: UploadFile | None = None
     texts: dict[str, str] = {}
@@ -90,7 +91,9 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
     if format_ is not None and format_ not in kind.formats:
         others = "".join(f", or POST to /v1/{other.plural}" for other in KINDS.values() if format_ in other.formats)
         raise InvalidOption(f"{FORMAT}: {format_[:40]!r} is not known; give {', '.join(kind.formats)}{others}")
-    kind.check_model(kind.parse(texts).model)
+    options = kind.parse(texts)
+    kind.check_model(options.model)
+    kind.check_format(options, format_)
     found = _find_input(upload, scene, kind)
     return Upload(Request(found.name, texts, format_, kind.name), found.file, found.size)
 

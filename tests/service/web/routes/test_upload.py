@@ -46,6 +46,14 @@ def test_bad_input(client, bad_input):
         ("plane", {"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
         ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is no range"),
         ("reconstruction", {"lens_rotation": "1"}, "lens_rotation: this needs lens_pitch"),
+        ("reconstruction", {"fps": "5"}, "fps: the default format, png or zip, has no use for it; leave it out, or"),
+        ("reconstruction", {"epi": "y=1", "format": "npz"}, "epi: format npz has no use for it; leave it out, or"),
+        ("display", {"calibration": "{}", "format": "quilt"}, "calibration: format quilt has no use for it"),
+        ("display", {"device": "go", "format": "panel"}, "device: format panel has no use for it"),
+        ("display", {"format": "panel"}, "display: a panel's picture needs it"),
+        ("display", {"calibration": "[]"}, "calibration: no calibration; give the JSON"),
+        ("plane", {"disparity": "1", "fps": "5"}, "fps: format png has no use for it"),
+        ("plane", {"stack": "0:1:3", "format": "png"}, "format: png can't hold a stack of planes"),
     ],
 )
 def test_options_that_dont_go_together_are_refused_before_the_queue(client, eia, kind, texts, said):
