@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 __all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]
 TIMEOUT_SECONDS = 60.0
 """Longest silence of the server; it sends at least a comment every 15 s while a job runs."""
+_WAIT = {"Prefer": "wait=30"}
+"""Of a request for a result: the server answers well before `TIMEOUT_SECONDS`, also where it would wait for longer."""
 
 
 class Client(httpx2.Client):
@@ -107,7 +109,7 @@ class Client(httpx2.Client):
         return messages.read_models(self.get("/v1/models"))
 
     def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
-        response = self._post(kind, source, options, {})
+        response = self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return Job(self, messages.read_path(response)).result()
@@ -183,7 +185,7 @@ class AsyncClient(httpx2.AsyncClient):
         return messages.read_models(await self.get("/v1/models"))
 
     async def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
-        response = await self._post(kind, source, options, {})
+        response = await self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return await AsyncJob(self, messages.read_path(response)).result()

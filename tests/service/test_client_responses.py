@@ -97,6 +97,23 @@ def test_a_get_is_repeated_only_after_retry_after(monkeypatch):
     assert (len(requests), slept) == (1, [3])
 
 
+def test_the_server_answers_before_the_time_out(eia_file):
+    result = {"etag": '"1"', "content-disposition": 'attachment; filename="1.png"'}
+    for transport in (Client, AsyncClient):
+        requests = []
+
+        def respond(request, requests=requests):
+            requests.append(request)
+            return httpx2.Response(200, headers=result)
+
+        client = transport("http://server", transport=httpx2.MockTransport(respond))
+        made = client.reconstruct(eia_file)
+        assert (asyncio.run(made) if transport is AsyncClient else made).format == "png"
+        name, _, seconds = requests[0].headers["prefer"].partition("=")
+        assert name == "wait"
+        assert 10 <= int(seconds) <= client_module.TIMEOUT_SECONDS / 2
+
+
 def test_the_key_is_sent():
     client, requests = make_client(httpx2.Response(200, json=[]), api_key="k")
     client.models()
