@@ -9,6 +9,7 @@ from ciir.errors import NotReady, QueueUnavailable
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
 from ciir.service.jobs.workers.counting_pool import CountingPool
+from ciir.service.settings import hide_secrets
 
 if TYPE_CHECKING:
     from ciir.service.jobs.workers.pool import Pool
@@ -36,6 +37,14 @@ class Engine:
         self._draining = threading.Event()
         self._changing = threading.Lock()
         metrics.workers.set_function(self._pool.count_ready if self._pool is not None else lambda: 0)
+
+    def describe_place(self) -> str:
+        """Where jobs and files are, without passwords, and how many other processes take jobs from there."""
+        queue = hide_secrets(self._settings.queue) or self.jobs.folder
+        files = hide_secrets(self._settings.files) or self.jobs.folder / "files"
+        others = self._consumer.count_others() if self._consumer is not None else 0
+        shared = f"; other processes on this machine that take these jobs too: {others}" if others else ""
+        return f"jobs are in {queue}, inputs and results in {files}{shared}"
 
     def start(self) -> None:
         """Starts the worker processes and the consumer, unless it was drained before."""

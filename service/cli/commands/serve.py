@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> None:
         if is_loopback(host) and not found.hosts:
             found = found.model_copy(update={"hosts": ("localhost",)})
         app = create_app(found)
+        _log.info(app.state.service.engine.describe_place())
         common.print_line(
             f"http://{f'[{host}]' if ':' in host else host}:{port} is the web page; /docs describes the API"
         )

@@ -60,6 +60,10 @@ class Consumer:
         for thread in self._threads:
             thread.start()
 
+    def count_others(self) -> int:
+        """How many other consumers take jobs from the same folder."""
+        return self._lock_file.count_others()
+
     def stop(self, seconds: float) -> None:
         """Takes no more jobs, lets running ones finish within `seconds`, and puts the rest back into the queue."""
         deadline = time.monotonic() + seconds

@@ -43,6 +43,10 @@ class ConsumerLock:
         """All consumers of this machine, dead or alive, whose file exists."""
         return [path.name for path in self._folder.iterdir()]
 
+    def count_others(self) -> int:
+        """How many other consumers of this machine live."""
+        return sum(name != self.name and not self.is_dead(name) for name in self.list_names())
+
     def remove(self, name: str) -> None:
         """Removes the file of a dead consumer."""
         (self._folder / name).unlink(missing_ok=True)

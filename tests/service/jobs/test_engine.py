@@ -135,3 +135,20 @@ def test_a_drain_during_the_start(engine, pool):
     engine.close()
     assert pool.calls == ["start", "close"]
     assert [thread.name for thread in threading.enumerate() if thread.name.startswith("consumer")] == []
+
+
+def test_a_second_server_on_the_same_folder_is_reported(engine, tmp_path):
+    place = f"jobs are in {tmp_path}, inputs and results in {tmp_path / 'files'}"
+    assert engine.describe_place() == place
+    second = Engine(Settings(folder=tmp_path, workers=1), Metrics(), Pool())
+    expected = f"{place}; other processes on this machine that take these jobs too: 1"
+    assert (second.describe_place(), engine.describe_place()) == (expected, expected)
+    second.close()
+    assert engine.describe_place() == place
+
+
+def test_passwords_are_left_out_of_the_place(tmp_path):
+    settings = Settings(folder=tmp_path, workers=0, queue="redis://:swordfish@127.0.0.1:1/0")
+    engine = Engine(settings, Metrics())
+    assert engine.describe_place().startswith("jobs are in redis://...@127.0.0.1:1/0, inputs and results in /")
+    engine.close()

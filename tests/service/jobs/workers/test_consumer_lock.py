@@ -19,6 +19,7 @@ def test_consumers_of_one_process(tmp_path):
     assert set(one.list_names()) == {one.name, other.name}
     assert not one.is_dead(other.name)
     assert not one.is_dead(one.name)
+    assert (one.count_others(), other.count_others()) == (1, 1)
     other.close()
     assert one.list_names() == [one.name]
     assert not one.is_dead("of another machine")
@@ -34,6 +35,7 @@ def test_the_consumer_of_a_killed_process_is_dead_at_once(tmp_path):
         process.kill()
         process.wait()
     assert lock.is_dead(name)
+    assert lock.count_others() == 0
     lock.remove(name)
     assert lock.list_names() == [lock.name]
     lock.close()
