@@ -194,11 +194,15 @@ class Settings(BaseSettings):
         )
 
 
-def read_settings() -> Settings:
-    """Settings of the environment. Raises `InvalidOption`; logs a warning for unknown names that begin with `CIIR_`."""
+def warn_of_unknown() -> None:
+    """Logs a warning for each variable that begins with `CIIR_` and is no setting."""
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
         _log.warning("%s is set, but is no setting; `ciir serve --show-settings` lists all", name)
+
+
+def read_settings() -> Settings:
+    """Settings of the environment. Raises `InvalidOption`."""
     secrets: dict[str, Any] = {}
     try:
         found = Settings()

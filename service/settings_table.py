@@ -74,6 +74,7 @@ _FIXED_INTRO = """
 
 def format_values() -> str:
     """Name, value, default and meaning of each setting, without keys and passwords. Raises `InvalidOption`."""
+    settings.warn_of_unknown()
     current = settings.read_settings()
     return "\n".join(
         f"{PREFIX}{name.upper()}={_format_value(name, getattr(current, name))}"

@@ -157,12 +157,12 @@ def test_bad_values_are_refused(monkeypatch, name, value, parts):
 
 def test_an_unknown_name_is_logged(monkeypatch, caplog):
     monkeypatch.setenv("CIIR_WORKER", "3")
-    settings.read_settings()
+    settings.warn_of_unknown()
     assert "CIIR_WORKER is set" in caplog.text
     caplog.clear()
     monkeypatch.delenv("CIIR_WORKER")
     monkeypatch.setenv("CIIR_CACHE", "/tmp")  # noqa: S108 - never opened
-    settings.read_settings()
+    settings.warn_of_unknown()
     assert caplog.text == ""
 
 

@@ -33,6 +33,8 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.web.server import DrainingServer
 
     found = settings.read_settings()
+    logs.configure(found.log_format)
+    settings.warn_of_unknown()
     protect(KEPT_VARIABLES)
     memory.limit_heaps(memory.HEAPS)
     connections.raise_file_limit()
@@ -40,7 +42,6 @@ def run(args: argparse.Namespace) -> None:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         host, port = listener.getsockname()[:2]
-        logs.configure(found.log_format)
         if is_open(host, len(found.api_keys)):
             _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: everybody can use the API", host)
         if is_loopback(host) and not found.hosts:

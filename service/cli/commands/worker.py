@@ -33,9 +33,10 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     found = settings.read_settings()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
+    logs.configure(found.log_format)
+    settings.warn_of_unknown()
     protect(KEPT_VARIABLES)
     memory.limit_heaps(memory.HEAPS)
-    logs.configure(found.log_format)
     stop = threading.Event()
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's

@@ -1,6 +1,9 @@
+import json
+
 import pytest
 
 from ciir.service.cli.commands.serve import is_open
+from tests.support.servers import run_server
 
 
 @pytest.mark.parametrize(
@@ -18,3 +21,13 @@ from ciir.service.cli.commands.serve import is_open
 )
 def test_is_open(host, keys, expected):
     assert is_open(host, keys) is expected
+
+
+def test_all_lines_of_the_log_are_in_its_format(tmp_path):
+    log = tmp_path / "log"
+    with run_server(log, CIIR_WORKERS="0", CIIR_LOG_FORMAT="json", CIIR_NOPE="1"):
+        pass
+    lines = [line for line in log.read_text().splitlines() if not line.startswith("http://")]
+    messages = [json.loads(line)["message"] for line in lines]
+    assert sum("CIIR_NOPE is set, but is no setting" in message for message in messages) == 1
+    assert sum(f"jobs are in {tmp_path / 'service'}, inputs and results in" in message for message in messages) == 1
