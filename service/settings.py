@@ -62,6 +62,20 @@ def _parse_hosts(given: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(parse_host(f"[{host}]" if host.count(":") > 1 and host[0] != "[" else host) for host in given)
 
 
+def _parse_origins(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The origins as browsers send them: in lower case, without the scheme's usual port. `*` is any, `null` none."""
+    return tuple(origin if origin in ("*", "null") else _parse_origin(origin.lower()) for origin in given)
+
+
+def _parse_origin(origin: str) -> str:
+    scheme, _, host = origin.partition("://")
+    parse_host(host)
+    if not scheme or "*" in host or not origin.isascii():
+        raise ValueError("no origin")
+    is_usual = urlsplit(origin).port == {"http": 80, "https": 443}.get(scheme, -1)  # raises for what is no number
+    return origin.rpartition(":")[0] if is_usual else origin
+
+
 class Settings(BaseSettings):
     """The settings. An empty variable counts as not set; pydantic's `ValidationError` is raised for a bad value."""
 
@@ -162,9 +176,11 @@ class Settings(BaseSettings):
     hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_hosts)] = ()
     """Names or addresses that the `Host` of a request may have besides those of this machine (localhost, 127.0.0.0/8,
     [::1]), with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else any."""
-    cors_origins: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list)] = ()
-    """Origins of other web pages whose scripts may use the API, such as https://example.org, separated by commas.
-    Default: none."""
+    cors_origins: Annotated[
+        tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_origins)
+    ] = ()
+    """Origins of other web pages whose scripts may use the API, such as https://example.org or http://localhost:3000,
+    without a path, separated by commas; `*`: any. Default: none."""
     log_format: Literal["text", "json"] = "text"
     """Format of log lines: `text`, or `json` with one object per line."""
     metrics_port: int = _number(0, 0, 65535)
@@ -259,5 +275,5 @@ _VALUES = {
     "files": "a folder's path, or an address such as s3://BUCKET/PATH",
     "api_keys": "keys separated by commas or line ends",
     "hosts": "`*`, or whole names or addresses separated by commas",
-    "cors_origins": "origins separated by commas",
+    "cors_origins": "`*`, or origins separated by commas, each a scheme and a host such as https://example.org",
 }

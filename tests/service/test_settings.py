@@ -90,6 +90,39 @@ def test_hosts_that_never_match_are_refused(monkeypatch, value):
         settings.read_settings()
 
 
+def test_origins_are_those_that_browsers_send(monkeypatch):
+    given = "https://Good.example:443, http://localhost:3000, http://[::1]:80, chrome-extension://abc, null, *"
+    monkeypatch.setenv("CIIR_CORS_ORIGINS", given)
+    expected = ("https://good.example", "http://localhost:3000", "http://[::1]", "chrome-extension://abc", "null", "*")
+    assert settings.read_settings().cors_origins == expected
+
+
+NO_ORIGINS = [
+    "https://good.example/",
+    "https://good.example/page",
+    "example.org",
+    "https://",
+    "//example.org",
+    "://a.org",
+    "https:/a.org",
+    "https://*.example",
+    "https://me@good.example",
+    "https://good.example:port",
+    "https://a.org?b",
+    "https://a.org#b",
+    "https://gööd.org",
+]
+
+
+@pytest.mark.parametrize("value", NO_ORIGINS)
+def test_origins_that_never_match_are_refused(monkeypatch, value):
+    monkeypatch.setenv("CIIR_CORS_ORIGINS", value)
+    with pytest.raises(
+        InvalidOption, match=re.escape(f"CIIR_CORS_ORIGINS: {settings.hide_secrets(value)!r} is not `*`, or origins")
+    ):
+        settings.read_settings()
+
+
 @pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_CORS_ORIGINS"])
 @pytest.mark.parametrize("value", [",", " ", " , ,"])
 def test_an_empty_list_is_refused(monkeypatch, name, value):
