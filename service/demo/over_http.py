@@ -1,6 +1,7 @@
 """The demo of the compose file: `python -m ciir.service.demo.over_http URL FOLDER`.
 
-A shipped scene's elemental image array is made here and posted to the service at URL; its views go into FOLDER.
+A shipped scene's elemental image array is made here and posted to the service at URL; its views go into FOLDER. The
+request has the first key of `CIIR_API_KEYS` or `CIIR_API_KEYS_FILE`, if one is set.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from ciir.errors import ConnectionFailed, Error
 from ciir.service.client import Client
 from ciir.service.pipeline.elemental import encode_eia, render_eia
 from ciir.service.pipeline.options import Options
+from ciir.service.settings import read_settings
 
 SCENE = "hamburger"
 LENSES, PIXELS = "100x100", "5x5"
@@ -28,7 +30,8 @@ def main(url: str, folder: Path) -> None:
     eia = folder / "eia.png"
     options = Options.parse({"lenses": LENSES, "pixels": PIXELS, "sampling": "lenslet"})
     render_eia(SCENE, options, lambda pixels: eia.write_bytes(encode_eia(pixels, options)))
-    with Client(url, retries=PATIENCE_SECONDS) as client:
+    key = next((key.get_secret_value() for key in read_settings().api_keys), None)
+    with Client(url, key, retries=PATIENCE_SECONDS) as client:
         _reach(client)
         made = client.reconstruct(eia, lenses=LENSES, views="cross", format="zip")
     with zipfile.ZipFile(io.BytesIO(made.content)) as archive:

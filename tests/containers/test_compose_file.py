@@ -33,5 +33,18 @@ def test_the_cluster_has_the_settings_of_a_batch_on_one_machine(name):
     assert found == {name_variable(key): str(value) for key, value in SETTINGS.items()}
 
 
-def test_the_web_service_accepts_its_own_hosts_only():
-    assert SERVICES["web"]["environment"]["CIIR_HOSTS"] == "${CIIR_HOSTS:-web}"
+@pytest.mark.parametrize(
+    ("given", "expected"), [("", ("web",)), ("ciir.example,b.example", ("web", "ciir.example", "b.example"))]
+)
+def test_the_web_service_accepts_its_own_hosts_and_the_demos(monkeypatch, given, expected):
+    from ciir.service.settings import Settings
+
+    value = SERVICES["web"]["environment"]["CIIR_HOSTS"]
+    assert "${CIIR_HOSTS:-}" in value
+    monkeypatch.setenv("CIIR_HOSTS", value.replace("${CIIR_HOSTS:-}", given))
+    assert Settings().hosts == expected
+
+
+def test_the_demo_has_the_keys_of_the_web_service():
+    assert SERVICES["web"]["environment"]["CIIR_API_KEYS"] == "${CIIR_API_KEYS:-}"
+    assert SERVICES["demo"]["environment"]["CIIR_API_KEYS"] == "${CIIR_API_KEYS:-}"

@@ -1,8 +1,9 @@
 import pytest
 
-from ciir.errors import ConnectionFailed
+from ciir.errors import ConnectionFailed, Unauthorized
 from ciir.renderer.readers.pictures import decode
 from ciir.service.demo import over_http
+from tests.support.servers import run_server
 
 pytestmark = pytest.mark.slow
 
@@ -15,6 +16,15 @@ def test_the_pictures_of_a_scene_come_from_the_server(server, tmp_path, capsys):
     for name in views:
         assert decode((tmp_path / "out" / name).read_bytes(), name=name).shape == (200, 200, 3)
     assert server in capsys.readouterr().out
+
+
+def test_a_server_with_keys(tmp_path, monkeypatch):
+    with run_server(tmp_path / "log", CIIR_API_KEYS="first,second", CIIR_WORKERS="1") as server:
+        with pytest.raises(Unauthorized):
+            over_http.main(server.url, tmp_path / "out")
+        monkeypatch.setenv("CIIR_API_KEYS", "second")
+        over_http.main(server.url, tmp_path / "out")
+    assert (tmp_path / "out" / "report.json").exists()
 
 
 def test_a_server_that_is_not_there(monkeypatch, tmp_path):
