@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from ciir.errors import (
     ConnectionFailed,
     Error,
+    InvalidOption,
     NotDone,
     NotFound,
     QueueFull,
@@ -20,6 +21,7 @@ from ciir.errors import (
     Unauthorized,
     Unreadable,
 )
+from ciir.renderer.writers.formats import BY_SUFFIX, FORMATS
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
 from ciir.service.pipeline.options import FILE_TYPES, write_texts
@@ -53,9 +55,24 @@ class Result:
     """On what was done: those that the command line prints."""
 
     def save(self, path: str | Path) -> None:
-        """Writes `content` to a file, or as `name` into a folder."""
-        path = Path(path)
-        (path / self.name if path.is_dir() else path).write_bytes(self.content)
+        """Writes `content` to a file, or as `name` into a folder, which is made if `path` ends with a slash.
+
+        Raises `InvalidOption` for a suffix of another format.
+        """
+        is_folder, path = str(path).endswith("/"), Path(path)
+        if is_folder:
+            path.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            path /= self.name
+        own = FORMATS[self.format].suffixes if self.format in FORMATS else (FILE_TYPES[self.format].suffix,)
+        suffix = path.suffix.lower()
+        others = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}
+        others |= {suffix: entry.name for suffix, entry in BY_SUFFIX.items()}
+        if suffix in others and suffix not in own:
+            raise InvalidOption(
+                f"{path}: the result is {self.format}; name it {own[0]}, or ask for format={others[suffix]!r}"
+            )
+        path.write_bytes(self.content)
 
 
 @dataclass(frozen=True)

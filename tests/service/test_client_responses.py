@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 
 import httpx2
 import pytest
@@ -19,7 +20,7 @@ from ciir.errors import (
 )
 from ciir.service import client as client_module
 from ciir.service import client_messages
-from ciir.service.client import AsyncClient, Client, Event
+from ciir.service.client import AsyncClient, Client, Event, Result
 
 JOB = f"/v1/reconstructions/{'0' * 32}"
 
@@ -211,3 +212,32 @@ def test_the_asynchronous_client_repeats_requests_and_resumes_events(monkeypatch
 
     assert asyncio.run(collect()) == [Event(0, "queued", {}), Event(1, "done", {})]
     assert [request.headers.get("last-event-id") for request in requests] == [None, "0", "0"]
+
+
+@pytest.mark.parametrize(
+    ("format_", "name", "remedy"),
+    [
+        ("png", "x.jpg", "the result is png; name it .png, or ask for format='jpeg'"),
+        ("jpeg", "x.PNG", "the result is jpeg; name it .jpg, or ask for format='png'"),
+        ("png", "x.zip", "the result is png; name it .png, or ask for format='zip'"),
+        ("pfm", "x.npy", "the result is pfm; name it .pfm, or ask for format='npy'"),
+        ("zip", "x.glb", "the result is zip; name it .zip, or ask for format='glb'"),
+    ],
+)
+def test_a_name_of_another_format_is_refused(tmp_path, format_, name, remedy):
+    with pytest.raises(errors.InvalidOption, match=f"{re.escape(remedy)}$"):
+        Result("1", b"data", format_, {}, "1.png").save(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("format_", "name"), [("jpeg", "x.jpeg"), ("jpeg", "x.JPG"), ("tiff", "x.tif"), ("png", "x"), ("png", "x.part")]
+)
+def test_other_names_are_as_they_are_given(tmp_path, format_, name):
+    Result("1", b"data", format_, {}, "1.png").save(tmp_path / name)
+    assert (tmp_path / name).read_bytes() == b"data"
+
+
+def test_a_folder_is_made_for_a_result(tmp_path):
+    Result("1", b"data", "png", {}, "1_qs5x9a1.png").save(f"{tmp_path}/new/folder/")
+    assert (tmp_path / "new/folder/1_qs5x9a1.png").read_bytes() == b"data"
