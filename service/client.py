@@ -100,9 +100,17 @@ class Client(httpx2.Client):
         """Sends a light field or a mesh and waits for the disparity of a view."""
         return self._run("disparity", source, options)
 
+    def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
+        """Sends any file that a reconstruction takes, and returns what it is, as `POST /v1/inspections` answers it."""
+        return messages.read_inspection(self._run("inspection", source, options))
+
     def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
         """Sends `source` and returns its job without waiting."""
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
+
+    def job(self, id_: str, kind: KindName = "reconstruction") -> Job:
+        """The job with that id, which any client may have submitted; nothing is sent yet."""
+        return Job(self, messages.make_path(id_, kind))
 
     def models(self) -> list[dict[str, Any]]:
         """Lists the models of the server."""
@@ -176,9 +184,17 @@ class AsyncClient(httpx2.AsyncClient):
         """As `Client.disparity`."""
         return await self._run("disparity", source, options)
 
+    async def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
+        """As `Client.inspect`."""
+        return messages.read_inspection(await self._run("inspection", source, options))
+
     async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
         """As `Client.submit`."""
         return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
+
+    def job(self, id_: str, kind: KindName = "reconstruction") -> AsyncJob:
+        """As `Client.job`; not to be awaited."""
+        return AsyncJob(self, messages.make_path(id_, kind))
 
     async def models(self) -> list[dict[str, Any]]:
         """As `Client.models`."""
@@ -201,16 +217,7 @@ class AsyncClient(httpx2.AsyncClient):
             )
 
 
-class _Path:
-    """Where a job is on its server."""
-
-    def __init__(self, path: str) -> None:
-        self.path = path
-        """As in `GET`."""
-        self.id = path.rpartition("/")[2]
-
-
-class Job(_Path):
+class Job(messages.JobPath):
     """A job of a server."""
 
     def __init__(self, client: Client, path: str) -> None:
@@ -250,7 +257,7 @@ class Job(_Path):
         return messages.read_status(self._client.delete(self.path))
 
 
-class AsyncJob(_Path):
+class AsyncJob(messages.JobPath):
     """As `Job`, for asyncio."""
 
     def __init__(self, client: AsyncClient, path: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import tempfile
 import zipfile
 from dataclasses import dataclass, field
@@ -24,13 +25,15 @@ from ciir.errors import (
 from ciir.renderer.writers.formats import BY_SUFFIX, FORMATS
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
-from ciir.service.pipeline.options import FILE_TYPES, write_texts
+from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import httpx2
     from httpx2 import ServerSentEvent
+
+    from ciir.service.pipeline.options import KindName
 
 FINAL = frozenset({"done", "failed", "cancelled"})
 PAUSE_SECONDS = 1.0
@@ -83,6 +86,15 @@ class Event:
     kind: str
     """`queued`, `running`, `progress`, `done`, `failed`, `cancelled`."""
     data: dict[str, Any]
+
+
+class JobPath:
+    """Where a job is on its server."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        """As in `GET`."""
+        self.id = path.rpartition("/")[2]
 
 
 class Cursor:
@@ -212,6 +224,19 @@ def read_path(response: httpx2.Response) -> str:
     """The path of the job whose status a response holds."""
     path: str = read_status(response)["events"]
     return path.removesuffix("/events")
+
+
+def make_path(id_: str, kind: KindName) -> str:
+    """The path of a job."""
+    if re.fullmatch("[0-9a-f]{32}", id_) is None:
+        raise InvalidOption(f"id: {id_[:40]!r} is no job's; give the 32 digits of Job.id or of its path")
+    return f"/v1/{KINDS[kind].plural}/{id_}"
+
+
+def read_inspection(result: Result) -> dict[str, Any]:
+    """What an inspection found."""
+    found: dict[str, Any] = json.loads(result.content)
+    return found
 
 
 def read_result(response: httpx2.Response) -> Result:

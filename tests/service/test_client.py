@@ -104,6 +104,23 @@ def test_the_other_kinds(client, eia_file, cube_file, tmp_path):
     assert (job.result().format, job.path) == ("png", f"/v1/upscales/{job.id}")
 
 
+def test_an_inspection(client, eia_file, cube_file):
+    assert client.inspect(cube_file)["kind"] == "mesh"
+    found = client.inspect(eia_file, lenses=(6, 9))
+    assert (found["light_field"]["rows"], found["light_field"]["height"]) == (4, 6)
+
+
+def test_a_job_by_its_id(client, server, eia_file):
+    id_ = client.submit(eia_file, "upscale", model="bicubic").id
+    with Client(server) as other:
+        job = other.job(id_, "upscale")
+        assert (job.result().id, job.status()["state"]) == (id_, "done")
+        with pytest.raises(NotFound):
+            other.job(id_).status()  # it is no reconstruction
+        with pytest.raises(InvalidOption, match=r"^id: '\.\./models' is no job's; give the 32 digits"):
+            other.job("../models")
+
+
 def test_tuples_and_folders(client, eia_file, tmp_path):
     by_text = client.reconstruct(eia_file, lenses="6x9", views="1,2;0,3", model="none", format="npz")
     by_values = client.reconstruct(eia_file, lenses=(6, 9), views=[(1, 2), (0, 3)], model="none", format="npz")
@@ -137,6 +154,8 @@ def test_the_asynchronous_client(server, eia_file, cube_file):
             with pytest.raises(InvalidOption, match="5x9"):
                 await client.reconstruct(eia_file, lenses=(5, 9))
             models = await client.models()
+            assert (await client.inspect(cube_file))["kind"] == "mesh"
+            assert (await client.job(job.id).status())["state"] == "done"
             return kinds, results, (await job.status())["state"], len(models), await job.cancel()
 
     kinds, (views, view, large, eia), state, models, last = asyncio.run(run())
