@@ -19,24 +19,32 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 
+_NAMES = re.compile(r"(view_\d+_\d+|frame_\d+)\.png")
+"""Of views and frames, as `Contents.name_file` gives them."""
+
+
 class FolderWriter(Writer):
     """Writes a PNG for each view, and `report.json`; all appear together when it finishes.
 
     The views that an earlier report in the folder lists are removed, but never `source`, the file or folder that is the
-    input.
+    input. Views that no such report lists were not made by ciir: they are refused, as they would be overwritten, or
+    read as views of the new light field.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
-        """Raises `InvalidOption` where a file is at `path`."""
+        """Raises `InvalidOption` where a file is at `path`, or a folder with views that no report lists."""
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
         self._path = path
         self._source = source.resolve() if source is not None else None
+        self._refuse_unlisted("view")
         self._names: set[str] = set()
         self._staged: Staged | None = None
 
     def begin(self, contents: Contents) -> None:
-        """Makes the temporary folder."""
+        """Makes the temporary folder. Raises `InvalidOption` for frames that no report lists where frames come."""
+        if contents.times:
+            self._refuse_unlisted("frame")
         self._contents = contents
         self._staged = Staged(self._path)
 
@@ -68,6 +76,17 @@ class FolderWriter(Writer):
         if self._staged is not None:
             self._staged.discard()
 
+    def _refuse_unlisted(self, kind: str) -> None:
+        """Raises `InvalidOption` for pictures there named as ours of that kind, but the input, that no report lists."""
+        there = {path.name for path in self._path.glob(f"{kind}_*.png") if path.resolve() != self._source}
+        if others := {name for name in there if _NAMES.fullmatch(name)} - _earlier_views(self._path):
+            first, last = min(others), max(others)
+            what = f"{first} is" if first == last else f"{len(others)} files, {first} to {last}, are"
+            raise InvalidOption(
+                f"{self._path}: {what} there, which no report.json of ciir lists; "
+                "give another folder for the output, or remove them"
+            )
+
 
 def _earlier_views(folder: Path) -> set[str]:
     """The names of views that the report in `folder` lists and that exist; none where there is no such report."""
@@ -78,6 +97,4 @@ def _earlier_views(folder: Path) -> set[str]:
         names = [str(view["file"]) for view in json.loads(path.read_bytes())["views"]]
     except (LookupError, TypeError, ValueError):  # a report.json of another program
         return set()
-    return {
-        name for name in names if re.fullmatch(r"(view_\d+_\d+|frame_\d+)\.png", name) and (folder / name).is_file()
-    }
+    return {name for name in names if _NAMES.fullmatch(name) and (folder / name).is_file()}

@@ -2,11 +2,15 @@
 
 import json
 import os
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
+from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.pictures import encode_png
+from ciir.renderer.writers.writer import Contents
 from ciir.service.cli import output_path
 from ciir.service.cli.main import main
 from tests.support.cli import SMALL, fails
@@ -141,17 +145,44 @@ def views(folder):
 def test_views_of_an_earlier_run_go(folder, capsys):
     run = [*COMMANDS["reconstruct"], "-o", "out", "--views"]
     assert main([*run, "all"]) == 0
-    for name in ("view_77_77.png", "other.png"):  # no report lists these
-        (folder / "out" / name).write_bytes(b"mine")
+    (folder / "out" / "other.png").write_bytes(b"mine")
     assert capsys.readouterr().err == ""
     assert main([*run, "1,2;0,0"]) == 0
-    assert views(folder / "out") == ["other.png", "view_00_00.png", "view_01_02.png", "view_77_77.png"]
+    assert views(folder / "out") == ["other.png", "view_00_00.png", "view_01_02.png"]
     note = capsys.readouterr().err
     assert note.startswith("ciir: note: ")
     assert "13 (view_00_01.png to view_02_04.png)" in note
     assert json.loads((folder / "out" / "report.json").read_text())["notes"] == [note[12:-1]]
     assert main([*run, "0,0"]) == 0
     assert "1 (view_01_02.png)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "convert"])
+@pytest.mark.parametrize("report", [None, b"{}", b'{"views": [{"file": "view_00_00.png"}]}'])
+def test_views_that_ciir_did_not_make_are_refused_before_any_work(folder, capsys, monkeypatch, command, report):
+    monkeypatch.setattr("ciir.service.pipeline.run.reconstruct", pytest.fail)
+    (folder / "mine").mkdir()
+    for name in ("view_00_00.png", "view_00_01.png", "view_1_0.png"):
+        (folder / "mine" / name).write_bytes(b"mine")
+    if report is not None:
+        (folder / "mine" / "report.json").write_bytes(report)
+    first = "2 files, view_00_01.png" if report and b"views" in report else "3 files, view_00_00.png"
+    refused(
+        capsys,
+        [command, "../cube.off", *SMALL, "-o", "mine"],
+        *("mine: ", f"{first} to view_1_0.png, are there", "give another folder", "remove them"),
+    )
+    assert [path.read_bytes() for path in (folder / "mine").glob("view*")] == [b"mine"] * 3
+
+
+def test_frames_that_ciir_did_not_make_are_refused_where_frames_come(folder):
+    (folder / "frame_0007.png").write_bytes(b"mine")
+    contents = Contents(((0, 0), (0, 1)), (1, 2), 4, 4, 3, np.dtype(np.uint8), times=(0.0, 1.0))
+    with FolderWriter(folder) as writer:
+        writer.begin(replace(contents, times=()))
+    with FolderWriter(folder) as writer, pytest.raises(InvalidOption, match=r"frame_0007.png is there, .*remove"):
+        writer.begin(contents)
+    assert views(folder) == ["frame_0007.png"]
 
 
 @pytest.mark.parametrize(
@@ -180,6 +211,9 @@ def test_what_is_read_stays(folder):
         main(["reconstruct", "view_00_00.png", "--lenses", "6x5", "--views", "1,1", "--model", "none", "-o", "."]) == 0
     )
     assert views(folder) == ["view_00_00.png", "view_01_01.png"]
+    assert main([*COMMANDS["reconstruct"], "-o", "."]) == 2  # no report lists view_00_00.png now
+    assert views(folder) == ["view_00_00.png", "view_01_01.png"]
+    (folder / "view_00_00.png").unlink()
     assert main([*COMMANDS["reconstruct"], "-o", ".", "--views", "all"]) == 0
     assert main(["reconstruct", ".", "-o", ".", "--views", "0,0", "--model", "none"]) == 2
     assert len(views(folder)) == 15
