@@ -12,6 +12,7 @@ import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 
 from ciir.errors import TooLarge, UnsupportedType
+from ciir.renderer.readers.metadata.exif import HEADER, read_orientation
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +25,6 @@ MAX_SCANS = 100
 """Most scans in a progressive JPEG: encoders write about ten."""
 START_OF_SCAN, QUANTISATION = 0xDA, 0xDB
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
-ORIENTATION = 0x0112
 
 
 class Luma(NamedTuple):
@@ -37,7 +37,7 @@ class Luma(NamedTuple):
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels as stored, and the orientation (Exif 2.32, 4.6.4), 1 to 8.
+    """Pixels as stored, and the orientation, 1 to 8.
 
     Raises `UnsupportedType` for colours that are neither grey nor RGB (CMYK needs its profile to become RGB),
     `TooLarge` over `MAX_SCANS`.
@@ -51,7 +51,7 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         check_size(image.height, image.width)
         if image.mode not in ("L", "RGB"):
             raise UnsupportedType(f"{name}: a JPEG of {image.mode} colours; convert it to RGB or grey")
-        return np.asarray(image), _orientation(exif)
+        return np.asarray(image), read_orientation(exif)
 
 
 def decode_luma(data: bytes) -> Luma | None:
@@ -59,7 +59,7 @@ def decode_luma(data: bytes) -> Luma | None:
     where tables of steps follow the first scan, which Pillow doesn't list.
     """
     data, exif = _split_metadata(data)
-    if _orientation(exif) != 1 or bytes([0xFF, QUANTISATION]) in data[data.find(bytes([0xFF, START_OF_SCAN])) :]:
+    if read_orientation(exif) != 1 or bytes([0xFF, QUANTISATION]) in data[data.find(bytes([0xFF, START_OF_SCAN])) :]:
         return None
     with JpegImageFile(io.BytesIO(data)) as image:
         _, *sampling, table = image.layer[0]
@@ -84,25 +84,9 @@ def _split_metadata(data: bytes) -> tuple[bytes, bytes]:
             offset += 1
             continue
         segment = data[offset : offset + 2 + struct.unpack_from(">H", data, offset + 2)[0]]
-        if start[1] == APP1 and segment[4:10] == b"Exif\0\0":
+        if start[1] == APP1 and segment[4:10] == HEADER:
             exif = exif or segment[10:]
         if start[1] not in (APP1, APP2):
             kept.append(segment)
         offset += len(segment)
     return b"".join([*kept, data[offset:]]), exif
-
-
-def _orientation(exif: bytes) -> int:
-    """Tag 0x0112 of an Exif block's first directory; 1, upright, where it is absent or the block is malformed."""
-    order = {b"II": "<", b"MM": ">"}.get(exif[:2])
-    if order is None:
-        return 1
-    try:
-        directory = struct.unpack_from(order + "I", exif, 4)[0]
-        for entry in range(struct.unpack_from(order + "H", exif, directory)[0]):
-            tag, _, _, value = struct.unpack_from(order + "HHIH", exif, directory + 2 + 12 * entry)
-            if tag == ORIENTATION:
-                return int(value)
-    except struct.error:
-        return 1
-    return 1

@@ -17,6 +17,7 @@ import numpy as np
 from PIL.PngImagePlugin import PngImageFile
 
 from ciir.errors import Unreadable
+from ciir.renderer.readers.metadata.exif import read_orientation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,13 +30,14 @@ PIXEL_CHUNKS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"})
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels of any PNG, with palettes, 1 to 4 bits and a transparent colour expanded; and orientation 1, upright."""
+    """Pixels of any PNG, with palettes, 1 to 4 bits and a transparent colour expanded; and the orientation, 1 to 8."""
     if data[12:16] != b"IHDR" or len(data) < 33:
         raise Unreadable(f"{name}: the PNG header is cut off or corrupt; send the whole file")
     width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
     check_size(height, width)
-    chunks = _keep_pixel_chunks(data, name)
-    return (_decode_16(chunks, colour) if depth == 16 and colour != GREY else _decode_8(chunks, depth)), 1
+    chunks, exif = _split_chunks(data, name)
+    pixels = _decode_16(chunks, colour) if depth == 16 and colour != GREY else _decode_8(chunks, depth)
+    return pixels, read_orientation(exif)
 
 
 def find_text(data: bytes, keyword: str) -> str | None:
@@ -83,14 +85,19 @@ def _add_alpha(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) ->
     return np.concatenate([colours, np.where(clear, 0, top).astype(pixels.dtype)], axis=2)
 
 
-def _keep_pixel_chunks(data: bytes, name: str) -> bytes:
-    """The PNG without the chunks that hold no pixels: texts and profiles are compressed, and swell on reading."""
-    kept = [SIGNATURE]
+def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
+    """The PNG without the chunks that hold no pixels, and its Exif block ("" where there is none).
+
+    Texts and profiles are compressed, and swell on reading.
+    """
+    kept, exif = [SIGNATURE], b""
     for kind, chunk in _list_chunks(data):
         if kind in PIXEL_CHUNKS:
             kept.append(chunk)
+        if kind == b"eXIf":
+            exif = exif or chunk[8:-4]
         if kind == b"IEND":
-            return b"".join(kept)
+            return b"".join(kept), exif
     raise Unreadable(f"{name}: the PNG ends too early (no IEND chunk); send the whole file")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from PIL.WebPImagePlugin import WebPImageFile
 
 from ciir.errors import Unreadable, UnsupportedType
+from ciir.renderer.readers.metadata.exif import read_orientation
 from ciir.renderer.readers.picture_sizes import read_webp
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ _ANIMATION = 0x02
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels as stored, and the orientation, which is always 1.
+    """Pixels as stored, and the orientation, 1 to 8.
 
     Raises `UnsupportedType` for an animation, `Unreadable` for other RIFF files.
     """
@@ -33,4 +35,16 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         raise Unreadable(f"{name}: a RIFF file that holds no WebP picture; give a picture")
     check_size(*size)
     with WebPImageFile(io.BytesIO(data)) as image:  # allocates the canvas as it opens the file
-        return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB")), 1
+        pixels = np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
+    return pixels, read_orientation(find_chunk(data, b"EXIF") or b"")
+
+
+def find_chunk(data: bytes, kind: bytes) -> bytes | None:
+    """The content of the first chunk of that kind; None where there is none."""
+    offset = 12
+    while offset + 8 <= len(data):
+        found, length = struct.unpack_from("<4sI", data, offset)
+        if found == kind:
+            return data[offset + 8 : offset + 8 + length]
+        offset += 8 + length + length % 2
+    return None

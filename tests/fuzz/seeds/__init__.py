@@ -16,7 +16,7 @@ import numpy as np
 import tifffile
 from PIL import Image
 
-from ciir.renderer.readers import jpeg
+from ciir.renderer.readers.metadata.exif import ORIENTATION
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.pictures.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
@@ -65,8 +65,15 @@ def saved(image: Image.Image, form: str, **options: Any) -> bytes:
     return buffer.getvalue()
 
 
+def turned_exif() -> Image.Exif:
+    """An Exif block of a picture that lies on its side."""
+    exif = Image.Exif()
+    exif[ORIENTATION] = 6
+    return exif
+
+
 def png() -> list[bytes]:
-    """Every colour type; 1, 8 and 16 bit; a palette and a transparent colour."""
+    """Every colour type; 1, 8 and 16 bit; a palette and a transparent colour; an orientation."""
     kinds = [encode_png(noise(6, 6, n, dtype)) for n in (1, 2, 3, 4) for dtype in (np.uint8, np.uint16)]
     rgb = Image.fromarray(noise(6, 6, 3))
     return [
@@ -74,26 +81,26 @@ def png() -> list[bytes]:
         saved(rgb.convert("P"), "PNG", transparency=3),
         saved(rgb.convert("1"), "PNG"),
         saved(rgb, "PNG", transparency=(1, 2, 3)),
+        saved(rgb, "PNG", exif=turned_exif()),
     ]
 
 
 def jpegs() -> list[bytes]:
     """Grey and colour, baseline and progressive, with an orientation."""
     rgb = Image.fromarray(noise(16, 16, 3))
-    turned = Image.Exif()
-    turned[jpeg.ORIENTATION] = 6
     return [
         encode_jpeg(noise(16, 16, 1)[..., 0]),
         encode_jpeg(noise(16, 16, 3)),
         saved(rgb, "JPEG", progressive=True, subsampling=2),
-        saved(rgb, "JPEG", exif=turned),
+        saved(rgb, "JPEG", exif=turned_exif()),
     ]
 
 
 def webps() -> list[bytes]:
-    """With and without loss, and with alpha."""
+    """With and without loss, with alpha, and with an orientation."""
     rgb, rgba = (Image.fromarray(noise(16, 16, channels)) for channels in (3, 4))
-    return [saved(rgb, "WEBP"), saved(rgb, "WEBP", lossless=True), saved(rgba, "WEBP")]
+    plain = [saved(rgb, "WEBP"), saved(rgb, "WEBP", lossless=True), saved(rgba, "WEBP")]
+    return [*plain, saved(rgb, "WEBP", exif=turned_exif())]
 
 
 def tiffs() -> list[bytes]:

@@ -9,7 +9,7 @@ import pytest
 import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from PIL import Image, ImageOps
+from PIL import Image
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers import jpeg, pictures
@@ -100,23 +100,6 @@ def test_the_transparent_colour_becomes_alpha(
 def test_png_texts_and_profiles_are_never_inflated() -> None:
     swelling = chunk(b"iCCP", b"p\0\0" + zlib.compress(bytes(1 << 20))) + chunk(b"zTXt", b"k\0\0broken")
     assert pictures.decode(png(1, 1, 8, 0, b"\0\x09", swelling), name="x").item() == 9
-
-
-@pytest.mark.parametrize("orientation", range(1, 9))
-def test_jpeg_orientation_is_undone_as_pillow_does(orientation: int) -> None:
-    exif = Image.Exif()
-    exif[0x0112] = orientation
-    data = saved(Image.fromarray(noise(16, 24, 3)), "JPEG", exif=exif)
-    upright = ImageOps.exif_transpose(Image.open(io.BytesIO(data)))
-    assert np.array_equal(pictures.decode(data, name="x"), np.asarray(upright))
-
-
-@pytest.mark.parametrize("body", [b"", b"II*\0", b"MM\0*\xff\xff\xff\xff", b"II*\0\x08\0\0\0\xff\xff\x12"])
-def test_a_malformed_exif_block_is_silently_turn_upright(body: bytes) -> None:
-    data = saved(Image.fromarray(noise(8, 8, 3)), "JPEG")
-    block = b"Exif\0\0" + body
-    data = data[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(block)) + block + data[2:]
-    assert pictures.decode(data, name="x").shape == (8, 8, 3)
 
 
 def test_jpeg_segments_may_be_filled_and_nothing_may_lie_between_them() -> None:

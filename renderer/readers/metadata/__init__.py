@@ -1,0 +1,1 @@
+"""Reads what picture files hold beside their pixels."""
