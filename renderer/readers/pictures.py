@@ -1,7 +1,7 @@
 """Decodes pictures of 8 and 16 bit.
 
 Sizes are checked before anything of that size is allocated. Colour profiles and gamma are ignored: pixels are taken as
-they are stored.
+they are stored (`metadata.colour_profiles` has notes on that).
 """
 
 from __future__ import annotations

@@ -28,6 +28,8 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 GREY, RGB, GREY_ALPHA, RGB_ALPHA = 0, 2, 4, 6  # colour types
 PIXEL_CHUNKS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"})
 
+PROFILE_BYTES = 2**20
+
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
     """Pixels of any PNG, with palettes, 1 to 4 bits and a transparent colour expanded; and the orientation, 1 to 8."""
@@ -48,6 +50,17 @@ def find_text(data: bytes, keyword: str) -> str | None:
         found, _, text = chunk[8:-4].partition(b"\0")
         if kind == b"tEXt" and found == keyword.encode("latin-1"):
             return text.decode("latin-1")
+    return None
+
+
+def find_profile(data: bytes) -> bytes | None:
+    """The start of the colour profile (chunk iCCP), `PROFILE_BYTES` bytes at most; None where there is none."""
+    for kind, chunk in _list_chunks(data):
+        if kind == b"IDAT":
+            return None
+        if kind == b"iCCP":
+            stream = chunk[8:-4].partition(b"\0")[2][1:]  # after the name and the method of compression
+            return zlib.decompressobj().decompress(stream, PROFILE_BYTES)
     return None
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 ORIENTATION = 274
+PROFILE = 34675
 COLOURS: dict[int, int] = {
     tifffile.PHOTOMETRIC.MINISBLACK: 1,
     tifffile.PHOTOMETRIC.MINISWHITE: 1,
@@ -44,6 +45,13 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         if len(file.pages) > 1:
             raise UnsupportedType(f"{name}: a TIFF of {len(file.pages)} pages; save each as a file of its own")
         return read_page(page), int(page.tags.valueof(ORIENTATION, 1))
+
+
+def find_profile(data: bytes) -> bytes | None:
+    """The colour profile of the first page; None where there is none."""
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        profile: bytes | None = file.pages.first.tags.valueof(PROFILE)
+        return profile
 
 
 def check_page(page: tifffile.TiffPage, file_bytes: int, name: str, check_size: Callable[[int, int], None]) -> None:

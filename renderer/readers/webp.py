@@ -36,10 +36,15 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     check_size(*size)
     with WebPImageFile(io.BytesIO(data)) as image:  # allocates the canvas as it opens the file
         pixels = np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
-    return pixels, read_orientation(find_chunk(data, b"EXIF") or b"")
+    return pixels, read_orientation(_find_chunk(data, b"EXIF") or b"")
 
 
-def find_chunk(data: bytes, kind: bytes) -> bytes | None:
+def find_profile(data: bytes) -> bytes | None:
+    """The colour profile; None where there is none."""
+    return _find_chunk(data, b"ICCP")
+
+
+def _find_chunk(data: bytes, kind: bytes) -> bytes | None:
     """The content of the first chunk of that kind; None where there is none."""
     offset = 12
     while offset + 8 <= len(data):

@@ -13,6 +13,7 @@ from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.metadata import colour_profiles
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.limits import check_size
 from ciir.service.pipeline.options import AUTO, NO_MODEL
@@ -73,9 +74,12 @@ def upscale_files(
         upscaler = catalogue.load_upscaler(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
     statistics = SkipStatistics()
+    profiles: dict[str, list[str]] = {}
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name, max_pixels=limits.pixels)
+            if (profile := colour_profiles.name_foreign_profile(files[name])) is not None:
+                profiles.setdefault(profile, []).append(name)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
@@ -99,7 +103,10 @@ def upscale_files(
             progress(len(done), len(outputs))
     return {
         "pictures": done,
-        "notes": [],
+        "notes": [
+            colour_profiles.describe_foreign(profile, names[0] + (f" and {len(names) - 1} more" if names[1:] else ""))
+            for profile, names in profiles.items()
+        ],
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),
         "timings_ms": clock.timings_ms(),

@@ -115,3 +115,13 @@ BAD_INPUTS = {
 def contains_all(line, parts):
     """Whether `line` contains each of `parts`, in which `|` separates alternatives."""
     return all(any(option in line for option in part.split("|")) for part in parts)
+
+
+def make_profile(name: str, *, is_v4: bool = False, before: int = 0) -> bytes:
+    """A colour profile that holds its name alone, after as many bytes as `before`."""
+    if is_v4:
+        text = name.encode("utf-16-be")
+        tag = b"mluc" + struct.pack(">IIIHHII", 0, 1, 12, 0x656E, 0x5553, len(text), 28) + text
+    else:
+        tag = b"desc" + struct.pack(">II", 0, len(name) + 1) + name.encode("latin-1") + b"\0"
+    return bytes(128) + struct.pack(">I4sII", 1, b"desc", 144 + before, len(tag)) + bytes(before) + tag

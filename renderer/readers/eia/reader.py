@@ -19,6 +19,7 @@ from ciir.renderer.readers.eia.advice import (
 )
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import TEXT
+from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.registry import find_by_signature
 
 if TYPE_CHECKING:
@@ -38,12 +39,13 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open.
 
     The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
-    `layout.restores_jpeg`.
+    `layout.restores_jpeg`. Another note names a colour profile that is not sRGB.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
     layout = complete_layout(layout, data, picture.shape[:2])
     is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
-    return read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
+    found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
+    return replace(found, notes=(*found.notes, *note_profile(data, name)))
 
 
 def complete_layout(layout: Layout, data: bytes, size: Pair) -> Layout:

@@ -14,6 +14,7 @@ from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import DepthSense
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
@@ -81,7 +82,8 @@ def read(
         grid, light_field = grids[0], found[0]
     else:
         grid, light_field = _select_by_pictures(grids, found, name, has_shape=layout.pixels is not None)
-    return _note_shape(_settle_order(light_field, grid, layout, is_own=own is not None), layout)
+    settled = _note_shape(_settle_order(light_field, grid, layout, is_own=own is not None), layout)
+    return replace(settled, notes=(*settled.notes, *note_profile(files[settled.some], clean_text(settled.some))))
 
 
 def _note_shape(views: ViewFiles, layout: Layout) -> ViewFiles:

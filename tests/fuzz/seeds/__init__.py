@@ -21,7 +21,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.pictures.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
 from ciir.service.pipeline.options import NAMES
-from tests.support.inputs import make_zip
+from tests.support.inputs import make_profile, make_zip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -81,7 +81,7 @@ def png() -> list[bytes]:
         saved(rgb.convert("P"), "PNG", transparency=3),
         saved(rgb.convert("1"), "PNG"),
         saved(rgb, "PNG", transparency=(1, 2, 3)),
-        saved(rgb, "PNG", exif=turned_exif()),
+        saved(rgb, "PNG", exif=turned_exif(), icc_profile=make_profile("P3")),
     ]
 
 
@@ -92,7 +92,7 @@ def jpegs() -> list[bytes]:
         encode_jpeg(noise(16, 16, 1)[..., 0]),
         encode_jpeg(noise(16, 16, 3)),
         saved(rgb, "JPEG", progressive=True, subsampling=2),
-        saved(rgb, "JPEG", exif=turned_exif()),
+        saved(rgb, "JPEG", exif=turned_exif(), icc_profile=make_profile("P3")),
     ]
 
 
@@ -100,7 +100,7 @@ def webps() -> list[bytes]:
     """With and without loss, with alpha, and with an orientation."""
     rgb, rgba = (Image.fromarray(noise(16, 16, channels)) for channels in (3, 4))
     plain = [saved(rgb, "WEBP"), saved(rgb, "WEBP", lossless=True), saved(rgba, "WEBP")]
-    return [*plain, saved(rgb, "WEBP", exif=turned_exif())]
+    return [*plain, saved(rgb, "WEBP", exif=turned_exif(), icc_profile=make_profile("P3"))]
 
 
 def tiffs() -> list[bytes]:

@@ -1,12 +1,15 @@
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.pictures import output_names, upscale_files
-from tests.support.inputs import EIA, make_picture
+from tests.support.inputs import EIA, make_picture, make_profile
 
 
 def run(files, model="bicubic", scale=2):
@@ -58,3 +61,11 @@ def test_errors_name_the_file():
         run({"a.png": good}, model="paper", scale=3)
     with pytest.raises(InvalidOption, match="none"):
         run({"a.png": good}, model="none")
+
+
+def test_colour_profiles_that_are_not_srgb_are_noted_once_each():
+    file = io.BytesIO()
+    Image.fromarray(make_picture(5, 7)).save(file, "PNG", icc_profile=make_profile("Adobe RGB (1998)"))
+    _, report = run({"a.png": file.getvalue(), "b.png": encode(EIA, ".png"), "c.png": file.getvalue()})
+    profile = "the colour profile (Adobe RGB (1998)) is not sRGB and is left out"
+    assert report["notes"] == [f"a.png and 1 more: {profile}; convert to sRGB first to keep colours"]

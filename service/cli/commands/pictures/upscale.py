@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> None:
         if not names:
             raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF, JPEG or WebP files")
         report = _folder(upscale, output_names(names), path)
-        report["notes"] = [f"not a picture in this folder, skipped: {name}" for name in others]
+        report["notes"] += [f"not a picture in this folder, skipped: {name}" for name in others]
     elif output_path.names_file(args.out, SUFFIXES, what="a picture"):
         report = _single(upscale, bundle.main, path)
     else:
