@@ -20,7 +20,7 @@ from ciir.service.pipeline.source import SCENE
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-FIELDS = ("path", "name", "stem", "number")
+FIELDS = ("path", "name", "stem", "suffix", "number")
 """What may stand in braces in the pattern of names."""
 MINIMUM_SET = 2
 """Fewest rows and columns of views by which a folder of pictures is taken for one light field."""
@@ -117,7 +117,8 @@ def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frame
     """A task for each input. `pattern` gives the name of its output, with `FIELDS` in braces.
 
     `path`: of the input in the folder or glob that it was found by, without its suffix; `name`: the file's, with its
-    suffix; `stem`: without; `number`: its place among all, 0001 for the first. `is_file`: the suffix of `pattern` is a
+    suffix; `stem`: without; `suffix`: that alone, as in `png`; `number`: its place among all, 0001 for the first, so
+    that another input may change it. `is_file`: the suffix of `pattern` is a
     format's. `all_frames`: the frames of videos are elemental image arrays; their output is a video of the same kind,
     unless the pattern has a suffix, or `/` at its end.
 
@@ -128,10 +129,8 @@ def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frame
     tasks: dict[str, Task] = {}
     digits = max(4, len(str(len(found))))
     for number, each in enumerate(found, 1):
-        path = PurePosixPath(each.path)
-        bare = path if each.is_folder else path.with_suffix("")
-        out = pattern.format(path=bare, name=path.name, stem=bare.name, number=f"{number:0{digits}}")
-        kind = SUFFIXES.get(path.suffix.lower())
+        out = _fill(pattern, each, f"{number:0{digits}}")
+        kind = SUFFIXES.get(PurePosixPath(each.path).suffix.lower())
         is_video = all_frames and not each.is_folder and kind is not None and kind.name in VIDEO_SUFFIXES
         gets_suffix = is_video and not is_file and not pattern.endswith("/")
         if kind is not None and gets_suffix:
@@ -141,11 +140,28 @@ def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frame
             raise InvalidOption(f"--name: {clean_text(out)} leads out of the folder or is hidden; give another pattern")
         if out in tasks:
             raise InvalidOption(
-                f"{each.source}: its output would have the name of that of {tasks[out].source}, {out}; give --name "
-                "with {name} or {number} in it"
+                f"{each.source}: its output would have the name of that of {tasks[out].source}, {out}; "
+                f"{_advise_name(found, PurePosixPath(pattern).suffix if is_file else '')}"
             )
         tasks[out] = Task(each.source, out, is_file=is_file or gets_suffix, is_video=is_video)
     return list(tasks.values())
+
+
+def _fill(pattern: str, each: Found, number: str) -> str:
+    path = PurePosixPath(each.path)
+    bare, suffix = (path, "") if each.is_folder else (path.with_suffix(""), path.suffix.removeprefix("."))
+    return pattern.format(path=bare, name=path.name, stem=bare.name, suffix=suffix, number=number)
+
+
+def _advise_name(found: Sequence[Found], suffix: str) -> str:
+    """A pattern, with the suffix of files, that gives each input another name."""
+    pattern = f"{{path}}_{{suffix}}{suffix}"
+    if len({_fill(pattern, each, "") for each in found}) == len(found):
+        return f"give --name '{pattern}'"
+    return (
+        "give a folder that holds both, as its {path} then differs, or --name with {number} in it, which changes where "
+        "inputs are added"
+    )
 
 
 VIDEO_SUFFIXES = dict(zip(VIDEOS, (".mp4", ".webm", ".gif"), strict=True))

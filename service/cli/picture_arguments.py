@@ -94,8 +94,8 @@ def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--name",
         default="{path}",
         metavar="PATTERN",
-        help="name of each output, with {path}, {name}, {stem} or {number} of its input in it: a folder, or as the "
-        "suffix asks for, such as '{path}.png' (default {path}; of a video a video)",
+        help="name of each output, with {path}, {name}, {stem}, {suffix} or {number} of its input in it: a folder, or "
+        "as the suffix asks for, such as '{path}.png' (default {path}; of a video a video)",
     )
     command.add_argument(
         "--sets", action="store_true", help="a folder is one input: a set of views, or a mesh and its textures"

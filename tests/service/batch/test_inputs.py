@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("fsspec")
 
 from ciir.errors import InvalidOption
-from ciir.service.batch.inputs import find_inputs, make_tasks
+from ciir.service.batch.inputs import Found, find_inputs, make_tasks
 
 
 @pytest.fixture
@@ -41,6 +41,27 @@ def test_globs_and_files(folder):
         "0001_b.glb.zip",
         "0002_vase.zip",
     ]
+
+
+@pytest.mark.parametrize("pattern", ["{path}", "{stem}", "{stem}.zip"])
+def test_inputs_that_differ_in_their_suffix(folder, pattern):
+    """The advice is taken, and a later input changes no name."""
+    (folder / "a.jpg").touch()
+    with pytest.raises(InvalidOption, match="would have the name of that of") as refused:
+        name_outputs(find(folder), pattern)
+    advised = str(refused.value).rpartition("give --name ")[2].strip("'")
+    end = ".zip" if "zip" in pattern else ""
+    assert advised == f"{{path}}_{{suffix}}{end}"
+    names = [f"{name}{end}" for name in ("a_jpg", "a_png", "b_glb", "below/a_png", "film_mp4")]
+    assert name_outputs(find(folder), advised) == names
+    (folder / "Z.PNG").touch()
+    assert name_outputs(find(folder), advised) == [f"Z_PNG{end}", *names]
+
+
+def test_inputs_of_one_name_from_two_folders(folder):
+    with pytest.raises(InvalidOption, match=r"give a folder that holds both, .*\{path\}.*or --name with \{number\}"):
+        name_outputs(find(folder / "a.png", folder / "below" / "a.png"), "{name}")
+    assert name_outputs([Found("/x", "x", is_folder=True)], "{stem}{suffix}") == ["x"]
 
 
 def test_names_with_characters_of_globs_are_files(folder):
