@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.levels import advise_levels
 from ciir.renderer.views import center_view, flip_axes
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ class LightField:
     """All views of a lens array, `L[v, u, y, x, c]`. Raises `InvalidOption` where `views` is no such array."""
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
-    """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
+    """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+    In another byte order than the machine's they are copied to its own."""
 
     notes: tuple[str, ...] = ()
     """Notes on how it was read or rendered, one line each."""
@@ -64,10 +66,13 @@ class LightField:
     """Of a raw lenslet picture: its pixels from lens to lens."""
 
     def __post_init__(self) -> None:
-        views = self.views
+        views: Any = self.views
+        if isinstance(views, np.ndarray) and not views.dtype.isnative:
+            views = views.astype(views.dtype.newbyteorder("="))
+            object.__setattr__(self, "views", views)
         if not isinstance(views, np.ndarray) or views.dtype not in (np.uint8, np.uint16):
             kind = views.dtype.name if isinstance(views, np.ndarray) else type(views).__name__
-            raise InvalidOption(f"views: {kind} is not taken; give uint8 or uint16, as in {_advise_levels(views)}")
+            raise InvalidOption(f"views: {kind} is not taken; give uint8 or uint16, as in {advise_levels(views)}")
         if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
             raise InvalidOption(
                 f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
@@ -303,12 +308,6 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
-
-
-def _advise_levels(views: Any) -> str:
-    """How to make 8 or 16 bits of `views`, by their largest number: up to 1 it is a share of white, above a level."""
-    most = views.max() if isinstance(views, np.ndarray) and views.dtype.kind in "iuf" and views.size else 1
-    return f"{'views' if most > 1 else '(255 * views)'}.round().astype('{'u2' if most > 255 else 'u1'}')"
 
 
 def _round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:

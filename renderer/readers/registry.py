@@ -197,6 +197,8 @@ _PLACEHOLDERS = (
 )
 """What may be stored in place of a file, and the message."""
 
+_USER_BLOCKS = tuple(512 * 2**n for n in range(12))
+"""Sizes of what may stand before HDF5 (HDF5 File Format Specification 3.0, II.A)."""
 _BOM = b"\xef\xbb\xbf"
 _STL_HEADER = 84  # 80 bytes of free text, then the number of triangles as uint32
 _STL_TRIANGLE = 50
@@ -263,7 +265,7 @@ def identify(name: str, data: bytes) -> Format:
 
 
 def _recognise(data: bytes, by_name: Format | None) -> Format | None:
-    signed = find_by_signature(data)
+    signed = find_by_signature(data) or find_by_signature(_find_hdf5(data))
     if signed:
         return by_name if by_name in signed else signed[0]
     if _is_text(data):
@@ -274,6 +276,12 @@ def _recognise(data: bytes, by_name: Format | None) -> Format | None:
     # A binary STL has no signature, and one that is cut short not even its size: its reader reports that.
     size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
     return STL if by_name is STL or (len(data) >= _STL_HEADER and len(data) == size) else None
+
+
+def _find_hdf5(data: bytes) -> bytes:
+    """The start of HDF5 behind a user block, of 512 bytes or a power of two more of any content; "" where none is."""
+    at = next((at for at in _USER_BLOCKS if data.startswith(HDF5, at)), None)
+    return b"" if at is None else data[at : at + len(HDF5)]
 
 
 def _is_text(data: bytes) -> bool:

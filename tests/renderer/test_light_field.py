@@ -73,13 +73,28 @@ def test_refocusing_keeps_the_type_of_the_pixels() -> None:
     assert light_field.disparity().disparity.shape == (20, 24)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_any_byte_order_is_taken(order: str) -> None:
+    views = np.arange(2 * 2 * 4 * 4 * 3, dtype=f"{order}u2").reshape(2, 2, 4, 4, 3)
+    found = LightField(views)
+    assert found.dtype.isnative
+    assert np.array_equal(found.views, views)
+    with pytest.raises(InvalidOption, match="float32 is not taken"):
+        LightField(views.astype(f"{order}f4"))
+
+
 @pytest.mark.parametrize(
     ("most", "kind", "advice"),
     [
         (1, float, "(255 * views).round().astype('u1')"),
+        (1.004, float, "in (255 * views.clip(0, 1)).round().astype('u1')"),
+        (2, float, "in (255 * views.clip(0, 1)).round().astype('u1')"),
         (255, float, "in views.round().astype('u1')"),
+        (255.8, np.float32, "in views.clip(0, 255).round().astype('u1')"),
+        (300, np.int64, "in views.round().astype('u2')"),
         (255, np.int64, "in views.round().astype('u1')"),
         (65535, float, "in views.round().astype('u2')"),
+        (70000, float, "in views.clip(0, 65535).round().astype('u2')"),
         (np.nan, float, "(255 * views).round().astype('u1')"),
     ],
 )
