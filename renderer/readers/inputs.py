@@ -99,7 +99,9 @@ def open_input(
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
     if isinstance(format_, MeshFormat):
-        return meshes.read(replace(bundle, main=key), format_, placement, pose)
+        is_alone = bundle.main is not None or not format_.is_one_file
+        beside = () if is_alone else sorted(filter(is_picture, bundle.files))
+        return meshes.read(replace(bundle, main=key), format_, placement, pose, beside)
     return _note_left_out(_read_file(bundle, _refine(format_, key, bundle, layout), key, layout), bundle, key)
 
 

@@ -85,6 +85,8 @@ class MeshFormat(Format):
 
     is_posed: bool = False
     """Whether its reader takes a `MeshPose`, as `pose`, and returns the surfaces and a `Lens` or None."""
+    is_one_file: bool = False
+    """Whether its files usually hold their textures or have none, so that pictures beside one are something else."""
 
     folder = "readers.meshes"
 
@@ -106,6 +108,7 @@ STL = MeshFormat(
     suffixes=(".stl",),
     text=re.compile(rb"\A(?i:solid).*?facet", re.DOTALL),
     reader="trimesh_formats:read_stl",
+    is_one_file=True,
 )
 LYTRO = PictureFormat(
     name="Lytro", suffixes=(".lfr", ".lfp"), signatures=(b"\x89LFP\r\n\x1a\n",), reader="lytro.picture:decode"
@@ -114,7 +117,9 @@ LYTRO_RAW = PictureFormat(name="Lytro RAW", suffixes=(".raw",), reader="lytro.pi
 LYTRO_RAW_SIZES = (51_854_880, 16_137_600)
 """Bytes of an Illum's and of an F01's `.raw` files, which have no signature."""
 FORMATS: tuple[Format, ...] = (
-    MeshFormat(name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read", is_posed=True),
+    MeshFormat(
+        name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read", is_posed=True, is_one_file=True
+    ),
     MeshFormat(
         name="GLTF",
         suffixes=(".gltf",),
@@ -122,7 +127,7 @@ FORMATS: tuple[Format, ...] = (
         reader="gltf.scene:read",
         is_posed=True,
     ),
-    MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read"),
+    MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read", is_one_file=True),
     STL,
     # The first word of the first line that is no comment.
     MeshFormat(
@@ -130,6 +135,7 @@ FORMATS: tuple[Format, ...] = (
         suffixes=(".off",),
         text=re.compile(rb"\A(?:\s*+(?:#[^\n]*+\n)?+)*+C?OFF\b"),
         reader="trimesh_formats:read_off",
+        is_one_file=True,
     ),
     MeshFormat(
         name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"

@@ -15,16 +15,25 @@ from ciir.renderer.readers.registry import MeshFormat
 from ciir.renderer.surface import assemble_scene
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.registry import Format
     from ciir.renderer.scene import Scene
 
 
-def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose: MeshPose = AS_STORED) -> Scene:
+def read(
+    bundle: Bundle,
+    format_: Format,
+    placement: Placement = AS_GIVEN,
+    pose: MeshPose = AS_STORED,
+    beside: Sequence[str] = (),
+) -> Scene:
     """The mesh `bundle.main`, checked, and lit as it will be placed. Its textures are looked up in the bundle by name.
 
-    The scene's notes list what was left out or replaced, such as a missing texture or triangles without area.
+    The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and which
+    of the pictures `beside` it doesn't use.
 
     Raises `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` (also for whatever a parser raises),
     `UnsupportedType`, `TooLarge` (also where memory runs out) or `InvalidGeometry`.
@@ -54,6 +63,11 @@ def read(bundle: Bundle, format_: Format, placement: Placement = AS_GIVEN, pose:
     except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
+    if unused := [key for key in beside if key not in resolver.used]:
+        more = f" and {len(unused) - 1} more" if unused[1:] else ""
+        resolver.add_note(
+            f"{clean_text(unused[0])}{more} left out: the mesh {clean_text(bundle.main)} names no such file"
+        )
     try:
         scene = assemble_scene(
             surfaces,

@@ -31,10 +31,12 @@ class Resolver:
     """Finds files by the names in a mesh, relative to the folder of the mesh's own file `main`.
 
     A file that is missing or outside the bundle is None with a line in `notes`, never an error.
+    `used` has the keys of those that were found.
     """
 
     def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> None:
         self._notes: dict[str, None] = {}
+        self.used: set[str] = set()
         self._files = files
         self._folder = posixpath.dirname(main)
         self._max_pixels = self._pixels_left = max_pixels
@@ -58,10 +60,12 @@ class Resolver:
         # Exporters write paths of their own machine; the file itself lies beside the mesh.
         for candidate in (resolve_key(name, self._folder), resolve_key(posixpath.basename(name), self._folder)):
             if candidate is not None and candidate in self._files:
+                self.used.add(candidate)
                 return self._files[candidate]
         if (key := self._find_elsewhere(posixpath.basename(name))) is None:
             return None
         self.add_note(f"{clean_text(name)} is not there; {clean_text(key)} is used, the only file of that name")
+        self.used.add(key)
         return self._files[key]
 
     def _find_elsewhere(self, own: str) -> str | None:

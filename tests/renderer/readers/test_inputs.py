@@ -15,17 +15,45 @@ from ciir.renderer.readers.registry import SUFFIXES, Format
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
 from tests.renderer.readers.containers.test_video import make as make_video
-from tests.support.inputs import make_zip
+from tests.support.inputs import CUBE, make_zip
 from tests.support.light_fields import make_views
+from tests.support.meshes.gltf import Model
 from tests.support.paths import ROOT, SHARED
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+PLY = (
+    "ply\nformat ascii 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "property float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+)
 EIA = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
 PNG = encode_png(EIA)
 
 
 def read(files: dict[str, bytes], main: str | None = None, **options: object) -> Scene | LightField:
     return inputs.read(Bundle(main or "set", main, files), Layout(**options))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["m.off", "m.glb", "m.ply", "m.stl"])
+def test_pictures_that_a_mesh_in_one_file_does_not_use_are_noted(name: str) -> None:
+    meshes = {
+        "m.off": CUBE,
+        "m.glb": Model().glb(),
+        "m.ply": PLY.format("").encode(),
+        "m.stl": b"solid\nfacet normal 0 0 1\nouter loop\n%sendloop\nendfacet\nendsolid\n"
+        % b"vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n",
+    }
+    mesh, pictures = meshes[name], {"eia.jpg": PNG} if name == "m.ply" else {"eia.jpg": PNG, "photo.jpg": PNG}
+    more = "" if name == "m.ply" else " and 1 more"
+    note = f"eia.jpg{more} left out: the mesh {name} names no such file"
+    assert note in read({name: mesh, **pictures, "notes.txt": b""}).notes
+    assert not any("left out" in note for note in read({name: mesh, **pictures}, name).notes)  # a file beside others
+
+
+def test_a_texture_is_no_picture_that_is_left_out() -> None:
+    textured = PLY.format("comment TextureFile Eia.PNG\n").encode()
+    assert not any("left out" in note for note in read({"m.ply": textured, "eia.png": PNG}).notes)
+    assert not any("left out" in note for note in read({"m.obj": OBJ, "eia.png": PNG}).notes)
 
 
 @pytest.mark.parametrize("options", [{"lenses": (3, 2)}, {"pixels": (2, 4)}, {"lenses": (3, 2), "pixels": (2, 4)}])
