@@ -36,6 +36,11 @@
 from __future__ import annotations
 
 
+def advise_extra(extra: str) -> str:
+    """For messages: how to install an extra of pyproject.toml. `ciir` is on no package index, but in a folder."""
+    return f"pip install '.[{extra}]' in the folder of ciir's source code"
+
+
 class Error(Exception):
     """The root of all errors of `ciir`; `str()` is one line with what was given, the limit and the remedy."""
 

@@ -93,7 +93,7 @@ class Settings(BaseSettings):
     queue_file: Path | None = None
     """File that holds `CIIR_QUEUE`, for an address with a password."""
     files: str = ""
-    """Folder for inputs and results, or s3://BUCKET/PATH (`ciir[s3]`; the image has it); default: `files` in
+    """Folder for inputs and results, or s3://BUCKET/PATH (extra `[s3]`; the image has it); default: `files` in
     `CIIR_FOLDER`. Machines that share a queue must share this too."""
 
     # Parallel work and time limits

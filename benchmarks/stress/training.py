@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.errors import advise_extra
 from ciir.renderer.scenes.modelling import sample_noise, to_rgba
 from ciir.renderer.writers.pictures import encode
 from ciir.training import recipe as recipes
@@ -46,7 +47,7 @@ LAYERS = 16
 def _skipped(what: str) -> Iterator[Skipped]:
     """One where torch is not installed."""
     if find_spec("torch") is None:
-        yield Skipped(what, "needs torch: pip install 'ciir[training]'")
+        yield Skipped(what, f"needs torch: {advise_extra('training')}")
 
 
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:

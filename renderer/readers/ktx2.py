@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, cast
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import Unreadable, UnsupportedType, advise_extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,8 +26,8 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         import opengl_basisu
     except ImportError as error:
         raise UnsupportedType(
-            f"{name}: a KTX2 texture, and opengl-basisu is not installed; run pip install 'ciir[basisu]', or save it "
-            "as PNG, JPEG or WebP"
+            f"{name}: a KTX2 texture, and opengl-basisu is not installed; run {advise_extra('basisu')}, or save "
+            "it as PNG, JPEG or WebP"
         ) from error
     texture = opengl_basisu.open(data)
     height, width = texture.height, texture.width

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.errors import InvalidOption, TooLarge, Unreadable, advise_extra
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.service.pipeline.limits import read_limits
@@ -36,7 +36,7 @@ def open_filesystem(text: str) -> tuple[Any, str]:
     try:
         filesystem, path = fsspec.core.url_to_fs(text, use_listings_cache=False)
     except ImportError as error:
-        extra = "; run pip install 'ciir[s3]'" if text.startswith("s3:") else ""
+        extra = f"; run {advise_extra('s3')}" if text.startswith("s3:") else ""
         raise InvalidOption(f"{text}: the package that reads such URLs is not installed ({error}){extra}") from error
     except ValueError as error:
         raise InvalidOption(f"{text}: no such kind of URL ({error}); give a path, or a URL such as s3://") from error

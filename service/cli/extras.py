@@ -6,7 +6,7 @@ import importlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, advise_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,22 +24,20 @@ EXTRAS = {
 OF_PACKAGES = {"redis": "redis", "skimage": "bench", "torch": "training", "onnx": "training"}
 """Package -> the smallest extra that brings it, where that is not the command's."""
 
-USED_LATE = {"bench": "matplotlib"}
-"""Command -> a package that it first uses after minutes of work."""
+USED_LATE = {"bench": ("matplotlib", "skimage"), "evaluate": ("skimage",), "train": ("skimage",)}
+"""Command -> packages that it first uses after seconds or minutes of work."""
 
 
 @contextmanager
 def require_extra(command: str) -> Iterator[None]:
     """Raises `InvalidOption` with the remedy where the block imports a package that is not installed."""
     try:
-        if command in USED_LATE:
-            importlib.import_module(USED_LATE[command])
+        for package in USED_LATE.get(command, ()):
+            importlib.import_module(package)
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "ciir").partition(".")[0]
         if command not in EXTRAS or package == "ciir":
             raise
         extra = OF_PACKAGES.get(package, EXTRAS[command])
-        raise InvalidOption(
-            f"{command}: the package {package} is not installed; run pip install 'ciir[{extra}]'"
-        ) from error
+        raise InvalidOption(f"{command}: the package {package} is not installed; run {advise_extra(extra)}") from error

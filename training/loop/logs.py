@@ -7,6 +7,7 @@ import io
 import sys
 from typing import TYPE_CHECKING
 
+from ciir.errors import advise_extra
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.training.loop import plot
 
@@ -116,4 +117,4 @@ def _open_events(folder: Path, step: int) -> SummaryWriter | None:
 
 
 def _note_missing(error: ModuleNotFoundError, file: str) -> None:
-    print(f"note: no {file}: the package {error.name} is not installed (pip install 'ciir[training]')", file=sys.stderr)
+    print(f"note: no {file}: the package {error.name} is not installed ({advise_extra('training')})", file=sys.stderr)

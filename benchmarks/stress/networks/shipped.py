@@ -9,6 +9,7 @@ import numpy as np
 
 from ciir.benchmarks.stress.case import Found, Skipped
 from ciir.cores import count_available_cores
+from ciir.errors import advise_extra
 from ciir.models import cards, catalogue
 from ciir.models.sessions import open_session
 
@@ -84,7 +85,7 @@ def load_reference(name: str) -> Callable[[Values], Values]:
 def require_onnx(what: str) -> Iterator[Skipped]:
     """A `Skipped` where the ONNX package is not installed; nothing where it is."""
     if find_spec("onnx") is None:
-        yield Skipped(what, "needs onnx: pip install 'ciir[training]'")
+        yield Skipped(what, f"needs onnx: {advise_extra('training')}")
 
 
 def split_batch(images: Values) -> Iterator[Values]:

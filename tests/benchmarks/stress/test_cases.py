@@ -83,7 +83,7 @@ def test_without_onnx_cases_are_skipped(monkeypatch):
     for case in (signals.against_reference, signals.outside_the_range, sizes.against_reference, *layers.CASES):
         (skipped,) = case(QUICK)
         assert isinstance(skipped, Skipped)
-        assert "pip install 'ciir[training]'" in skipped.why
+        assert "pip install '.[training]'" in skipped.why
 
 
 def test_int8_that_is_not_its_twin_breaks(monkeypatch):

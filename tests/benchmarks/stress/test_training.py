@@ -31,7 +31,7 @@ def test_without_torch_it_is_skipped(monkeypatch):
     for case in training.CASES:
         (only,) = case(QUICK)
         assert isinstance(only, Skipped)
-        assert only.why == "needs torch: pip install 'ciir[training]'"
+        assert only.why == "needs torch: pip install '.[training]' in the folder of ciir's source code"
 
 
 def test_an_explosion_is_noticed_with_its_message(monkeypatch):

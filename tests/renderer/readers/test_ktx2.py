@@ -38,5 +38,5 @@ def test_truncated_at_any_place() -> None:
 
 def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "opengl_basisu", None)
-    with pytest.raises(UnsupportedType, match=r"a KTX2 texture.*pip install 'ciir\[basisu\]', or save it as PNG"):
+    with pytest.raises(UnsupportedType, match=r"a KTX2 texture.*pip install '\.\[basisu\]' .*, or save it as PNG"):
         pictures.decode(UASTC, name="a")

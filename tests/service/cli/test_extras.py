@@ -12,7 +12,7 @@ from ciir.service.cli.main import main
 
 @pytest.mark.parametrize("command", EXTRAS)
 def test_a_missing_package_names_the_extra(command):
-    remedy = rf"{command}: the package absent .*'ciir\[{EXTRAS[command]}\]'"
+    remedy = rf"{command}: the package absent .*'\.\[{EXTRAS[command]}\]'"
     with pytest.raises(InvalidOption, match=remedy), require_extra(command):
         import absent.part  # noqa: F401
 
@@ -29,12 +29,22 @@ def test_serve_in_the_core_alone(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pydantic_settings", None)
     assert main(["serve"]) == 2
     assert capsys.readouterr().err == (
-        "ciir: serve: the package pydantic_settings is not installed; run pip install 'ciir[service]'\n"
+        "ciir: serve: the package pydantic_settings is not installed; run pip install '.[service]' in the folder of "
+        "ciir's source code\n"
     )
+
+
+@pytest.mark.parametrize("argv", [["evaluate", "fast", "absent"], ["train", "absent.toml", "-o", "out"]])
+def test_scikit_image_is_looked_for_before_any_work(monkeypatch, capsys, argv):
+    """It was missed after a network had upscaled the first picture."""
+    monkeypatch.setitem(sys.modules, "skimage", None)
+    monkeypatch.setattr("ciir.service.cli.commands.training.run", pytest.fail)
+    assert main(argv) == 2
+    assert "the package skimage is not installed; run pip install '.[bench]' in the folder" in capsys.readouterr().err
 
 
 def test_bench_looks_for_matplotlib_before_its_work(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["bench", "-o", str(tmp_path / "out")]) == 2
-    assert "pip install 'ciir[bench]'" in capsys.readouterr().err
+    assert "pip install '.[bench]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

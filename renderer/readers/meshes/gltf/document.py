@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import TooLarge, Unreadable, UnsupportedType, advise_extra
 from ciir.renderer.readers.meshes.gltf import meshopt
 from ciir.renderer.readers.names import clean_text
 
@@ -183,7 +183,7 @@ def _check_extension(extension: str, name: str, resolver: Resolver, *, is_requir
     if extension in DECODED:
         if extension == "KHR_texture_basisu" and is_required and find_spec("opengl_basisu") is None:
             raise UnsupportedType(
-                f"{name}: requires {extension}, which opengl-basisu decodes; run pip install 'ciir[basisu]', or "
+                f"{name}: requires {extension}, which opengl-basisu decodes; run {advise_extra('basisu')}, or "
                 "export it with PNG, JPEG or WebP textures"
             )
         return

@@ -144,4 +144,4 @@ def test_training_without_torch_names_the_remedy(tmp_path, command):
     given = {"train": ROOT / "training" / "recipes" / "fast.toml", "export": tmp_path / "c.pt"}[command]
     done = run_python("-c", WITHOUT_TORCH, command, given, "-o", tmp_path / "out")
     assert (done.returncode, done.stdout) == (2, "")
-    assert "pip install 'ciir[training]'" in done.stderr
+    assert "pip install '.[training]'" in done.stderr
