@@ -7,7 +7,7 @@ from ciir.renderer.focus.disparity import _find_moved, estimate_disparity
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.view_set import reader as view_set
-from tests.support.layers import draw_layers
+from tests.support.light_fields import draw_layers
 from tests.support.paths import SHARED
 
 CAPTURED = SHARED / "data/lightfields"

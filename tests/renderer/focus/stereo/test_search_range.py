@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.focus.stereo.search_range import find_limits, find_reach, find_usual_range
-from tests.support.layers import draw_layers
+from tests.support.light_fields import draw_layers
 
 
 @pytest.mark.parametrize("layers", [(-6, -3), (-4, -1), (3, -6), (0, 0), (2, -2), (6, 3)])
