@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-from contextlib import suppress
 from importlib import import_module
 
 from ciir.renderer.readers.names import clean_text
@@ -14,6 +13,8 @@ _SRGB = re.compile(r"srgb|\Ac2(ci)?\Z", re.IGNORECASE)
 """In the names of profiles that are sRGB: c2 is a small one that web sites use."""
 _LINEAR = re.compile(r"linear|g10", re.IGNORECASE)
 _MAX_TAGS = 100
+CORRUPT = "corrupt"
+"""In place of the name of a profile that can't be read."""
 
 
 def note_profile(data: bytes, what: str) -> tuple[str, ...]:
@@ -28,16 +29,19 @@ def describe_foreign(profile: str, what: str) -> str:
 
 
 def name_foreign_profile(data: bytes) -> str | None:
-    """The name of the colour profile in a picture file; None where there is none, or where it is sRGB or corrupt."""
+    """The name of the colour profile in a picture file, `CORRUPT` where it can't be read; None where there is none, or
+    where it is sRGB.
+    """
     entry = find_format(data)
     if entry is None:
         return None
     reader = import_module(f"ciir.renderer.{entry.folder}.{entry.reader.partition(':')[0]}")
-    with suppress(Exception):  # what is corrupt raises many kinds
+    try:
         profile = reader.find_profile(data) if hasattr(reader, "find_profile") else None
         name = None if profile is None else clean_text(_read_name(profile))
-        return None if name is None or (_SRGB.search(name) and not _LINEAR.search(name)) else name
-    return None
+    except Exception:  # noqa: BLE001 - what is corrupt raises many kinds
+        return CORRUPT
+    return None if name is None or (_SRGB.search(name) and not _LINEAR.search(name)) else name
 
 
 def _read_name(profile: bytes) -> str:

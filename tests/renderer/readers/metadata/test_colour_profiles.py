@@ -9,7 +9,7 @@ from PIL import Image, ImageCms
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
-from ciir.renderer.readers.metadata.colour_profiles import name_foreign_profile
+from ciir.renderer.readers.metadata.colour_profiles import CORRUPT, name_foreign_profile
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.inputs import make_profile
 
@@ -47,19 +47,19 @@ def test_a_profile_in_several_segments() -> None:
 
 def test_of_a_profile_that_swells_only_the_start_is_read() -> None:
     assert name_foreign_profile(save("PNG", make_profile("Wide") + bytes(1 << 22))) == "Wide"
-    assert name_foreign_profile(save("PNG", make_profile("Wide", before=1 << 22))) is None
+    assert name_foreign_profile(save("PNG", make_profile("Wide", before=1 << 22))) == CORRUPT
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_what_is_corrupt_has_no_name_and_what_is_unnamed_is_said_to_be(form: str) -> None:
+def test_what_is_corrupt_or_unnamed_is_said_to_be(form: str) -> None:
     for profile in (b"p" * 50, make_profile("Wide")[:150], make_profile("\u0416", is_v4=True)[:-1]):
-        assert name_foreign_profile(save(form, profile)) is None
+        assert name_foreign_profile(save(form, profile)) == CORRUPT
     assert name_foreign_profile(save(form, bytes(128) + struct.pack(">I", 0))) == "without a name"
     assert name_foreign_profile(save(form, make_profile("a\nb" + "c" * 200))).startswith("a?bccc")
 
 
 def test_other_files_have_no_profile() -> None:
-    assert [name_foreign_profile(data) for data in (b"", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe2")] == [None] * 3
+    assert [name_foreign_profile(data) for data in (b"", b"\x89PNG\r\n\x1a\n", b"glTF")] == [None] * 3
 
 
 def test_light_fields_have_one_note() -> None:
