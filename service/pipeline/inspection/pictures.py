@@ -49,9 +49,10 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
 
 
 def _describe_own(layout: Layout) -> Candidate:
-    """What a picture says of itself."""
-    given = {"arrangement": layout.arrangement, "pixels": layout.pixels, "pickup": layout.pickup}
-    return {"kind": layout.arrangement, "options": write_texts(given), "lenses": layout.lenses, "pixels": layout.pixels}
+    """What a picture says of itself. Options leave out what is read in the file again, such as the pickup."""
+    given = {"arrangement": "mosaic"} if layout.arrangement == "mosaic" else {}
+    options = write_texts(given | {"pixels": layout.pixels})
+    return {"kind": layout.arrangement, "options": options, "lenses": layout.lenses, "pixels": layout.pixels}
 
 
 def _find_candidates(given: Input, key: str, picture: Pixels, options: Options) -> list[Candidate]:

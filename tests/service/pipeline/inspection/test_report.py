@@ -54,11 +54,14 @@ def test_the_elemental_images_of_a_scene_are_found_and_read_so(vase):
     assert (given["kind"], given["light_field"]) == ("eia", expected)
 
 
-def test_a_picture_that_we_wrote_says_what_it_is(tmp_path, vase):
-    vase.save(tmp_path / "a.png", "eia")
-    found = look("a.png", (tmp_path / "a.png").read_bytes())
-    options = {"arrangement": "eia", "pixels": "9x9", "pickup": "virtual"}
-    assert found["candidates"] == [{"kind": "eia", "options": options, "lenses": (40, 50), "pixels": (9, 9)}]
+@pytest.mark.parametrize("kind", ["eia", "mosaic"])
+def test_a_picture_that_we_wrote_says_what_it_is(tmp_path, vase, kind):
+    vase.save(tmp_path / "a.png", kind)
+    data = (tmp_path / "a.png").read_bytes()
+    found = look("a.png", data)
+    options = {"pixels": "9x9"} | ({"arrangement": "mosaic"} if kind == "mosaic" else {})
+    assert found["candidates"] == [{"kind": kind, "options": options, "lenses": (40, 50), "pixels": (9, 9)}]
+    assert look("a.png", data, **options)["kind"] == kind
 
 
 def test_elemental_images_of_an_even_parallax_are_found():
