@@ -20,7 +20,7 @@ from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.stereo.matching import match
 from ciir.renderer.focus.stereo.noise import estimate_noise
 from ciir.renderer.focus.stereo.refinement import CLEAN, FIRST, LAST, refine, select_views
-from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, find_limits, find_reach
+from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, ends_search, find_limits, find_reach
 from ciir.renderer.focus.stereo.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
@@ -71,7 +71,7 @@ class DisparityMap:
     depth_sense: DepthSense
     """Of the light field."""
     notes: tuple[str, ...] = ()
-    """What speaks against the map."""
+    """Where the search for a range of disparities ended, and whether nothing fits much of the view."""
 
     @property
     def hci(self) -> NDArray[np.float32]:
@@ -120,7 +120,7 @@ def _estimate(
     """As `estimate_disparity`, of views that use all bits."""
     views = light_field.views
     height, width = views.shape[2:4]
-    _check_views(views)
+    check_views(views)
     view = view or center_view(*views.shape[:2])
     light_field.view(*view)
     farthest = max(views.shape[:2]) // 2
@@ -128,7 +128,7 @@ def _estimate(
     notes: list[str] = []
     if limits is None:
         limits = find_limits(views)
-        notes += _note_reach(limits, (height, width))
+        notes += note_reach(limits, (height, width))
     else:
         _check_limits(limits, max(height, width))
     numbers = _list_planes(limits, parts)
@@ -180,14 +180,13 @@ def _estimate(
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
 
 
-def _note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
+def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
     """A note where limits that were found end where the search did."""
     reach = find_reach(size)
-    if max(-limits[0], limits[1]) < reach:
-        return []
-    return [
+    note = (
         f"disparities are looked for up to {reach:g} pixels a view, and some are as large; give limits to look further"
-    ]
+    )
+    return [note] if ends_search(limits, size) else []
 
 
 def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -220,9 +219,9 @@ def estimate_disparities(
     light_field = _raise_levels(light_field)
     notes: list[str] = []
     if limits is None:
-        _check_views(light_field.views)
+        check_views(light_field.views)
         limits = find_limits(light_field.views)
-        notes += _note_reach(limits, light_field.views.shape[2:4])
+        notes += note_reach(limits, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
         found = _estimate(light_field, view, limits)
         yield replace(found, notes=(*notes, *found.notes))
@@ -234,7 +233,8 @@ def _raise_levels(light_field: LightField) -> LightField:
     return replace(light_field, views=raise_levels(light_field.views, unused)) if unused else light_field
 
 
-def _check_views(views: NDArray[Any]) -> None:
+def check_views(views: NDArray[Any]) -> None:
+    """Raises `InvalidOption` for a single view, and for views that are too small."""
     height, width = views.shape[2:4]
     if views.shape[0] * views.shape[1] < 2:
         raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")

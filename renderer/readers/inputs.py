@@ -99,8 +99,8 @@ def open_input(
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
     if isinstance(format_, MeshFormat):
-        is_alone = bundle.main is not None or not format_.is_one_file
-        beside = () if is_alone else sorted(filter(is_picture, bundle.files))
+        holds_others = bundle.main is None and format_.is_one_file
+        beside = sorted(filter(is_picture, bundle.files)) if holds_others else ()
         return meshes.read(replace(bundle, main=key), format_, placement, pose, beside)
     return _note_left_out(_read_file(bundle, _refine(format_, key, bundle, layout), key, layout), bundle, key)
 
@@ -119,6 +119,7 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
     if (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
     shown = _name_main(bundle, key)
+    layout = eia.complete_layout(layout, bundle.files[key])
     light_field = _find_eslf(eia.read(bundle.files[key], name=shown, layout=layout, limits=bundle.limits), layout)
     return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # no EIA
 
@@ -233,6 +234,8 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
         from ciir.renderer.readers.containers import tiff_stack
 
         return TIFF_STACK if tiff_stack.is_stack(bundle.files[key]) else format_
+    if format_.name == "PNG":
+        layout = eia.complete_layout(layout, bundle.files[key])
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):
         from ciir.renderer.readers.containers import eslf
 

@@ -70,7 +70,8 @@ class Layout:
         agrees = self.pixels in (None, (v, u)) and self.lenses in (None, (rows, cols))
         if not agrees or (v * rows, u * cols) != size:
             return self
-        arrangement, pickup = cast("Arrangement", found[1]), cast("Pickup", found[6])
+        arrangement = cast("Arrangement", found[1])
+        pickup = cast("Pickup", found[6]) if self.pickup == "virtual" else self.pickup
         return replace(self, pixels=(v, u), lenses=(rows, cols), arrangement=arrangement, pickup=pickup)
 
 

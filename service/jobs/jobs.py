@@ -127,7 +127,7 @@ class Jobs:
         job = self.records.get(id_)
         if job is None or job.state not in FINAL or job.list_others(client):
             return self.lifecycle.cancel(id_, client)
-        self._expire(job.input)
+        self._expire(job.input, client)
         return job
 
     def open_result(self, id_: str) -> IO[bytes]:
@@ -244,13 +244,18 @@ class Jobs:
             self.remove_input(job.input)
             raise
 
-    def _expire(self, name: str) -> None:
-        """Removes the ended job with the input `name`: its result first, as the record needs room on the disk."""
+    def _expire(self, name: str, client: str | None = None) -> None:
+        """Removes the ended job with the input `name`, unless others than `client`, if that is given, asked for it.
+
+        Its result goes first, as the record needs room on the disk.
+        """
 
         def is_expired(job: Job) -> bool:
             return job.input == name and job.state in FINAL
 
         job = self.records.get(parse_id(name))
+        if job is not None and client is not None and job.list_others(client):
+            return
         if job is not None and is_expired(job):
             self.files.remove(RESULTS, job.output)
         self.records.remove(parse_id(name), is_expired)

@@ -98,7 +98,7 @@ class Lifecycle:
                 return None
             if others := job.list_others(client):
                 return replace(job, clients=others)
-            return None if job.state in FINAL else job.add_event(Event("cancelled"), state="cancelled")
+            return None if job.state in FINAL else job.add_event(Event("cancelled"), state="cancelled", clients=())
 
         job = self._records.update(id_, step)
         if job is None:

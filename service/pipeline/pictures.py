@@ -78,7 +78,7 @@ def upscale_files(
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name, max_pixels=limits.pixels)
-            if (profile := colour_profiles.name_foreign_profile(files[name])) is not None:
+            if (profile := colour_profiles.name_profile(files[name])) is not None:
                 profiles.setdefault(profile, []).append(name)
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
@@ -104,7 +104,7 @@ def upscale_files(
     return {
         "pictures": done,
         "notes": [
-            colour_profiles.describe_foreign(profile, names[0] + (f" and {len(names) - 1} more" if names[1:] else ""))
+            colour_profiles.describe_profile(profile, names[0] + (f" and {len(names) - 1} more" if names[1:] else ""))
             for profile, names in profiles.items()
         ],
         "model": describe_model(name_of_model, scale),

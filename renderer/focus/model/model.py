@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.focus.disparity import estimate_disparity
+from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
 from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
@@ -96,6 +96,7 @@ def make_model(
     from ciir.renderer.backends import open_backend
 
     field = light_field.with_depth_sense("lenses")
+    check_views(field.views)
     count_v, count_u, rows, cols, _ = field.shape
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
     is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
@@ -125,7 +126,8 @@ def make_model(
         beyond = FARTHER if has_background and limits else 0.0
         searched = limits or find_limits(field.views, corners=False)
         mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra)
-        notes = notes or mapped.notes
+        if limits is None:
+            notes = (*note_reach(searched, (rows, cols)), *mapped.notes)
         limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
         picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
         patch = make_patch(picture, mapped.disparity, is_used, most)

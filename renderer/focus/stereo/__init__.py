@@ -1,1 +1,1 @@
-"""Stereo matching: which disparity fits each pixel of a view, and how noise and outlines are told apart."""
+"""Stereo matching: which disparity fits each pixel of a view, in clean and in noisy views."""

@@ -27,7 +27,9 @@ COARSE_PARTS = 4
 SURE = 0.5
 """Confidence from which a pixel counts, or from the median on where that is lower."""
 EVEN = 0.5
-"""Pixels by which the disparities around a pixel differ at most where it counts: errors stand alone, surfaces don't."""
+"""Pixels by which the disparities around a pixel differ at most where it counts: those around an error differ more."""
+MARGIN = 0.08
+"""Of a range, on each side."""
 GAP = 1.0
 """Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
 
@@ -53,6 +55,12 @@ def find_reach(size: tuple[int, int]) -> float:
     """The largest disparity that is looked for in views of `size`, either way."""
     factor = _find_factor(size)
     return factor * _count_planes(max(size) // factor) / COARSE_PARTS
+
+
+def ends_search(limits: tuple[float, float], size: tuple[int, int]) -> bool:
+    """Whether `find_limits` gave these for views of `size` because the search ends there."""
+    low, high = limits
+    return max(-low, high) - MARGIN / (1 + 2 * MARGIN) * (high - low) >= find_reach(size)
 
 
 def find_usual_range(views: NDArray[Any]) -> tuple[float, float]:
@@ -108,7 +116,7 @@ def _find_ends(found: NDArray[Any]) -> tuple[float, float]:
 def _find_range(found: NDArray[Any]) -> tuple[float, float]:
     """The ends with a margin: near the border, where few views reach, the nearest is not seen."""
     low, high = _find_ends(found)
-    margin = max(0.5 / COARSE_PARTS, 0.08 * (high - low))
+    margin = max(0.5 / COARSE_PARTS, MARGIN * (high - low))
     return low - margin, high + margin
 
 

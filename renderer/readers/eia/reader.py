@@ -42,20 +42,20 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     `layout.restores_jpeg`. Another note names a colour profile that is not sRGB.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
-    layout = complete_layout(layout, data, picture.shape[:2])
+    layout = complete_layout(layout, data)
     is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
     return replace(found, notes=(*found.notes, *note_profile(data, name)))
 
 
-def complete_layout(layout: Layout, data: bytes, size: Pair) -> Layout:
-    """With the layout that the picture of `size` in `data` was written with, where `layout` leaves it open."""
+def complete_layout(layout: Layout, data: bytes) -> Layout:
+    """With the layout that the picture in `data` was written with, where `layout` leaves it open."""
     if not any(entry.name == "PNG" for entry in find_by_signature(data)):
         return layout
     from ciir.renderer.readers import png  # it imports Pillow
 
     text = png.find_text(data, TEXT)
-    return layout if text is None else layout.complete(text, size)
+    return layout if text is None else layout.complete(text, png.read_size(data))
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:

@@ -9,8 +9,8 @@ from importlib import import_module
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.picture_sizes import find_format
 
-_SRGB = re.compile(r"srgb|\Ac2(ci)?\Z", re.IGNORECASE)
-"""In the names of profiles that are sRGB: c2 is a small one that web sites use."""
+_SRGB = re.compile(r"srgb|sgr[ae]y|\Ac2(ci)?\Z", re.IGNORECASE)
+"""In the names of profiles that are sRGB, or grey with its curve: c2 is a small one that web sites use."""
 _LINEAR = re.compile(r"linear|g10", re.IGNORECASE)
 _MAX_TAGS = 100
 CORRUPT = "corrupt"
@@ -19,16 +19,16 @@ CORRUPT = "corrupt"
 
 def note_profile(data: bytes, what: str) -> tuple[str, ...]:
     """A note that `what`, the picture in `data`, has a profile that is not sRGB; none where it has no such profile."""
-    profile = name_foreign_profile(data)
-    return () if profile is None else (describe_foreign(profile, what),)
+    profile = name_profile(data)
+    return () if profile is None else (describe_profile(profile, what),)
 
 
-def describe_foreign(profile: str, what: str) -> str:
+def describe_profile(profile: str, what: str) -> str:
     """The note on a profile of that name in `what`."""
     return f"{what}: the colour profile ({profile}) is not sRGB and is left out; convert to sRGB first to keep colours"
 
 
-def name_foreign_profile(data: bytes) -> str | None:
+def name_profile(data: bytes) -> str | None:
     """The name of the colour profile in a picture file, `CORRUPT` where it can't be read; None where there is none, or
     where it is sRGB.
     """

@@ -38,7 +38,7 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
     assert bundle is not None  # noqa: S101 - the key is of its files
     data = bundle.files[key]
     picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
-    own = complete_layout(Layout(), data, picture.shape[:2])
+    own = complete_layout(Layout(), data)
     candidates = [_describe_own(own)] if own.pixels else _find_candidates(given, key, picture, options)
     return {
         "kind": candidates[0]["kind"] if candidates else "picture",

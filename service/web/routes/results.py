@@ -145,11 +145,19 @@ def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dic
 
 def _write_notes(job: Job, notes: Sequence[str]) -> str:
     """A JSON list in ASCII of the notes; of those that make it too long the last item says where they are."""
-    written = json.dumps(notes)
-    kept = len(notes)
-    while len(written) > MOST_NOTES:
-        kept -= 1
-        written = json.dumps([*notes[:kept], f"{len(notes) - kept} more in the report of {make_url(job)}"])
+    kept: list[str] = []
+    length = 0
+    for note in notes:
+        length += len(json.dumps(note))
+        if length > MOST_NOTES:
+            break
+        kept.append(note)
+    written = json.dumps(kept)
+    while len(kept) < len(notes) or len(written) > MOST_NOTES:
+        written = json.dumps([*kept, f"{len(notes) - len(kept)} more in the report of {make_url(job)}"])
+        if len(written) <= MOST_NOTES:
+            break
+        kept.pop()
     return written
 
 

@@ -78,6 +78,8 @@ def test_disparities_at_the_end_of_the_search_are_noted():
     (found,) = light_field.disparities([(2, 2)])
     assert found.notes[0] == note
     assert estimate_disparity(light_field, limits=(15, 25)).notes == ()
+    near_the_end = LightField(draw_layers(-6, 6.5, size=(60, 64)), depth_sense="cameras")
+    assert estimate_disparity(near_the_end).notes == ()
 
 
 def test_another_view_and_given_limits():

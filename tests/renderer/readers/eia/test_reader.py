@@ -55,6 +55,8 @@ def test_what_the_text_of_a_png_says_of_its_views(layout):
 def test_other_options_and_sizes_than_the_text_of_a_png_has():
     assert read_png(MOSAIC, OWN, arrangement="mosaic", pixels=(5, 7)).depth_sense == "cameras"
     assert read_png(EIA, OWN, pixels=(10, 7)).views.shape[:2] == (10, 7)
+    turned = read_png(EIA, write_text("eia", (5, 7, 60, 60)), pickup="optical")
+    assert np.array_equal(turned.eia(pickup="optical"), EIA)
     assert read_png(EIA, OWN, pixels=(5, 7), crop=(5, 0, 0, 0)).views.shape[:4] == (5, 7, 59, 60)
     for text in (write_text("eia", (5, 7, 60, 61)), "eia", "", OWN + "\n", OWN.replace("eia", "views")):
         with pytest.raises(InvalidOption, match="give the number of lenses"):
@@ -278,3 +280,11 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
 )
 def test_only_what_may_be_a_quilt_gets_a_name(view, grid, advice):
     assert advise_quilt(view, grid) == advice
+
+
+def test_the_text_of_a_png_counts_before_what_looks_like_eslf():
+    views = make_views((14, 14), side=20, disparities=(0, 0), channels=3)
+    views[[0, 0, -1, -1], [0, -1, 0, -1]] = 0
+    field = read_png(LightField(views).eia(), write_text("eia", (14, 14, 20, 20)))
+    assert np.array_equal(field.views, views)
+    assert field.depth_sense == "lenses"

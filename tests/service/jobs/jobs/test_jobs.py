@@ -158,6 +158,27 @@ def test_a_job_of_several_clients_is_cancelled_by_the_last(jobs):
     assert submit_data(jobs, client="b").clients == ("b",)
 
 
+def test_a_result_that_another_asks_for_meanwhile_is_kept(jobs, monkeypatch):
+    job = finish_job(jobs, submit_data(jobs, client="a"))
+    expire = jobs._expire
+
+    def join_first(*given):
+        submit_data(jobs, client="b")
+        expire(*given)
+
+    monkeypatch.setattr(jobs, "_expire", join_first)
+    jobs.cancel(job.id, "a")
+    monkeypatch.undo()
+    assert jobs.stores_result(jobs.get(job.id))
+
+
+def test_anyone_removes_a_cancelled_job(jobs):
+    job = submit_data(jobs, client="a")
+    assert jobs.cancel(job.id, "a").clients == ()
+    assert jobs.cancel(job.id, "b").state == "cancelled"
+    assert jobs.get(job.id) is None
+
+
 def test_a_job_without_clients_is_cancelled_by_any(jobs):
     job = submit_data(jobs, client="a")
     jobs.records.update(job.id, lambda job: replace(job, clients=()))  # as an older version stored it
