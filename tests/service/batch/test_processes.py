@@ -1,6 +1,7 @@
 """A batch on worker processes, one of which is killed, and which Ctrl-C stops."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -61,7 +62,8 @@ def test_a_worker_is_killed_and_ctrl_c_stops_the_batch_which_then_goes_on(folder
     assert not (folder / "out" / ".batch" / "scratch").exists()
     with start(folder) as process:
         errors = process.communicate(timeout=60)[1]
-    assert (process.returncode, errors) == (0, "")
+    unexpected = [line for line in errors.splitlines() if not re.match(r"ciir: \d+ of \d+ done, ", line)]
+    assert (process.returncode, unexpected) == (0, [])  # a slow machine shows progress
     second = json.loads((folder / "out" / "summary.json").read_bytes())
     assert second["kept"] >= first["done"]
     assert second["kept"] + second["done"] == INPUTS == count_outputs(folder)
