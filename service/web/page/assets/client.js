@@ -5,7 +5,6 @@ import { PROBLEMS, TEXTS } from "./texts.js";
 
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;
-const CANCEL_MILLISECONDS = 5000; // the next job waits for that
 const ENDED = ["done", "failed", "cancelled"];
 
 /**
@@ -124,7 +123,7 @@ export class Job {
 
   /** Cancels the job. */
   async cancel() {
-    await request(this.url, { method: "DELETE", signal: AbortSignal.timeout(CANCEL_MILLISECONDS) });
+    await request(this.url, { method: "DELETE" });
   }
 }
 

@@ -15,6 +15,7 @@ const problem = find("problem", HTMLElement);
 const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
 
+const CANCEL_MILLISECONDS = 5000; // for which the next job waits, at most
 const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
 const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
 /** @typedef {{line: HTMLElement, notes: HTMLElement}} Place Of what is reported: the state and the time, and notes. */
@@ -70,7 +71,10 @@ export async function perform(action, reported = PICTURE) {
  */
 export function stop(reason) {
   work.abort(reason);
-  if (job && performance.now() - started > LONG) cancelling = job.cancel().catch(() => {}); // it may have ended
+  if (job && performance.now() - started > LONG) {
+    const answer = job.cancel().catch(() => {}); // it may have ended
+    cancelling = Promise.race([answer, new Promise((resolve) => setTimeout(() => resolve(undefined), CANCEL_MILLISECONDS))]);
+  }
   job = null;
   panel.hidden = restart.hidden = true;
 }
