@@ -45,7 +45,7 @@ UNNOTICED = 2.5
 OUTLINE = 13
 """Pixels along each side of the window around an outline in which it may be moved."""
 CLEAN_VIEWS = 5
-"""Rows, and columns, of views that correct a map of clean ones: 9 take four times as long for a tenth less error."""
+"""Rows, and columns, of views that correct a map of clean ones: 9 take three times as long for no fewer bad pixels."""
 MISMATCH = 0.5
 """Share of the largest difference that counts from which nothing fits a pixel."""
 MOST_MISMATCHED = 0.4
