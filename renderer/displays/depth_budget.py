@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.displays.screen import place_views
-from ciir.renderer.focus.stereo.search_range import find_usual_range
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,7 +102,7 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
     )
     if cameras.shape[1] == 1:
         return note
-    least, largest = find_usual_range(cameras)
+    least, largest = _find_usual_range(cameras)
     is_beyond = least < disparity - moved or largest > disparity + moved
     blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
     return f"{note}; those of the views are about {_round(least)} to {_round(largest)}{blurs}"
@@ -117,12 +116,18 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
     size_u = cameras.shape[1]
     if size_u == 1 or count == 1:
         return ()
-    least, largest = find_usual_range(cameras)
+    least, largest = _find_usual_range(cameras)
     moved = max(abs(least - disparity), abs(largest - disparity)) * (size_u - 1) / (count - 1)
     if moved <= GHOST:
         return ()
     far = f"content moves by about {moved:.2g} pixels between neighbouring views of the display"
     return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity)}",)
+
+
+def _find_usual_range(cameras: Pixels) -> tuple[float, float]:
+    from ciir.renderer.focus.stereo.search_range import find_usual_range  # loads scipy, of which few commands have need
+
+    return find_usual_range(cameras)
 
 
 def _suggest_plane(least: float, largest: float, disparity: float) -> str:

@@ -129,7 +129,7 @@ def test_as_a_process(cube_file, tmp_path):
 def test_nothing_heavy_is_imported_before_it_is_needed():
     script = (
         "import sys; from ciir.service.cli.main import main; main(['models']); "
-        "heavy = {'trimesh', 'OpenGL', 'onnxruntime', 'PIL', 'fastapi', 'torch'} & set(sys.modules); "
+        "heavy = {'trimesh', 'OpenGL', 'onnxruntime', 'PIL', 'scipy', 'fastapi', 'torch'} & set(sys.modules); "
         "sys.exit(','.join(heavy) or 0)"
     )
     done = run_python("-c", script)
