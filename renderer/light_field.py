@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from numbers import Real
-from pathlib import Path
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.levels import advise_levels
-from ciir.renderer.views import center_view, flip_axes
+from ciir.renderer.views import center_view, flip_axes, read_index
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -46,24 +45,33 @@ def is_turned(pickup: Pickup) -> bool:
     return pickup == "optical"
 
 
+def check_depth_sense(sense: str) -> None:
+    """Raises `InvalidOption` for an unknown depth sense."""
+    if sense not in ("lenses", "cameras"):
+        raise InvalidOption(f"depth_sense: {sense!r} is not known; give lenses or cameras")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """All views of a lens array, `L[v, u, y, x, c]`. Raises `InvalidOption` where `views` is no such array."""
+    """All views of a lens array, `L[v, u, y, x, c]`; v counts views from the top and u from the left, y and x pixels.
+
+    - `views`: `(V, U, H, W, C)`, uint8 or uint16; C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. In another byte
+      order than the machine's they are copied to its own.
+    - `notes`: what was found while it was read or rendered, one line each.
+    - `is_ordered`: whether the order of the views is known to be right, or was checked (`ciir.renderer.view_order`).
+    - `depth_sense`: `lenses`, where what is farther moves further to the left from one view to the next on the right,
+      or `cameras`, where what is nearer does.
+    - `lens_pitch`: of a raw lenslet picture, its pixels from lens to lens.
+
+    `lf[v, u, y, x]` with slices is a part of it, `numpy.asarray(lf)` its views. Raises `InvalidOption` where `views`
+    is no such array, and for an unknown depth sense.
+    """
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
-    """`(pixels_v, pixels_u, rows, cols, channels)`; channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
-    In another byte order than the machine's they are copied to its own."""
-
     notes: tuple[str, ...] = ()
-    """Notes on how it was read or rendered, one line each."""
-
     is_ordered: bool = False
-    """Whether the order of the views is known to be right, or was checked (`renderer.view_order`)."""
-
     depth_sense: DepthSense = "lenses"
-
     lens_pitch: float | None = None
-    """Of a raw lenslet picture: its pixels from lens to lens."""
 
     def __post_init__(self) -> None:
         views: Any = self.views
@@ -77,10 +85,29 @@ class LightField:
             raise InvalidOption(
                 f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
             )
+        check_depth_sense(self.depth_sense)
 
     def __repr__(self) -> str:
         v, u, rows, cols, channels = self.views.shape
-        return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype})"
+        counted = f", {len(self.notes)} note{'s' * (len(self.notes) > 1)}" if self.notes else ""
+        return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype}{counted})"
+
+    def __getitem__(self, slices: slice | tuple[slice, ...]) -> LightField:
+        """The part `lf[v, u, y, x]`, as in `lf[2:7, 2:7]` or `lf[:, :, 100:200, 100:200]`; shares memory.
+
+        Raises `InvalidOption` for anything but one to four slices that go forwards and leave something.
+        """
+        slices = slices if isinstance(slices, tuple) else (slices,)
+        if len(slices) > 4 or not all(isinstance(part, slice) and (part.step or 1) > 0 for part in slices):
+            raise InvalidOption(
+                "light field: give one to four slices that go forwards, as in [2:7, 2:7]; view(v, u) takes numbers, "
+                "and flip reverses"
+            )
+        return replace(self, views=self.views[slices])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """`views`."""
+        return np.array(self.views, dtype, copy=copy)
 
     @property
     def shape(self) -> tuple[int, int, int, int, int]:
@@ -98,11 +125,12 @@ class LightField:
         Raises `InvalidOption` where there is no such view.
         """
         count_v, count_u = self.views.shape[:2]
-        if not (0 <= v < count_v and 0 <= u < count_u):
+        found_v, found_u = read_index(v, count_v), read_index(u, count_u)
+        if found_v is None or found_u is None:
             raise InvalidOption(
                 f"view: {v},{u} is not there; v goes from 0 to {count_v - 1} and u from 0 to {count_u - 1}"
             )
-        view: NDArray[np.uint8] | NDArray[np.uint16] = self.views[v, u]
+        view: NDArray[np.uint8] | NDArray[np.uint16] = self.views[found_v, found_u]
         return view
 
     def flip(self, axes: Flip) -> LightField:
@@ -112,7 +140,7 @@ class LightField:
         was in a wrong order: afterwards content moves along that axis as it does along the other one. Done to one in
         the right order, near content moves to the left across and upwards or, down, the opposite way, as no scene does.
         The depth sense is that of u, so it changes with `u` and not with `v`. After reversing one alone the order
-        counts as unknown.
+        counts as unknown. `none` changes nothing. Raises `InvalidOption` for other axes.
         """
         views, depth_sense = flip_axes(self.views, axes, self.depth_sense)
         return replace(
@@ -135,10 +163,11 @@ class LightField:
         Returns notes: what the format doesn't hold, or holds in another way. Raises `InvalidOption` where `path` can't
         be written or the format can't hold the light field.
         """
+        from ciir.renderer.writers.atomic_write import read_path
         from ciir.renderer.writers.options import WriterOptions
         from ciir.renderer.writers.views import save_light_field
 
-        return save_light_field(self, Path(path), format, WriterOptions.convert(options))
+        return save_light_field(self, read_path(path), format, WriterOptions.convert(options))
 
     def _repr_png_(self) -> bytes:
         """The centre view, for Jupyter."""
@@ -160,7 +189,7 @@ class LightField:
         if (y is not None or v is not None) and (x is not None or u is not None):
             raise InvalidOption("epi: a row and a column are asked for; give y and v, or x and u")
         for name, value, count in (("y", y, rows), ("x", x, cols), ("v", v, count_v), ("u", u, count_u)):
-            if value is not None and not 0 <= value < count:
+            if value is not None and read_index(value, count) is None:
                 raise InvalidOption(f"epi: there is no {name}={value}; give 0 to {count - 1}")
         center_v, center_u = center_view(count_v, count_u)
         if x is None and u is None:
@@ -234,7 +263,8 @@ class LightField:
         from ciir.renderer.focus.apertures import read_aperture
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
-        return _round_levels(focus_everywhere(self.views, found or self.disparity(), weights), self.views.dtype)
+        found = self.disparity() if found is None else found
+        return _round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.
@@ -268,7 +298,11 @@ class LightField:
         return make_model(self, pitch=pitch, delta=delta, keeps_background=keeps_background)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
-        """The same light field with that depth sense: where it is the other one, views are reversed in v and in u."""
+        """The same light field with that depth sense: where it is the other one, views are reversed in v and in u.
+
+        Raises `InvalidOption` for an unknown one.
+        """
+        check_depth_sense(sense)
         if sense == self.depth_sense:
             return self
         return replace(self, views=self.views[::-1, ::-1], depth_sense=sense)
@@ -284,24 +318,33 @@ class LightField:
     ) -> LightField:
         """Pixel mapping (Wu et al. 2024, equation 4): view (v, u) is `eia[v::pixels_v, u::pixels_u]`.
 
-        `eia`: `(rows*pixels_v, cols*pixels_u, channels)`. The views share its memory: nothing is copied.
+        `eia`: `(rows*pixels_v, cols*pixels_u, channels)`, or without channels for grey. The views share its memory:
+        nothing is copied.
 
         Raises `InvalidOption` where the lens grid doesn't divide the picture.
         """
-        height, width, channels = eia.shape
+        if not isinstance(eia, np.ndarray) or eia.ndim not in (2, 3):
+            given = f"an array of shape {eia.shape}" if isinstance(eia, np.ndarray) else type(eia).__name__
+            raise InvalidOption(f"eia: {given} is not taken; give an array (rows, columns, channels)")
+        if not all(isinstance(count, Integral) for count in (rows, cols)):
+            raise InvalidOption(
+                f"lenses: {rows!r} and {cols!r} are no whole numbers; give the counts of rows and columns"
+            )
+        height, width = eia.shape[:2]
         if rows < 1 or cols < 1 or height % rows or width % cols:
             raise InvalidOption(
                 f"lenses: {rows}x{cols} does not divide the picture of {height}x{width} pixels (rows x columns); "
                 "give the lens counts that were used to take it, or crop the picture to whole elemental images"
             )
-        blocks = eia.reshape(rows, height // rows, cols, width // cols, channels)  # (y, v, x, u, c)
+        blocks = eia.reshape(rows, height // rows, cols, width // cols, -1)  # (y, v, x, u, c)
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return cls(blocks.transpose(1, 3, 0, 2, 4))
 
     def eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`. The order of views stays:
-        an array for lenses needs `with_depth_sense("lenses")`, which `save` takes care of.
+        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`; may share memory.
+
+        The order of views stays: an array for lenses needs `with_depth_sense("lenses")`, which `save` takes care of.
         """
         pixels_v, pixels_u, rows, cols, channels = self.views.shape
         blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
 
 from ciir.errors import InvalidOption
 
@@ -54,8 +56,19 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
     return list(dict.fromkeys(pairs))
 
 
+def read_index(value: Any, count: int) -> int | None:
+    """A whole number from 0 to below `count`, numpy's too; None for anything else."""
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return int(value) if is_whole and 0 <= value < count else None
+
+
 def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[NDArray[Any], DepthSense]:
-    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`)."""
+    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`).
+
+    Raises `InvalidOption` for unknown axes.
+    """
+    if axes not in get_args(Flip):
+        raise InvalidOption(f"flip: {axes!r} is not known; give {', '.join(get_args(Flip))}")
     flipped = grid[:: -1 if axes in ("v", "uv") else 1, :: -1 if axes in ("u", "uv") else 1]
     if axes in ("u", "uv"):
         return flipped, "lenses" if depth_sense == "cameras" else "cameras"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
@@ -12,6 +11,7 @@ from ciir.errors import InvalidOption, UnsuitedModel
 from ciir.models.catalogue import list_entries
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
+from ciir.renderer.writers.atomic_write import read_path
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.elemental import render_eia
@@ -58,7 +58,7 @@ class Reconstruction:
         array = self.report["lens_array"]
         times = tuple(view["time"] for view in self.report["views"] if "time" in view)
         grid = (1, len(times)) if times else (array["pixels_v"], array["pixels_u"])
-        save_views(self.views, self.report, Path(path), grid, array["depth_sense"], times=times)
+        save_views(self.views, self.report, read_path(path), grid, array["depth_sense"], times=times)
 
     def __repr__(self) -> str:
         height, width = next(iter(self.views.values())).shape[:2]
@@ -88,9 +88,9 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     lens_offset: tuple[float, float] | None = None,
     lens_rotation: float | None = None,
     lens_grid: GridShape = "auto",
-    white: str | None = None,
-    dark: str | None = None,
-    show_grid: str | None = None,
+    white: str | PathLike[str] | None = None,
+    dark: str | PathLike[str] | None = None,
+    show_grid: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> LightField:
     """Reads a light field: an elemental image array, a raw lenslet picture, a folder or zip of views, or a container

@@ -21,12 +21,10 @@ def make_aperture(grid: tuple[int, ...], radius: float, shape: Shape = "disc") -
     `disc` and `square`: 1 inside, half at `radius` views from the middle. `gauss`: all views, by
     `exp(-2 * (distance / radius)**2)`, as the radius of a beam is defined (ISO 11146).
 
-    Raises `InvalidOption` for an unknown shape, and where no view counts.
+    Raises `InvalidOption` where no view counts.
     """
     v, u = (np.arange(count)[:, np.newaxis] - (count - 1) / 2 for count in grid)
     distance = np.maximum(np.abs(v), np.abs(u.T)) if shape == "square" else np.hypot(v, u.T)
-    if shape not in get_args(Shape):
-        raise InvalidOption(f"shape: {shape!r} is not known; give {', '.join(get_args(Shape))}")
     weights = np.clip(radius + 0.5 - distance, 0, 1)
     if shape == "gauss":
         weights = np.exp(-2 * np.square(distance / radius)) if radius > 0 else np.zeros(grid)
@@ -41,8 +39,10 @@ def read_aperture(
 ) -> NDArray[np.float32]:
     """The weights of an aperture: a radius in views, weights, or none for all views.
 
-    Raises `InvalidOption` as `make_aperture` and `check_weights`, and for anything else.
+    Raises `InvalidOption` as `make_aperture` and `check_weights`, for an unknown shape, and for anything else.
     """
+    if shape not in get_args(Shape):
+        raise InvalidOption(f"shape: {shape!r} is not known; give {', '.join(get_args(Shape))}")
     if aperture is None or isinstance(aperture, np.ndarray):
         return check_weights(aperture, grid)
     if not isinstance(aperture, Real) or np.isnan(float(aperture)):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.light_field import check_depth_sense
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -33,6 +35,7 @@ class DepthScale:
 
         `sense`: of the light field; with `cameras` its views are in reverse order.
         """
+        check_depth_sense(sense)
         factor = array.delta / array.pitch
         return cls(factor if sense == "lenses" else -factor, is_inverse=False)
 
@@ -54,12 +57,13 @@ class DepthScale:
         disparity (infinity for parallel cameras). `sense`: of the light field; with `lenses` its views are in reverse
         order.
 
-        Raises `InvalidOption` where a length is not positive.
+        Raises `InvalidOption` where one of them is no positive number, and for an unknown depth sense.
         """
-        lengths = {"pitch": pitch, "focal_length": focal_length, "sensor_width": sensor_width, "zero": zero}
-        for name, length in lengths.items():
-            if not length > 0:
-                raise InvalidOption(f"{name}: {length:g} is out of range; give a positive number")
+        check_depth_sense(sense)
+        given = {"pitch": pitch, "focal_length": focal_length, "sensor_width": sensor_width, "columns": columns}
+        for name, number in (given | {"zero": zero}).items():
+            if not isinstance(number, Real) or not number > 0 or (name != "zero" and not np.isfinite(float(number))):
+                raise InvalidOption(f"{name}: {number!r} is out of range; give a positive number")
         factor = columns * focal_length / sensor_width * pitch * (1 if sense == "cameras" else -1)
         return cls(factor, is_inverse=True, offset=-factor / zero)
 

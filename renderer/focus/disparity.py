@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from pathlib import Path
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,9 +80,10 @@ class DisparityMap:
 
     def save(self, path: str | PathLike[str], /, format: str | None = None) -> dict[str, Any]:  # noqa: A002
         """Writes the map, and beside it the confidence, as `renderer.writers.depth.write_disparity`."""
+        from ciir.renderer.writers.atomic_write import read_path
         from ciir.renderer.writers.depth import write_disparity
 
-        return write_disparity(Path(path), self, format)
+        return write_disparity(read_path(path), self, format)
 
 
 def estimate_disparity(
@@ -121,7 +122,7 @@ def _estimate(
     views = light_field.views
     height, width = views.shape[2:4]
     check_views(views)
-    view = view or center_view(*views.shape[:2])
+    view = center_view(*views.shape[:2]) if view is None else _read_view(view)
     light_field.view(*view)
     farthest = max(views.shape[:2]) // 2
     parts = max(LEAST_PARTS, round(farthest / STEP))
@@ -177,6 +178,7 @@ def _estimate(
             f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities of {planes[0]:.2f} to "
             f"{planes[-1]:.2f}: views in a wrong order, larger disparities (limits), or things that change among views"
         )
+    disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
 
 
@@ -244,7 +246,15 @@ def check_views(views: NDArray[Any]) -> None:
         )
 
 
-def _check_limits(limits: tuple[float, float], side: int) -> None:
+def _read_view(view: Any) -> View:
+    if np.shape(view) != (2,):
+        raise InvalidOption(f"view: {view!r} is no view; give its row and column, as in (4, 4)")
+    return view[0], view[1]
+
+
+def _check_limits(limits: Any, side: int) -> None:
+    if np.shape(limits) != (2,) or not all(isinstance(limit, Real) for limit in limits):
+        raise InvalidOption(f"limits: {limits!r} is no range; give two numbers, as in (-1.5, 2)")
     if not limits[0] < limits[1]:
         raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")
     if max(-limits[0], limits[1]) > side:

@@ -7,13 +7,20 @@ import shutil
 import stat
 import uuid
 from contextlib import contextmanager, suppress
-from typing import IO, TYPE_CHECKING
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
-    from pathlib import Path
+
+
+def read_path(path: Any, option: str = "path") -> Path:
+    """A place that a caller names. Raises `InvalidOption` for an empty name, and for what is no name."""
+    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+        raise InvalidOption(f"{option}: {repr(path)[:40]} is no name; give that of a file or a folder")
+    return Path(path)
 
 
 def place_for_file(path: Path) -> Path:

@@ -19,6 +19,7 @@ from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
+from ciir.renderer.writers.atomic_write import read_path
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
@@ -53,30 +54,31 @@ def open_bundle(text: str) -> Bundle:
     return Bundle.from_path(Path(text), read_limits())
 
 
-def add_frames(source: Source, *, white: str | None, dark: str | None) -> Source:
+def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str | PathLike[str] | None) -> Source:
     """The raw lenslet picture `source` with the pictures at these paths as its frames, as a zip of them would be.
 
     Raises `InputError`.
     """
-    paths = {name: Path(path) for name, path in (("white", white), ("dark", dark)) if path is not None}
+    paths = {name: read_path(path, name) for name, path in (("white", white), ("dark", dark)) if path is not None}
     if not paths:
         return source
     for name, path in paths.items():
         if not is_picture(path.name):
             raise InvalidOption(f"{name}: {path} is no picture; give one as large as the raw picture, such as a PNG")
-    if not isinstance(source, Bundle) or source.main is None:
+    if not isinstance(source, Bundle) or source.main is None or not is_picture(source.main):
         raise InvalidOption(f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input")
     frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
 
 
-def draw_grid_at(source: Source, options: Options, path: str) -> Source:
+def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) -> Source:
     """`source`, a raw lenslet picture, whose lens grid is written over it as a PNG when it is read.
 
     Raises `InvalidOption`.
     """
-    if Path(path).suffix.lower() != ".png":
-        raise InvalidOption(f"show_grid: {path!r} doesn't end with .png, and a PNG is written; rename it")
+    place = read_path(path, "show_grid")
+    if place.suffix.lower() != ".png":
+        raise InvalidOption(f"show_grid: {str(path)!r} doesn't end with .png, and a PNG is written; rename it")
     from ciir.renderer.readers.inputs import find_main
 
     is_raw = options.known_grid is not None
@@ -90,7 +92,7 @@ def draw_grid_at(source: Source, options: Options, path: str) -> Source:
         from ciir.renderer.writers.atomic_write import replacing
         from ciir.renderer.writers.pictures import encode_png
 
-        with replacing(Path(path)) as file:
+        with replacing(place) as file:
             file.write(encode_png(drawn))
 
     return replace(source, keep_grid=keep)

@@ -161,3 +161,100 @@ def test_options_that_are_not_known_are_refused(tmp_path):
         field.refocus("a")
     with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")
+
+
+def test_slices_take_a_part_and_keep_the_rest():
+    views = np.arange(5 * 4 * 6 * 7, dtype=np.uint8).reshape(5, 4, 6, 7, 1)
+    field = LightField(views, ("note",), is_ordered=True, depth_sense="cameras")
+    part = field[1:4, :2, ::2, 2:]
+    np.testing.assert_array_equal(part.views, views[1:4, :2, ::2, 2:])
+    assert (part.depth_sense, part.is_ordered, part.notes) == ("cameras", True, ("note",))
+    assert np.shares_memory(part.views, views)
+    np.testing.assert_array_equal(field[3:].views, views[3:])
+
+
+@pytest.mark.parametrize("wrong", [0, (0, 0), np.s_[::-1], np.s_[:, :, :, :, :1], None, "v"])
+def test_what_is_no_part(wrong):
+    with pytest.raises(InvalidOption, match="light field: give one to four slices that go forwards"):
+        LightField(np.zeros((2, 2, 3, 3, 1), np.uint8))[wrong]
+
+
+def test_a_part_without_views_is_refused():
+    with pytest.raises(InvalidOption, match=r"shape \(0, 2, 3, 3, 1\) is not taken"):
+        LightField(np.zeros((2, 2, 3, 3, 1), np.uint8))[2:]
+
+
+def test_numpy_takes_the_views():
+    field = LightField(np.full((2, 2, 3, 3, 1), 200, np.uint8))
+    assert np.shares_memory(np.asarray(field), field.views)
+    np.testing.assert_array_equal(np.asarray(field, np.float32), field.views.astype(np.float32))
+
+
+def test_notes_are_counted_where_it_is_shown():
+    views = np.zeros((1, 2, 3, 4, 3), np.uint8)
+    assert [repr(LightField(views, ("a", "b", "c")[:count]))[-14:] for count in range(3)] == [
+        "annels, uint8)",
+        "uint8, 1 note)",
+        "int8, 2 notes)",
+    ]
+
+
+@pytest.mark.parametrize("sense", ["camera", "Cameras", "auto", None, []])
+def test_an_unknown_depth_sense_is_refused(sense):
+    views = np.zeros((1, 2, 3, 4, 3), np.uint8)
+    for make in (lambda: LightField(views, depth_sense=sense), lambda: LightField(views).with_depth_sense(sense)):
+        with pytest.raises(InvalidOption, match=r"depth_sense: .* is not known; give lenses or cameras"):
+            make()
+
+
+@pytest.mark.parametrize("axes", ["U", "vu", "", None, 1])
+def test_unknown_axes_are_not_flipped(axes):
+    with pytest.raises(InvalidOption, match=r"flip: .* is not known; give none, u, v, uv"):
+        LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).flip(axes)
+
+
+@pytest.mark.parametrize("index", [2, -1, 0.0, 1.5, "1", True, None])
+def test_a_view_is_named_by_whole_numbers(index):
+    field = LightField(np.zeros((2, 2, 3, 4, 3), np.uint8))
+    for pair in ((index, 0), (0, index)):
+        with pytest.raises(InvalidOption, match="is not there; v goes from 0 to 1 and u from 0 to 1"):
+            field.view(*pair)
+    assert field.view(np.int64(1), np.uint8(0)).shape == (3, 4, 3)
+
+
+@pytest.mark.parametrize("line", [3, -1, 1.5, "a", True])
+def test_an_epi_is_named_by_a_whole_number(line):
+    with pytest.raises(InvalidOption, match=r"epi: there is no y=.*; give 0 to 2"):
+        LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).epi(y=line)
+
+
+def test_a_grey_array_has_one_channel():
+    eia = picture(6, 8, 1, np.uint8)
+    grey = LightField.from_eia(eia[..., 0], rows=np.int64(3), cols=2)
+    np.testing.assert_array_equal(grey.views, LightField.from_eia(eia, rows=3, cols=2).views)
+
+
+@pytest.mark.parametrize(
+    ("eia", "rows", "words"),
+    [
+        ([[1]], 1, "eia: list is not taken; give an array"),
+        (np.zeros(4, np.uint8), 1, r"eia: an array of shape \(4,\) is not taken"),
+        (np.zeros((4, 4, 3), np.uint8), 2.0, "lenses: 2.0 and 2 are no whole numbers"),
+    ],
+)
+def test_what_is_no_elemental_image_array(eia, rows, words):
+    with pytest.raises(InvalidOption, match=words):
+        LightField.from_eia(eia, rows=rows, cols=2)
+
+
+@pytest.mark.parametrize("path", ["", None, 3, b"x"])
+def test_an_output_has_a_name(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidOption, match=r"path: .* is no name; give that of a file or a folder"):
+        LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).save(path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_aperture_shape_is_refused_without_an_aperture():
+    with pytest.raises(InvalidOption, match="shape: 'x' is not known; give disc, square, gauss"):
+        LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).refocus(0, shape="x")

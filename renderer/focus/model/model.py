@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,10 +66,11 @@ class Model:
         Raises `InvalidOption` where `path` can't be written or its format is another one.
         """
         from ciir.renderer.focus.model.files import encode_model
-        from ciir.renderer.writers.atomic_write import replacing
+        from ciir.renderer.writers.atomic_write import read_path, replacing
 
-        data = encode_model(self, Path(path).suffix, points=points)
-        with replacing(Path(path)) as file:
+        place = read_path(path)
+        data = encode_model(self, place.suffix, points=points)
+        with replacing(place) as file:
             file.write(data)
 
 

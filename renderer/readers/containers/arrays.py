@@ -128,7 +128,9 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
             for key, member in members.items()
             if _is_npy(key)
         }
-    shapes = {key: array.shape for key, array in arrays.items()}
+    shapes = {key: array.shape[:4] if array.is_grey else array.shape for key, array in arrays.items()}
+    if 5 not in map(len, shapes.values()):
+        shapes = {key: array.shape for key, array in arrays.items()}
     if VIEWS in arrays and POSITIONS in arrays and 5 not in map(len, shapes.values()):
         return _read_views(arrays, name, layout, limits)
     is_one = len(shapes) == 1

@@ -98,9 +98,10 @@ def _find_full_grid(sums: NDArray[np.uint64]) -> tuple[slice, slice]:
     """
     is_empty = sums <= EMPTY * sums.max()
     top, left, (bottom, right) = 0, 0, is_empty.shape
-    while is_empty[top:bottom, left:right].any() and bottom - top > 1 and right - left > 1:
-        grid = is_empty[top:bottom, left:right]
-        sides = {"top": grid[0], "bottom": grid[-1], "left": grid[:, 0], "right": grid[:, -1]}
+    while (grid := is_empty[top:bottom, left:right]).any() and grid.size > 1:
+        rows = {"top": grid[0], "bottom": grid[-1]} if len(grid) > 1 else {}
+        columns = {"left": grid[:, 0], "right": grid[:, -1]} if grid.shape[1] > 1 else {}
+        sides = rows | columns
         worst = max(sides, key=lambda side: sides[side].mean())
         top, bottom = top + (worst == "top"), bottom - (worst == "bottom")
         left, right = left + (worst == "left"), right - (worst == "right")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """A note."""
+MARGIN = 0.49 / 65535
+"""By how much samples may pass 0 and 1, as they do by rounding: the level that is nearest is still the last one."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
     "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
@@ -113,11 +115,11 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
     for index in np.ndindex(array.shape[:2]):  # one view at a time: the temporary arrays are small
         view = array[index]
         low, high = float(view.min()), float(view.max())
-        if not (low >= 0 and high <= 1):  # false for NaN, too
-            found = "samples that are NaN" if np.isnan(low) else f"samples from {low:g} to {high:g}"
+        if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
+            found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
             raise Unreadable(
-                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, or uint8 or "
-                "uint16"
+                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, as "
+                "array.clip(0, 1) has, or uint8 or uint16"
             )
         np.rint(
             view * view.dtype.type(65535) if view.itemsize > 2 else view.astype(np.float32) * 65535,

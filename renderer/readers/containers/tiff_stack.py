@@ -30,10 +30,18 @@ _LONGEST_DESCRIPTION = 65_536
 
 
 def is_stack(data: bytes) -> bool:
-    """Whether a TIFF has more than one page; False where it can't be opened, which the reader of pictures reports."""
+    """Whether a TIFF has more than one page, or says that its page is the only view; False where it can't be opened,
+    which the reader of pictures reports.
+    """
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
-            return len(file.pages) > 1
+            first = file.pages.first
+            described = _parse_description(first.description)
+            is_one_view = (described.get("grid"), described.get("size")) == (
+                (1, 1),
+                (first.imagelength, first.imagewidth),
+            )
+            return len(file.pages) > 1 or is_one_view
     except MemoryError:
         raise
     except Exception:  # noqa: BLE001 - any error of the library

@@ -29,7 +29,7 @@ def test_what_is_no_aperture():
     with pytest.raises(InvalidOption, match="a radius of 0 views lets no view through"):
         make_aperture((5, 5), 0, "gauss")
     with pytest.raises(InvalidOption, match="shape: 'star' is not known; give disc, square, gauss"):
-        make_aperture((4, 4), 1, "star")
+        read_aperture(None, (4, 4), "star")
     with pytest.raises(InvalidOption, match="aperture: 'nan' is no number"):
         read_aperture(np.nan, (2, 2))
     with pytest.raises(InvalidOption, match="aperture: 'wide' is no number"):

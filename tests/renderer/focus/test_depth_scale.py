@@ -39,3 +39,18 @@ def test_views_in_reverse_order_reverse_the_sign():
 def test_lengths_that_are_none():
     with pytest.raises(InvalidOption, match="focal_length: 0 is out of range; give a positive number"):
         DepthScale.of_cameras(2, 0, 36, 640)
+
+
+def test_an_unknown_depth_sense_is_refused():
+    for make in (
+        lambda: DepthScale.of_lenses(LensArray(10, 10, 5, 5), "camera"),
+        lambda: DepthScale.of_cameras(2, 35, 36, 640, sense="camera"),
+    ):
+        with pytest.raises(InvalidOption, match="depth_sense: 'camera' is not known"):
+            make()
+
+
+@pytest.mark.parametrize("columns", [0, -640, np.nan, np.inf, "a"])
+def test_columns_that_are_none(columns):
+    with pytest.raises(InvalidOption, match=r"columns: .* is out of range; give a positive number"):
+        DepthScale.of_cameras(2, 35, 36, columns)

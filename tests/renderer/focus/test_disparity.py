@@ -89,6 +89,9 @@ def test_another_view_and_given_limits():
     assert (found.planes[0], found.planes[-1]) == (0, 2)
     y, x = 36 - round(-2 * NEAR), 48 - round(2 * NEAR)  # the middle of the square, two views up and to the right
     assert found.disparity[y, x] == pytest.approx(NEAR, abs=0.05)
+    for other in ([0, 4], np.array([0, 4])):
+        np.testing.assert_array_equal(light_field.disparity(other, limits=(0, 2)).disparity, found.disparity)
+    assert (found.disparity.dtype, found.confidence.dtype) == (np.float32, np.float32)
 
 
 def test_what_counts_as_noise_stays_within_given_limits():
@@ -166,6 +169,9 @@ def test_views_of_few_pixels_are_refused(shape):
 def test_a_view_that_is_not_there_is_refused(view):
     with pytest.raises(InvalidOption, match=f"view: {view[0]},{view[1]} is not there"):
         LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(view)
+    for wrong in ((1,), (1, 2, 3), 4):
+        with pytest.raises(InvalidOption, match="is no view; give its row and column"):
+            LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(wrong)
 
 
 def test_large_views_are_refused_before_they_are_compared(monkeypatch):
@@ -181,6 +187,10 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
         ((0, np.nan), "limits: 0 to nan is no range"),
         ((-97, 0), "limits: -97 to 0 passes the 96 pixels of a view; give disparities of -96 to 96"),
         ((0, np.inf), "passes the 96 pixels"),
+        (3, "limits: 3 is no range; give two numbers"),
+        ((1,), "is no range; give two numbers"),
+        (("a", 1), "is no range; give two numbers"),
+        ((None, 1), "is no range; give two numbers"),
     ],
 )
 def test_limits_that_are_refused(limits, message):

@@ -101,6 +101,13 @@ def test_floating_point_out_of_range_is_refused(worst, words):
         read(saved(array))
 
 
+def test_floating_point_may_pass_the_range_by_rounding():
+    array = numbered("u1").astype("f4") / 255
+    array[0, 0, 0, 0, 0], array[1, 2, 3, 4, 0] = np.float32(-2e-7), np.nextafter(np.float32(1), np.float32(2))
+    found = read(saved(array))
+    assert (found.views[0, 0, 0, 0, 0], found.views[1, 2, 3, 4, 0]) == (0, 65535)
+
+
 @pytest.mark.parametrize(
     ("array", "error"),
     [
@@ -160,6 +167,11 @@ def test_npz_of_one_array_under_any_name():
 
 def test_npz_of_several_arrays_with_a_light_field():
     found = read(zipped(LF=numbered("u2"), disparity=numbered("u1")), "npz")
+    np.testing.assert_array_equal(found.views, numbered("u2"))
+
+
+def test_npz_with_disparity_maps_beside_the_light_field():
+    found = read(zipped(views=numbered("u2"), disparity=np.zeros((*GRID, 9, 9), "f4")), "npz")
     np.testing.assert_array_equal(found.views, numbered("u2"))
 
 

@@ -29,7 +29,7 @@ def read(picture, name="IMG_1085_eslf.png", **layout):
     return inputs.read(Bundle.from_upload(name, encode_png(picture)), Layout(order="given", **layout))
 
 
-@pytest.mark.parametrize("kept", [(0, 14, 0, 14), (3, 11, 2, 13)])
+@pytest.mark.parametrize("kept", [(0, 14, 0, 14), (3, 11, 2, 13), (6, 7, 4, 7), (5, 12, 6, 7), (7, 8, 6, 7)])
 def test_views_lie_under_each_lens(kept):
     top, bottom, left, right = kept
     found = read(make(kept))

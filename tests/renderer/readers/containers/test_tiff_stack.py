@@ -105,6 +105,14 @@ def test_our_own_stack_is_exact(tmp_path, sense, channels):
         assert file.series[0].shape[:4] == (2, 3, 5, 7)
 
 
+def test_our_own_stack_of_one_view(tmp_path):
+    views = np.random.default_rng(1).integers(0, 256, (1, 1, 5, 7, 3), np.uint8)
+    LightField(views, depth_sense="cameras").save(tmp_path / "a.tif", "stack")
+    found = read((tmp_path / "a.tif").read_bytes())
+    np.testing.assert_array_equal(found.views, views)
+    assert found.depth_sense == "cameras"
+
+
 def test_a_stack_that_is_cut_off_is_no_smaller_one():
     data = make(PAGES[:9], ('{"shape": [3, 4, 5, 7, 3]}',))
     with pytest.raises(Unreadable, match=r"^a\.tif: damaged or cut off \(9 pages of the 3x4 views that its"):
