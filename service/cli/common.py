@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
@@ -43,12 +42,6 @@ def open_input(args: argparse.Namespace, options: Options) -> Source:
     if args.show_grid is not None:
         source = draw_grid_at(source, options, args.show_grid)
     return source
-
-
-def check_report(path: str | None, out: Path) -> None:
-    """Raises `InvalidOption` where the report can't be written to `path`, beside the output `out`; before any work."""
-    if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
-        raise InvalidOption(f"--report: {path!r} is empty or the output itself; name another file for the report")
 
 
 def write_report(report: Report, path: str | None) -> None:
