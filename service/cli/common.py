@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
+    from ciir.service.settings import Settings
 
 _PREFIX = "option_"
 
@@ -42,6 +43,23 @@ def open_input(args: argparse.Namespace, options: Options) -> Source:
     if args.show_grid is not None:
         source = draw_grid_at(source, options, args.show_grid)
     return source
+
+
+def start_service() -> Settings:
+    """Prepares this process for a server or a worker, while it has one thread, and returns the settings.
+
+    Raises `InvalidOption`.
+    """
+    from ciir.service import logs, memory, settings
+    from ciir.service.jobs.workers.sandbox.parent import protect
+    from ciir.service.jobs.workers.worker import KEPT_VARIABLES
+
+    found = settings.read_settings()
+    logs.configure(found.log_format)
+    settings.warn_of_unknown()
+    protect(KEPT_VARIABLES)
+    memory.limit_heaps(memory.HEAPS)
+    return found
 
 
 def write_report(report: Report, path: str | None) -> None:
