@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_text
@@ -32,6 +33,15 @@ def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -
     """The options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return KINDS[kind].parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
+
+
+def read_count(option: str, text: str, least: int, most: int, *, example: int) -> int:
+    """The whole number that is given for `option`. Raises `InvalidOption`, which names the range and `example`."""
+    if not text.isdecimal() or not least <= int(text) <= most:
+        raise InvalidOption(
+            f"{option}: {text[:40]!r} is no whole number from {least} to {most}; give one such as {example}"
+        )
+    return int(text)
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:
