@@ -34,25 +34,12 @@ if TYPE_CHECKING:
     from ciir.service.interface import Reconstruction, open, reconstruct, render, upscale  # noqa: A004 - as in Pillow
 
 _MODULES = {
-    **dict.fromkeys(
-        (
-            "BackendUnavailable",
-            "Error",
-            "InputError",
-            "InvalidGeometry",
-            "InvalidOption",
-            "ModelError",
-            "TooLarge",
-            "Unreadable",
-            "UnsupportedType",
-        ),
-        "ciir.errors",
-    ),
     "DepthScale": "ciir.renderer.focus.depth_scale",
     "LensArray": "ciir.renderer.lens_array",
     "LightField": "ciir.renderer.light_field",
     **dict.fromkeys(("Reconstruction", "open", "reconstruct", "render", "upscale"), "ciir.service.interface"),
 }
+"""Where the names of `__all__` are that are no errors."""
 __all__ = [
     "BackendUnavailable",
     "DepthScale",
@@ -78,9 +65,9 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("importlib.metadata").version("ciir")
-    if name not in _MODULES:
+    if name not in __all__:
         raise AttributeError(f"module 'ciir' has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    return getattr(import_module(_MODULES.get(name, "ciir.errors")), name)
 
 
 def __dir__() -> list[str]:

@@ -17,6 +17,7 @@ from fsspec.implementations.local import LocalFileSystem
 from ciir.errors import InvalidOption, TooLarge, Unreadable, advise_extra
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
+from ciir.renderer.writers.atomic_write import replacing
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.source import SCENE, open_source
 
@@ -181,11 +182,8 @@ class Outputs:
         if not self._is_local:
             self._filesystem.pipe_file(self._path(name), data)
             return
-        path = Path(self._path(name))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.partial")
-        partial.write_bytes(data)
-        partial.replace(path)
+        with replacing(Path(self._path(name))) as file:
+            file.write(data)
 
     def move(self, local: Path, name: str) -> list[str]:
         """Moves a finished local file, or the files of a folder, to `name`; returns the names of all files."""
@@ -209,12 +207,10 @@ class Outputs:
         return local
 
     def remove(self, names: Iterable[str]) -> None:
-        """Removes the files that are there, and the local folders that this leaves empty."""
+        """Removes the files that are there."""
         for name in names:
-            try:
+            with suppress(FileNotFoundError):
                 self._filesystem.rm_file(self._path(name))
-            except FileNotFoundError:
-                continue
 
     def remove_folder(self, name: str) -> None:
         """Removes a folder, if there is one."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
-from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
+    from ciir.service.settings import Settings
 
 _PREFIX = "option_"
 
@@ -32,6 +33,15 @@ def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -
     """The options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return KINDS[kind].parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
+
+
+def read_count(option: str, text: str, least: int, most: int, *, example: int) -> int:
+    """The whole number that is given for `option`. Raises `InvalidOption`, which names the range and `example`."""
+    if not text.isdecimal() or not least <= int(text) <= most:
+        raise InvalidOption(
+            f"{option}: {text[:40]!r} is no whole number from {least} to {most}; give one such as {example}"
+        )
+    return int(text)
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:
@@ -45,10 +55,21 @@ def open_input(args: argparse.Namespace, options: Options) -> Source:
     return source
 
 
-def check_report(path: str | None, out: Path) -> None:
-    """Raises `InvalidOption` where the report can't be written to `path`, beside the output `out`; before any work."""
-    if path is not None and (not path or place_for_file(Path(path)) == out.resolve()):
-        raise InvalidOption(f"--report: {path!r} is empty or the output itself; name another file for the report")
+def start_service() -> Settings:
+    """Prepares this process for a server or a worker, while it has one thread, and returns the settings.
+
+    Raises `InvalidOption`.
+    """
+    from ciir.service import logs, memory, settings
+    from ciir.service.jobs.workers.sandbox.parent import protect
+    from ciir.service.jobs.workers.worker import KEPT_VARIABLES
+
+    found = settings.read_settings()
+    logs.configure(found.log_format)
+    settings.warn_of_unknown()
+    protect(KEPT_VARIABLES)
+    memory.limit_heaps(memory.HEAPS)
+    return found
 
 
 def write_report(report: Report, path: str | None) -> None:

@@ -40,7 +40,6 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
             f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"
         )
     output_path.check_places(args)
-    common.check_report(args.report, path)
     source = common.open_input(args, options)
     named = parse_name(path.name) if kind == "quilt" else None
     with common.progress_bar("row" if kind != "quilt" else "view") as progress:

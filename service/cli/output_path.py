@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
+from ciir.renderer.writers.atomic_write import place_for_file
 from ciir.renderer.writers.options import TEXT_FILES
 
 if TYPE_CHECKING:
@@ -46,9 +47,13 @@ def resolve_folder(text: str, *, what: str) -> Path:
 
 def check_places(args: argparse.Namespace, *others: str | Path) -> None:
     """Raises `InvalidOption` where an output of `args`, or one of `others`, is a file that the command reads, through
-    a link too, or lies in a folder that it reads; or where two outputs are one file.
+    a link too, or lies in a folder that it reads; where two outputs are one file; or where the report can't be written.
     """
     given = vars(args)
+    if args.report is not None:
+        if not args.report:
+            raise InvalidOption("--report: '' is no name; name a file for the report")
+        place_for_file(Path(args.report))
     inputs = ["input", "white", "dark", *(f"option_{name}" for name in TEXT_FILES)]
     sources = [Path(given[name]).resolve() for name in inputs if given.get(name)]
     outputs = [given["out"], *(given.get(name) for name in ("report", "show_grid")), *others]

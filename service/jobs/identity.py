@@ -7,7 +7,7 @@ import json
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ciir.service.pipeline.options import KINDS, NAMES
 
@@ -38,7 +38,7 @@ _CODE = ("renderer", "models", "service")
 _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
-def compute_id(request: Request, content: str, limits: Mapping[str, int]) -> str:
+def compute_id(request: Request, content: str, limits: Mapping[str, Any]) -> str:
     """`DIGITS` hexadecimal digits: the hash of the file's SHA-256 `content`, the name, the options, the kind, the
     format, the limits and the installation. Options are parsed first: an option's default and leaving it out give the
     same id.

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 Lane = Literal["small", "large"]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
+EventKind = Literal["queued", "running", "progress", "done", "failed", "cancelled"]
 FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
 """States that a job only leaves when it is submitted again."""
 CLIENTS_LIMIT = 100
@@ -64,9 +65,9 @@ class Event:
     A job that is submitted again after it failed or was cancelled starts again at event 0.
     """
 
-    kind: Literal["queued", "running", "progress", "done", "failed", "cancelled"]
+    kind: EventKind
     data: dict[str, Any] = field(default_factory=dict)
-    """`progress`: `{"stage": "decode|plan|render|map|upscale|focus|encode", "views_done": int, "views": int}`."""
+    """`progress`: `{"stage": service.pipeline.report.Stage, "views_done": int, "views": int}`."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import logging
 import secrets
 import time
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any, BinaryIO
+from dataclasses import asdict
+from typing import IO, TYPE_CHECKING, BinaryIO
 
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.disk import Disk
@@ -20,6 +21,7 @@ from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import FILE, Queue
 from ciir.service.jobs.records import Records
 from ciir.service.jobs.watcher import Watcher
+from ciir.service.jobs.workers.task import TaskLimits
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,21 +38,6 @@ FINISHED_LIMIT = 50_000
 """Ended jobs that are kept, whatever their size, since each sweep reads them all."""
 JOBS_PER_SECOND = 4
 """Assumed speed of a server, to estimate `Retry-After`."""
-_LIMITS = (
-    "max_files",
-    "max_unpacked_bytes",
-    "max_ratio",
-    "max_pixels",
-    "max_set_bytes",
-    "max_triangles",
-    "max_views",
-    "max_output_pixels",
-    "job_seconds",
-    "worker_cpu_seconds",
-    "worker_memory_bytes",
-    "worker_file_bytes",
-)
-"""Settings that decide whether a job has a result or a problem."""
 _log = logging.getLogger("ciir.jobs")
 
 
@@ -75,7 +62,8 @@ class Jobs:
         self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
         self._max_waiting = settings.max_waiting
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
-        self._limits: dict[str, Any] = {name: getattr(settings, name) for name in _LIMITS}
+        self._limits = asdict(TaskLimits.from_settings(settings)) | {"job_seconds": settings.job_seconds}
+        """They decide whether a job has a result or a problem."""
 
     def compute_id(self, request: Request, file: BinaryIO) -> str:
         """The id of the job for this request."""

@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 if TYPE_CHECKING:
     from ciir.service.pipeline.job import Job
 
-STAGES = ("decode", "plan", "render", "map", "upscale", "focus", "encode")
+Stage = Literal["decode", "plan", "render", "map", "upscale", "focus", "encode"]
+STAGES = get_args(Stage)
 """In the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto` needs."""
 
 Report = dict[str, Any]

@@ -13,7 +13,6 @@ from starlette.middleware.cors import CORSMiddleware
 from ciir.service.jobs.engine import Engine
 from ciir.service.metrics import Metrics
 from ciir.service.pipeline.options import KINDS
-from ciir.service.settings import Settings
 from ciir.service.web import problems
 from ciir.service.web.middleware.api_keys import require_key
 from ciir.service.web.middleware.body_limit import BodyLimit
@@ -21,12 +20,15 @@ from ciir.service.web.middleware.site import require_own_site
 from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
 from ciir.service.web.page import routes as page
 from ciir.service.web.routes import docs, jobs, openapi, operations, results
+from ciir.service.web.routes.events import OpenStreams
 from ciir.service.web.routes.state import ServiceState
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from starlette.datastructures import Headers
+
+    from ciir.service.settings import Settings
 
 EXPOSED = (
     "Content-Location",
@@ -42,14 +44,13 @@ EXPOSED = (
 """Response headers that scripts of allowed origins may read."""
 
 
-def create_app(settings: Settings | None = None, engine: Engine | None = None) -> FastAPI:
-    """Makes the application. `settings`: from the environment if None; `engine`: made from the settings if None.
+def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
+    """Makes the application. `engine`: made from the settings if None.
 
     The application's lifespan starts and closes the engine. `app.state.service` is the state that the routes share.
     """
-    settings = settings or Settings()
-    metrics = engine.metrics if engine is not None else Metrics()
-    state = ServiceState(settings, engine or Engine(settings, metrics), metrics)
+    engine = engine or Engine(settings, Metrics())
+    streams = OpenStreams(settings.max_streams, settings.max_client_streams)
     app = FastAPI(
         title="ciir",
         description="Computational integral imaging reconstruction",
@@ -62,7 +63,7 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
         telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in UNLOGGED_PATHS},
     )
     app.openapi_version = "3.0.3"  # the newest version that the Swagger UI of swagger-ui-bundle supports
-    app.state.service = state
+    app.state.service = ServiceState(settings, engine, streams)
     limits = dict.fromkeys(map(results.find_root, KINDS), settings.max_body_bytes)
     app.add_middleware(BodyLimit, limits=limits, seconds=settings.body_seconds)
     if settings.cors_origins:
@@ -73,7 +74,7 @@ def create_app(settings: Settings | None = None, engine: Engine | None = None) -
             allow_headers=("Authorization", "X-API-Key", "Prefer", "If-None-Match", "Last-Event-ID", "X-Request-Id"),
             expose_headers=EXPOSED,
         )
-    app.add_middleware(RequestTracking, metrics=metrics)
+    app.add_middleware(RequestTracking, metrics=engine.metrics)
     problems.add_handlers(app)
     app.add_exception_handler(jobs.NoMoreEvents, _handle_no_more_events)
     site = Depends(require_own_site(settings.hosts, settings.cors_origins))

@@ -44,7 +44,7 @@ class DrainingServer(uvicorn.Server):
             uvicorn.Config(
                 app,
                 http=make_protocol(
-                    self._state.settings.client_seconds, find_most(self._state.settings), self._state.metrics
+                    self._state.settings.client_seconds, find_most(self._state.settings), self._state.engine.metrics
                 ),
                 backlog=ACCEPTED_AT_ONCE,
                 ws="none",

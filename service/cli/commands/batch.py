@@ -35,7 +35,8 @@ def run(args: argparse.Namespace) -> None:
     """Writes the outputs and the summary, and prints a line about them. Exits with `SOME_FAILED` where some failed."""
     options = common.parse_options(args)
     is_file = output_path.names_file(args.name, list(BY_SUFFIX), what="views")
-    workers, memory = _read_count(args.workers), _read_size(args.worker_memory)
+    workers = None if args.workers is None else common.read_count("--workers", args.workers, 1, 1024, example=4)
+    memory = _read_size(args.worker_memory)
     if args.cluster and (args.workers or args.worker_memory):
         raise InvalidOption("--workers, --worker-memory: these are for workers on this machine; leave them out")
     from ciir.service.batch import inputs
@@ -124,14 +125,6 @@ def _resolve_outputs(text: str, sources: list[str]) -> str:
         if path.is_relative_to(folder) or folder.is_relative_to(path):
             raise InvalidOption(f"{text}: the input {source} is there; give another folder, so that nothing is lost")
     return place
-
-
-def _read_count(text: str | None) -> int | None:
-    if text is None:
-        return None
-    if not text.isdecimal() or not 1 <= int(text) <= 1024:
-        raise InvalidOption(f"--workers: {text[:40]!r} is no whole number from 1 to 1024; give one such as 4")
-    return int(text)
 
 
 def _read_size(text: str | None) -> int | None:

@@ -108,9 +108,4 @@ def _name(text: str) -> str:
 
 
 def _counts(option: str, texts: list[str], least: int, most: int) -> tuple[int, ...]:
-    for text in texts:
-        if not text.isdecimal() or not least <= int(text) <= most:
-            raise InvalidOption(
-                f"{option}: {text[:40]!r} is no whole number from {least} to {most}; give one such as 50"
-            )
-    return tuple(int(text) for text in texts)
+    return tuple(common.read_count(option, text, least, most, example=50) for text in texts)

@@ -24,19 +24,12 @@ def run(args: argparse.Namespace) -> None:
         return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
-    from ciir.service import logs, memory, settings
-    from ciir.service.jobs.workers.sandbox.parent import protect
-    from ciir.service.jobs.workers.worker import KEPT_VARIABLES
     from ciir.service.web import connections
     from ciir.service.web.app import create_app
     from ciir.service.web.middleware.site import is_loopback
     from ciir.service.web.server import DrainingServer
 
-    found = settings.read_settings()
-    logs.configure(found.log_format)
-    settings.warn_of_unknown()
-    protect(KEPT_VARIABLES)
-    memory.limit_heaps(memory.HEAPS)
+    found = common.start_service()
     connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
+from ciir.service.cli import common
 
 if TYPE_CHECKING:
     import argparse
@@ -24,19 +25,13 @@ _log = logging.getLogger("ciir")
 
 def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
     """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
-    from ciir.service import logs, memory, settings
     from ciir.service.jobs.engine import Engine
-    from ciir.service.jobs.workers.sandbox.parent import protect
-    from ciir.service.jobs.workers.worker import KEPT_VARIABLES
     from ciir.service.metrics import Metrics
+    from ciir.service.settings import hide_secrets
 
-    found = settings.read_settings()
+    found = common.start_service()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
-    logs.configure(found.log_format)
-    settings.warn_of_unknown()
-    protect(KEPT_VARIABLES)
-    memory.limit_heaps(memory.HEAPS)
     stop = threading.Event()
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
@@ -51,7 +46,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
         if found.metrics_port:
             rest.enter_context(_showing(metrics, found.metrics_port))
         engine.start()
-        place = settings.hide_secrets(found.queue) or engine.jobs.folder
+        place = hide_secrets(found.queue) or engine.jobs.folder
         _log.info("%d worker processes take jobs from %s", found.workers, place)
         while not stop.wait(LOOK_SECONDS):
             pass

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.pipeline.options import FILE_TYPES
-from ciir.service.pipeline.report import STAGES
+from ciir.service.pipeline.report import STAGES, Stage
 
 LIMIT = 1 << 20
 """Bytes of a message. A report has some thousand."""
@@ -22,12 +22,6 @@ _MOST_TEXT = 4000
 """Characters of a problem's text; longer ones are cut."""
 _COUNTED = {"pixels", "uniform", "repeated"}
 """What `Metrics.count_result` adds up: all of them, or none."""
-
-
-def _check_stage(stage: str) -> str:
-    if stage not in STAGES:
-        raise ValueError("no stage")
-    return stage
 
 
 def _check_outcome(outcome: Result | Problem) -> Result | Problem:
@@ -94,7 +88,7 @@ class Progress(_Message):
     """The data of a progress event."""
 
     kind: Literal["progress"]
-    stage: Annotated[str, AfterValidator(_check_stage)]
+    stage: Stage
     views_done: int = Field(ge=0, le=_MOST)
     views: int = Field(ge=0, le=_MOST)
 

@@ -22,6 +22,7 @@ from ciir.service.pipeline.options import write_texts
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.lenslet.calibration import Calibration
     from ciir.renderer.readers.lenslet.grid import LensGrid
     from ciir.renderer.readers.pictures import Pixels
@@ -39,7 +40,7 @@ def describe_picture(given: Input, key: str, options: Options) -> Report:
     data = bundle.files[key]
     picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
     own = complete_layout(Layout(), data)
-    candidates = [_describe_own(own)] if own.pixels else _find_candidates(given, key, picture, options)
+    candidates = [_describe_own(own)] if own.pixels else _find_candidates(bundle, key, picture, options)
     return {
         "kind": candidates[0]["kind"] if candidates else "picture",
         "input": given.describe(LightField(picture[None, None])),
@@ -55,14 +56,11 @@ def _describe_own(layout: Layout) -> Candidate:
     return {"kind": layout.arrangement, "options": options, "lenses": layout.lenses, "pixels": layout.pixels}
 
 
-def _find_candidates(given: Input, key: str, picture: Pixels, options: Options) -> list[Candidate]:
+def _find_candidates(bundle: Bundle, key: str, picture: Pixels, options: Options) -> list[Candidate]:
     """What the picture `key` may be, the likeliest first. Raises `InputError`."""
-    bundle = given.bundle
-    assert bundle is not None  # noqa: S101 - the key is of its files
-    data = bundle.files[key]
     periods = Periods(picture)
     sizes = periods.rank_sizes()
-    is_lytro = identify(key, data) in (LYTRO, LYTRO_RAW)
+    is_lytro = identify(key, bundle.files[key]) in (LYTRO, LYTRO_RAW)
     is_raw = options.known_grid is not None or is_lytro or bool(bundle.find_frames(key))
     candidates = []
     if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:

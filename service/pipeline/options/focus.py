@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.apertures import Shape
+from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.reading import Switch
-from ciir.service.pipeline.options.values import ValueType, make_name, make_number, make_switch
+from ciir.service.pipeline.options.values import ValueType, make_form, make_name, make_number, make_switch, write_number
 
 Method = Literal["mapping", "window", "delta"]
 """As `renderer.focus.planes.Method`, whose import takes longer than the command line may."""
@@ -28,42 +28,20 @@ _NUMBER = r"-?[0-9]{1,9}(\.[0-9]{1,9})?"
 def _make_colons(pattern: str, needed: str, example: str) -> ValueType:
     """Numbers with colons between them."""
 
-    def read(name: str, text: str) -> tuple[float, ...]:
-        if re.fullmatch(pattern, text.strip()) is None:
-            raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {needed}, such as {example}")
-        return tuple(map(float, text.strip().split(":")))
+    def convert(value: Any) -> Any:
+        return made.read("value", made.write(tuple(float(number) for number in value)))
 
-    def write(numbers: tuple[float, ...]) -> str:
-        return ":".join(f"{number:.9f}".rstrip("0").rstrip(".") for number in numbers)
-
-    def convert(value: Any) -> tuple[float, ...]:
-        return read("value", write(tuple(float(number) for number in value)))
-
-    schema = {"type": "string", "pattern": f"^({pattern})?$"}
-    return ValueType(schema, read, convert, f"{needed}, such as ({example.replace(':', ', ')})", write)
-
-
-def _read_view(name: str, text: str) -> tuple[int, int]:
-    view = re.sub(r"\s*,\s*", ",", text.strip())
-    if re.fullmatch(_VIEW, view) is None:
-        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give a row and a column of views, such as 0,4")
-    v, u = map(int, view.split(","))
-    return v, u
+    made = make_form(
+        pattern,
+        form=f"{needed}, such as {example}",
+        parse=lambda _, text: tuple(map(float, text.split(":"))),
+        convert=convert,
+        needed=f"{needed}, such as ({example.replace(':', ', ')})",
+        write=lambda numbers: ":".join(write_number(number, 9) for number in numbers),
+    )
+    return made
 
 
-def _convert_view(value: Any) -> tuple[int, int]:
-    v, u = value
-    return _read_view("view", f"{v},{u}")
-
-
-_VIEW = "[0-9]{1,6},[0-9]{1,6}"
-VIEW = ValueType(
-    {"type": "string", "pattern": f"^({_VIEW})?$"},
-    _read_view,
-    _convert_view,
-    "a row and a column, such as (0, 4)",
-    lambda view: "{},{}".format(*view),
-)
 STACK = _make_colons(f"{_NUMBER}:{_NUMBER}:[0-9]{{1,4}}", "FIRST:LAST:COUNT", "-1:1:16")
 LIMITS = _make_colons(f"{_NUMBER}:{_NUMBER}", "LEAST:LARGEST", "-2:2")
 FOCUS = {
@@ -127,7 +105,7 @@ FOCUS = {
     "view": Option(
         "V,U",
         "row and column of the view whose disparity is wanted (default the centre one)",
-        VIEW,
+        values.VIEW,
         "0,4",
     ),
     "limits": Option(

@@ -2,39 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known, KnownShape
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import ValueType, make_name, make_number
+from ciir.service.pipeline.options.values import make_form, make_name, make_number, write_number
 
 Pitch = float | Literal["auto"]
 GridShape = Literal["auto", KnownShape]
 _NUMBER = r"[0-9]{1,6}(\.[0-9]{1,6})?"
 
 
-def _read_pitch(name: str, text: str) -> Pitch:
-    if text.strip() == "auto":
-        return "auto"
-    if re.fullmatch(_NUMBER, text.strip()) is None:
-        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give pixels, such as 14.37, or auto")
-    return _check_pitch(name, float(text))
+def _parse_pitch(name: str, text: str) -> Pitch:
+    return "auto" if text == "auto" else _check_pitch(name, float(text))
 
 
 def _check_pitch(name: str, pitch: float) -> float:
     if not LEAST_PITCH <= pitch <= MOST_PITCH:
         raise InvalidOption(f"{name}: {pitch:g} is out of range; give {LEAST_PITCH:g} to {MOST_PITCH:g} pixels")
     return pitch
-
-
-def _read_point(name: str, text: str) -> tuple[float, float]:
-    if re.fullmatch(rf"\s*{_NUMBER}\s*,\s*{_NUMBER}\s*", text) is None:
-        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give y,x in pixels, such as 5.3,8.8")
-    y, x = map(float, text.split(","))
-    return y, x
 
 
 def _convert_point(value: Any) -> tuple[float, float]:
@@ -44,23 +32,21 @@ def _convert_point(value: Any) -> tuple[float, float]:
     return y, x
 
 
-def _write_number(number: Pitch) -> str:
-    return number if isinstance(number, str) else f"{number:.6f}".rstrip("0").rstrip(".")
-
-
-_PITCH = ValueType(
-    {"type": "string", "pattern": f"^(auto|{_NUMBER})?$"},
-    _read_pitch,
-    lambda value: _check_pitch("lens_pitch", float(value)),
-    "pixels such as 14.37, or 'auto'",
-    _write_number,
+_PITCH = make_form(
+    f"auto|{_NUMBER}",
+    form="pixels, such as 14.37, or auto",
+    parse=_parse_pitch,
+    convert=lambda value: _check_pitch("lens_pitch", float(value)),
+    needed="pixels such as 14.37, or 'auto'",
+    write=lambda pitch: pitch if isinstance(pitch, str) else write_number(pitch),
 )
-_POINT = ValueType(
-    {"type": "string", "pattern": f"^({_NUMBER},{_NUMBER})?$"},
-    _read_point,
-    _convert_point,
-    "y and x in pixels, such as (5.3, 8.8)",
-    lambda point: ",".join(map(_write_number, point)),
+_POINT = make_form(
+    f"{_NUMBER},{_NUMBER}",
+    form="y,x in pixels, such as 5.3,8.8",
+    parse=lambda _, text: tuple(map(float, text.split(","))),
+    convert=_convert_point,
+    needed="y and x in pixels, such as (5.3, 8.8)",
+    write=lambda point: ",".join(map(write_number, point)),
 )
 LENSLET = {
     "lens_pitch": Option(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _MOST = 999_999
 """The largest count that text or a sequence may hold."""
 _MOST_TIMES = 3600
+_VIEW = "[0-9]{1,6},[0-9]{1,6}"
 _SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
 _LONGEST_LABEL = 200
 """Most characters of a name in a file."""
@@ -73,13 +74,6 @@ def read_pair(name: str, text: str) -> tuple[int, int]:
     return counts
 
 
-def _read_margins(name: str, text: str) -> tuple[int, ...]:
-    match = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*,\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", text)
-    if match is None:
-        raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5")
-    return tuple(map(int, match.groups()))
-
-
 def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all that read text share one signature
     return text.strip()
 
@@ -88,13 +82,6 @@ def _read_label(name: str, text: str) -> str:
     if len(text) > _LONGEST_LABEL:
         raise InvalidOption(f"{name}: {clean_text(text)[:40]!r} ... is too long; give a name or a number")
     return text.strip()
-
-
-def _read_views(name: str, text: str) -> str:
-    views = re.sub(r"\s*([,;])\s*", r"\1", text.strip())
-    if not views or re.fullmatch(VIEWS.schema["pattern"], views) is None:
-        raise InvalidOption(f"{name}: {text[:80]!r} is not understood; give center, cross, all, or pairs like 0,0;7,7")
-    return views
 
 
 def _read_integer(name: str, text: str) -> int:
@@ -138,13 +125,11 @@ def _convert_views(value: Any) -> str:
     return ";".join("{},{}".format(*_convert_pair(pair)) for pair in ([value] if is_pair else value))
 
 
-def _read_times(name: str, text: str) -> tuple[float, ...]:
-    times = re.sub(r"\s", "", text)
-    if not times or re.fullmatch(TIMES.schema["pattern"], times) is None:
-        raise InvalidOption(
-            f"{name}: {text[:40]!r} is not understood; give seconds such as 1.5, several as 0,0.5,1, or "
-            "START:STOP:COUNT such as 0:2:48"
-        )
+def _parse_counts(_: str, text: str) -> tuple[int, ...]:
+    return tuple(map(int, text.split(",")))
+
+
+def _parse_times(name: str, times: str) -> tuple[float, ...]:
     if ":" in times:
         start, stop, count = times.split(":")
         found = _space_evenly(float(start), float(stop), min(int(count), _MOST_TIMES + 1))
@@ -168,9 +153,38 @@ def _convert_times(value: Any) -> tuple[float, ...]:
 
 
 def _write_times(times: tuple[float, ...]) -> str:
-    texts = [f"{time:.9f}".rstrip("0").rstrip(".") for time in times]
+    texts = [write_number(time, 9) for time in times]
     is_even = len(times) > 2 and times == _space_evenly(times[0], times[-1], len(times))
     return f"{texts[0]}:{texts[-1]}:{len(times)}" if is_even else ",".join(texts)
+
+
+def write_number(number: float, decimals: int = 6) -> str:
+    """`number` rounded to so many decimals, without zeros at its end."""
+    return f"{number:.{decimals}f}".rstrip("0").rstrip(".")
+
+
+def make_form(
+    pattern: str,
+    *,
+    form: str,
+    parse: Callable[[str, str], Any],
+    convert: Callable[[Any], Any],
+    needed: str,
+    write: Callable[[Any], str] = str,
+) -> ValueType:
+    """Values whose text has the form `pattern`, where spaces around commas, colons and semicolons don't count.
+
+    `form`: the same in words, for messages. `parse`: the value of an option's name and a text of that form. The others
+    are those of `ValueType`.
+    """
+
+    def read(name: str, text: str) -> Any:
+        bare = re.sub(r"\s*([,:;])\s*", r"\1", text.strip())
+        if re.fullmatch(pattern, bare) is None:
+            raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {form}")
+        return parse(name, bare)
+
+    return ValueType({"type": "string", "pattern": f"^({pattern})?$"}, read, convert, needed, write)
 
 
 PAIR = ValueType(
@@ -180,25 +194,36 @@ PAIR = ValueType(
     "rows and columns, such as (50, 50)",
     lambda pair: "{}x{}".format(*pair),
 )
-MARGINS = ValueType(
-    {"type": "string", "pattern": "^([0-9]{1,6}(,[0-9]{1,6}){3})?$"},
-    _read_margins,
-    lambda value: _convert_whole_numbers(value, 4, _MOST),
-    "four whole numbers, such as (0, 0, 7, 5)",
-    lambda margins: ",".join(map(str, margins)),
+MARGINS = make_form(
+    "[0-9]{1,6}(,[0-9]{1,6}){3}",
+    form="TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5",
+    parse=_parse_counts,
+    convert=lambda value: _convert_whole_numbers(value, 4, _MOST),
+    needed="four whole numbers, such as (0, 0, 7, 5)",
+    write=lambda margins: ",".join(map(str, margins)),
 )
-VIEWS = ValueType(
-    {"type": "string", "pattern": "^(center|cross|all|[0-9]{1,6},[0-9]{1,6}(;[0-9]{1,6},[0-9]{1,6})*)?$"},
-    _read_views,
-    _convert_views,
-    "'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
+VIEW = make_form(
+    _VIEW,
+    form="a row and a column of views, such as 0,4",
+    parse=_parse_counts,
+    convert=_convert_pair,
+    needed="a row and a column, such as (0, 4)",
+    write=lambda view: "{},{}".format(*view),
 )
-TIMES = ValueType(
-    {"type": "string", "pattern": f"^({_SECONDS}(,{_SECONDS})*|{_SECONDS}:{_SECONDS}:[1-9][0-9]{{0,3}})?$"},
-    _read_times,
-    _convert_times,
-    "seconds such as 1.5, or several such as (0, 0.5, 1)",
-    _write_times,
+VIEWS = make_form(
+    f"center|cross|all|{_VIEW}(;{_VIEW})*",
+    form="center, cross, all, or pairs like 0,0;7,7",
+    parse=lambda _, text: text,
+    convert=_convert_views,
+    needed="'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
+)
+TIMES = make_form(
+    f"{_SECONDS}(,{_SECONDS})*|{_SECONDS}:{_SECONDS}:[1-9][0-9]{{0,3}}",
+    form="seconds such as 1.5, several as 0,0.5,1, or START:STOP:COUNT such as 0:2:48",
+    parse=_parse_times,
+    convert=_convert_times,
+    needed="seconds such as 1.5, or several such as (0, 0.5, 1)",
+    write=_write_times,
 )
 TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
 LABEL = ValueType(
@@ -221,13 +246,9 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
     each is at most its limit, and at least the opposite of that.
     """
     count, angle = names.count(",") + 1, r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
-    pattern = f"{angle}(,{angle}){{{count - 1}}}"
     example = ",".join(["30", "-20", "0"][:count])
 
-    def read(name: str, text: str) -> tuple[float, ...]:
-        angles = re.sub(r"\s*,\s*", ",", text.strip())
-        if re.fullmatch(pattern, angles) is None:
-            raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give {names} in degrees, such as {example}")
+    def parse(name: str, angles: str) -> tuple[float, ...]:
         found = tuple(map(float, angles.split(",")))
         for angle_name, angle, limit in zip(names.lower().split(","), found, limits, strict=False):
             if abs(angle) > limit:
@@ -243,13 +264,14 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
             raise ValueError
         return angles
 
-    return ValueType(
-        {"type": "string", "pattern": f"^({pattern})?$"},
-        read,
-        convert,
-        f"{names} in degrees, such as ({example.replace(',', ', ')})"
+    return make_form(
+        f"{angle}(,{angle}){{{count - 1}}}",
+        form=f"{names} in degrees, such as {example}",
+        parse=parse,
+        convert=convert,
+        needed=f"{names} in degrees, such as ({example.replace(',', ', ')})"
         + (f", at most {', '.join(f'{limit:g}' for limit in limits)}" if limits else ""),
-        lambda angles: ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in angles),
+        write=lambda angles: ",".join(map(write_number, angles)),
     )
 
 

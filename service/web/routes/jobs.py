@@ -101,10 +101,10 @@ async def _submit(state: State, given: Upload, client: str) -> Job:
     try:
         job, is_new = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file, client)
     except (QueueFull, QueueUnavailable) as error:
-        state.metrics.submitted.labels("refused").inc()
+        state.engine.metrics.submitted.labels("refused").inc()
         _log.info("refused %s of %s, %d bytes: %s", given.request.kind, given.request.name, given.size, error)
         raise
-    state.metrics.submitted.labels("accepted" if is_new else "known").inc()
+    state.engine.metrics.submitted.labels("accepted" if is_new else "known").inc()
     trace.get_current_span().set_attribute("ciir.job", job.id)
     _log.info("job %s: %s of %s, %d bytes, %s", job.id, job.request.kind, given.request.name, given.size, job.state)
     return job

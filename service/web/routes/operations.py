@@ -73,4 +73,4 @@ def list_models() -> Response:
 def metrics(state: State) -> Response:
     """Metrics of this process and of the queue."""
     state.engine.update_gauges()
-    return Response(state.metrics.text(), media_type=CONTENT_TYPE_LATEST)
+    return Response(state.engine.metrics.text(), media_type=CONTENT_TYPE_LATEST)

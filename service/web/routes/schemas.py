@@ -8,8 +8,9 @@ from pydantic import Field
 from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
 
 from ciir.models.cards import Card  # noqa: TC001 - pydantic evaluates the annotations
-from ciir.service.jobs.job import State  # noqa: TC001
+from ciir.service.jobs.job import EventKind, State  # noqa: TC001
 from ciir.service.pipeline.options import KindName  # noqa: TC001
+from ciir.service.pipeline.report import Stage  # noqa: TC001
 from ciir.service.web.routes.reports import (
     DisparityReport,
     DisplayReport,
@@ -44,7 +45,7 @@ class Problem(TypedDict):
 class Progress(TypedDict):
     """The last progress of the current run."""
 
-    stage: Literal["decode", "plan", "render", "map", "upscale", "focus", "encode"]
+    stage: Stage
     """The earliest at work, for which the others wait; stages overlap."""
     views_done: int
     views: int
@@ -68,7 +69,7 @@ class Event(TypedDict, total=False):
 
     id: str
     """Its number, from 0."""
-    event: Literal["queued", "running", "progress", "done", "failed", "cancelled"]
+    event: EventKind
     data: str
     """JSON."""
     retry: int

@@ -32,7 +32,6 @@ def run(args: argparse.Namespace) -> None:
     path = Path(args.out)
     name = _find_format(args.to or find_implied(path, options.make_writer_options()), args.out)
     output_path.check_places(args)
-    common.check_report(args.report, path)
     options = replace(options, views="all", model=NO_MODEL)
     source = common.open_input(args, options)
     with common.progress_bar("view") as progress:

@@ -33,7 +33,6 @@ def run(args: argparse.Namespace) -> None:
     name = None if is_model else find_format(path, args.to).name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
     output_path.check_places(args, *([beside] if beside else []))
-    common.check_report(args.report, path)
     options = common.parse_options(args, "disparity")
     source = common.open_input(args, options)
     report, what = _write_model(source, options, path) if name is None else _write_map(source, options, path, name)

@@ -26,7 +26,6 @@ def run(args: argparse.Namespace) -> None:
         listed = ", ".join(SUFFIXES)
         raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}")
     output_path.check_places(args)
-    common.check_report(args.report, path)
     options, source = common.parse_options(args), open_source(args.input)
     with replacing(path) as file:
 

@@ -19,7 +19,6 @@ def run(args: argparse.Namespace) -> None:
     is_file = output_path.names_file(args.out, list(BY_SUFFIX), what="views")
     path = Path(args.out)
     output_path.check_places(args)
-    common.check_report(args.report, path)
     options = common.parse_options(args)
     source = common.open_input(args, options)
     with common.progress_bar("view") as progress:

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 def run(args: argparse.Namespace) -> None:
     """Writes the planes, and prints a line about them."""
-    path = Path(args.out)
     output_path.check_places(args)
-    common.check_report(args.report, path)
     options = common.parse_options(args, "plane")
     count = options.count_planes()
     write = _find_writer(args.out, count, options.fps)

@@ -31,7 +31,6 @@ _TAKEN = (
 def run(args: argparse.Namespace) -> None:
     """Writes the upscaled pictures, and the report where one is asked for."""
     path = Path(args.out)
-    common.check_report(args.report, path)
     output_path.check_places(args)
     options, bundle = common.parse_options(args), _bundle(args.input)
     skip = options.skip == "exact"
