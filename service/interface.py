@@ -16,6 +16,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.options import RECONSTRUCTION, Options
+from ciir.service.pipeline.options.writing import WRITING
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
 from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at, open_path
 
@@ -252,7 +253,8 @@ def upscale(
     `sampling`: `lenslet` of a rendered array of lenslets, whose means over the lenses then stay means. Of captured
     light fields it is found, and so is whether they are free of noise. `progress(done, total)` counts views.
 
-    Returns the same kind, `scale` times as large along each side. Raises `ciir.Error`.
+    Returns the same kind, `scale` times as large along each side; with `model` `none` it stays as large, whatever the
+    scale. Raises `ciir.Error`.
     """
     light_field = images if isinstance(images, LightField) else as_light_field(images)
     if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
@@ -279,9 +281,10 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     name or a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
-    Raises `ciir.Error`.
+    Raises `ciir.Error`; options of files that are written, such as `fps`, are refused, as nothing is.
     """
+    names = [name for name in RECONSTRUCTION if name not in WRITING]
     writer = MemoryWriter()
     given = source if isinstance(source, LightField) else open_path(source)
-    report = run_reconstruction(given, Options.convert(options, RECONSTRUCTION), writer, progress=progress)
+    report = run_reconstruction(given, Options.convert(options, names), writer, progress=progress)
     return Reconstruction(writer.views, report)

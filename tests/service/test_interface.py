@@ -88,6 +88,8 @@ def test_pictures_show_in_jupyter():
             "views": "0,0;2,3",
             "background": (255, 255, 255),
             "pitch": None,
+            "skip": np.True_,
+            "zoom": np.float32(1),
         },
     ],
 )
@@ -111,6 +113,10 @@ def test_options_are_taken_in_the_usual_forms(options):
         {"model": 1},
         {"skip": 2},
         {"delta": "wide"},
+        {"rotate": (1, 2, 1000)},
+        {"lenses": (-1, 10)},
+        {"skip": np.float32(0.5)},
+        {"lens_pitch": 3},
     ],
 )
 def test_options_of_a_wrong_type_are_one_line(options):
@@ -130,6 +136,10 @@ def test_options_of_a_wrong_type_are_one_line(options):
         (lambda _: ciir.open("scene:vase"), r"ciir\.render"),
         (lambda folder: ciir.render(folder / "eia.png"), "holds pictures"),
         (lambda _: ciir.reconstruct("scene:vase", lense=1), "'lense': no such option; known are lenses"),
+        (lambda _: ciir.reconstruct("scene:vase", fps=3), "'fps': no such option; known are lenses"),
+        (lambda _: ciir.reconstruct("scene:vase", lens_pitch=3), "lens_pitch: 3 is out of range; give 5 to 200"),
+        (lambda _: ciir.reconstruct("scene:vase", lenses=(0, -1)), "give rows and columns from 1 to 999,999, such as"),
+        (lambda _: ciir.open("scene:vase", white=3), "white: 3 is no name"),
         (lambda _: ciir.open(EIA), "a path, not ndarray"),
         (lambda _: ciir.upscale(EIA, model="field"), "field takes the views of a light field"),
         (lambda _: ciir.upscale(np.zeros((0, 5, 3), np.uint8)), r"views: an array of shape \(1, 1, 0, 5, 3\)"),

@@ -43,11 +43,13 @@ class ValueType:
     """The text of a value."""
 
     def parse(self, name: str, value: object) -> Any:
-        """The value of a text or of another object."""
+        """The value of a text or of another object; numpy's scalars are taken as Python's."""
         if isinstance(value, str):
             return self.read(name, value)
         try:
-            return self.convert(value)
+            return self.convert(value.item() if isinstance(value, np.generic) else value)
+        except InvalidOption:
+            raise
         except (IndexError, OverflowError, TypeError, ValueError) as error:
             given = clean_text(repr(value))[:40]
             raise InvalidOption(f"{name}: {given} is not understood; give {self.needed}") from error
@@ -191,7 +193,7 @@ PAIR = ValueType(
     {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
     read_pair,
     _convert_pair,
-    "rows and columns, such as (50, 50)",
+    f"rows and columns from 1 to {_MOST:,}, such as (50, 50)",
     lambda pair: "{}x{}".format(*pair),
 )
 MARGINS = make_form(
@@ -199,7 +201,7 @@ MARGINS = make_form(
     form="TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5",
     parse=_parse_counts,
     convert=lambda value: _convert_whole_numbers(value, 4, _MOST),
-    needed="four whole numbers, such as (0, 0, 7, 5)",
+    needed=f"four whole numbers from 0 to {_MOST:,}, such as (0, 0, 7, 5)",
     write=lambda margins: ",".join(map(str, margins)),
 )
 VIEW = make_form(
@@ -269,8 +271,8 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
         form=f"{names} in degrees, such as {example}",
         parse=parse,
         convert=convert,
-        needed=f"{names} in degrees, such as ({example.replace(',', ', ')})"
-        + (f", at most {', '.join(f'{limit:g}' for limit in limits)}" if limits else ""),
+        needed=f"{names} in degrees, such as ({example.replace(',', ', ')}), "
+        + (f"at most {', '.join(f'{limit:g}' for limit in limits)}" if limits else "each below 1000"),
         write=lambda angles: ",".join(map(write_number, angles)),
     )
 
