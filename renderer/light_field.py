@@ -158,7 +158,7 @@ class LightField:
 
         A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, but for a display where the options or a
         quilt's name (`NAME_qs8x6a0.75.png`) ask for that; a name without a suffix is a folder of views. `options` are
-        those of `renderer.writers.options.WriterOptions`.
+        those of `ciir.renderer.writers.options.WriterOptions`.
 
         Returns notes: what the format doesn't hold, or holds in another way. Raises `InvalidOption` where `path` can't
         be written or the format can't hold the light field.
@@ -211,7 +211,7 @@ class LightField:
         """The depth plane of `disparity`, `(H, W, C)`: what has it is sharp, as the middle of the grid sees it.
 
         `disparity`: by how many pixels a point moves to the left from one view to the next on the right;
-        `renderer.focus.depth_scale` has that of a depth. The rest as for `planes`.
+        `ciir.DepthScale` has that of a depth. The rest as for `planes`.
         """
         if not isinstance(disparity, Real):
             raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
@@ -230,10 +230,10 @@ class LightField:
     ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16]]:
         """The depth plane of each of `disparities`, `(H, W, C)`, one after the other.
 
-        `method`: `mapping`, `window` or `delta`, of `renderer.focus.planes`, which has the planes as floats too.
+        `method`: `mapping`, `window` or `delta`, of `ciir.renderer.focus.planes`, which has the planes as floats too.
         `aperture`: radius in views around the middle of those that count, by default all, or a weight for each view,
-        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `renderer.focus.apertures`. `occluders`: with `remove` what
-        stands before a plane is removed (`renderer.focus.occluders`), by the method `mapping`.
+        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `ciir.renderer.focus.apertures`. `occluders`: with `remove`
+        what stands before a plane is removed (`ciir.renderer.focus.occluders`), by the method `mapping`.
 
         Raises `InvalidOption` for disparities that are not finite or over the longer side of a view, for an unknown
         method, shape or way with occluders, for one that doesn't go with the method, and for an aperture without views.
@@ -271,7 +271,7 @@ class LightField:
 
         `limits`: the least and the largest disparity in pixels a view, by default those in the centre and the corners.
 
-        Raises `InvalidOption` as `renderer.focus.disparity.estimate_disparity`.
+        Raises `InvalidOption` as `ciir.renderer.focus.disparity.estimate_disparity`.
         """
         from ciir.renderer.focus.disparity import estimate_disparity
 
@@ -289,9 +289,9 @@ class LightField:
         """What the views show as coloured triangles, in the coordinates of the lens array; `save` writes GLB and PLY.
 
         `pitch`, `delta`: of the lens array, where they are known. Black or transparent pixels that are joined to the
-        border of a view are left out, unless `keeps_background`. `renderer.focus.model` has the method and the units.
+        border of a view are left out, unless `keeps_background`. `ciir.renderer.focus.model` has method and units.
 
-        Raises `InvalidOption` as `renderer.focus.model.make_model`.
+        Raises `InvalidOption` as `ciir.renderer.focus.model.make_model`.
         """
         from ciir.renderer.focus.model import make_model
 

@@ -178,7 +178,7 @@ def render(
     viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
     factor on the size at which every view holds the object. `place`: -1, the default, behind the array, 0 astride, 1
     before it. `fit`: `none` for a mesh in the array's own coordinates, such as a captured model. `light`: azimuth and
-    elevation in degrees. `renderer.placement.Placement` says more of the last six.
+    elevation in degrees. `ciir.renderer.placement.Placement` says more of the last six.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
     the name, or the number from 0, of a camera in a glTF file whose picture the centre view shows, by parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).

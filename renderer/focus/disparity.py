@@ -79,7 +79,7 @@ class DisparityMap:
         return self.disparity if self.depth_sense == "cameras" else -self.disparity
 
     def save(self, path: str | PathLike[str], /, format: str | None = None) -> dict[str, Any]:  # noqa: A002
-        """Writes the map, and beside it the confidence, as `renderer.writers.depth.write_disparity`."""
+        """Writes the map, and beside it the confidence, as `ciir.renderer.writers.depth.write_disparity`."""
         from ciir.renderer.writers.atomic_write import read_path
         from ciir.renderer.writers.depth import write_disparity
 

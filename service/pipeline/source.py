@@ -255,7 +255,7 @@ def open_path(path: str | PathLike[str]) -> Source:
         text = os.fspath(path)
     except TypeError as error:
         raise InvalidOption(
-            f"a path, not {type(path).__name__}, is needed; ciir.LightField(array) takes views"
+            f"a path, not {type(path).__name__}, is needed; give a file's name (ciir.LightField(array) takes views)"
         ) from error
     if not isinstance(text, str):
         raise InvalidOption("a path as text, not bytes, is needed; save the bytes to a file")
