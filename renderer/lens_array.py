@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,12 +53,12 @@ class LensArray:
             ("pixels", self.pixels_v, MAX_PIXELS),
             ("pixels", self.pixels_u, MAX_PIXELS),
         ):
-            if not 1 <= value <= most:
+            if not isinstance(value, Integral) or not 1 <= value <= most:
                 raise InvalidOption(f"{name}: {value} is out of range; give 1 to {most} along each side")
         if self.delta == 0.0:
             object.__setattr__(self, "delta", TANGENT_RANGE / max(self.pixels_v, self.pixels_u))
         for name, length in (("pitch", self.pitch), ("delta", self.delta)):
-            if not (np.isfinite(length) and 1e-9 <= length <= 1e9):
+            if not isinstance(length, Real) or not 1e-9 <= length <= 1e9:
                 raise InvalidOption(f"{name}: {length} is out of range; give a positive number from 1e-9 to 1e9")
 
     @property

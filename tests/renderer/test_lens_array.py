@@ -62,9 +62,16 @@ def test_counts_out_of_range(field: str, beyond: int) -> None:
         LensArray(**{"rows": 1, "cols": 1, "pixels_v": 1, "pixels_u": 1, field: given_count})
 
 
+@pytest.mark.parametrize("count", [4.5, 4.0, "4"])
+def test_counts_are_whole_numbers(count) -> None:
+    with pytest.raises(InvalidOption, match=f"^lenses: {count} is out of range; give 1 to"):
+        LensArray(count, 4, 3, 3)
+    assert LensArray(np.int64(4), 4, 3, 3).rows == 4
+
+
 @pytest.mark.parametrize(
     ("field", "length"),
-    [("pitch", 0.0), *((field, length) for field in ("pitch", "delta") for length in (-1.0, math.nan, math.inf, 1e10))],
+    [("pitch", "a"), ("pitch", 0.0), *((field, length) for field in ("pitch", "delta") for length in (-1.0, math.nan, math.inf, 1e10))],
 )
 def test_lengths_out_of_range(field: str, length: float) -> None:
     with pytest.raises(InvalidOption, match=rf"^{field}: .* is out of range; give a positive number"):
