@@ -71,7 +71,11 @@ def test_counts_are_whole_numbers(count) -> None:
 
 @pytest.mark.parametrize(
     ("field", "length"),
-    [("pitch", "a"), ("pitch", 0.0), *((field, length) for field in ("pitch", "delta") for length in (-1.0, math.nan, math.inf, 1e10))],
+    [
+        ("pitch", "a"),
+        ("pitch", 0.0),
+        *((field, length) for field in ("pitch", "delta") for length in (-1.0, math.nan, math.inf, 1e10)),
+    ],
 )
 def test_lengths_out_of_range(field: str, length: float) -> None:
     with pytest.raises(InvalidOption, match=rf"^{field}: .* is out of range; give a positive number"):
