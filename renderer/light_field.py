@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.levels import advise_levels
+from ciir.renderer.levels import advise_levels, round_levels
 from ciir.renderer.views import center_view, flip_axes
 
 if TYPE_CHECKING:
@@ -216,7 +216,7 @@ class LightField:
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         planes = make_planes(self.views, disparities, weights, method, occluders)
         check_overlap(disparities, max(self.views.shape[2:4]))
-        return (_round_levels(plane, self.views.dtype) for plane in planes)
+        return (round_levels(plane, self.views.dtype) for plane in planes)
 
     def all_in_focus(
         self,
@@ -234,7 +234,7 @@ class LightField:
         from ciir.renderer.focus.apertures import read_aperture
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
-        return _round_levels(focus_everywhere(self.views, found or self.disparity(), weights), self.views.dtype)
+        return round_levels(focus_everywhere(self.views, found or self.disparity(), weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.
@@ -308,8 +308,3 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
-
-
-def _round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    levels = picture.round().clip(0, np.iinfo(dtype).max)
-    return levels.astype(np.uint8) if dtype == np.uint8 else levels.astype(np.uint16)

@@ -5,7 +5,6 @@ Planes are made while they are written, one after the other: none is kept.
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import zipfile
@@ -16,7 +15,9 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.renderer.levels import round_levels
 from ciir.renderer.writers import pictures
+from ciir.renderer.writers.archives import add_array
 from ciir.renderer.writers.atomic_write import Staged
 from ciir.renderer.writers.formats import FORMATS, check_options
 from ciir.renderer.writers.options import WriterOptions
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-    from ciir.renderer.readers.pictures import Pixels
 
     Planes = Iterator[NDArray[np.float32]]
     WriteStack = Callable[[IO[bytes], "Stack"], list[str]]
@@ -73,16 +72,10 @@ def check_rate(fps: float | None, name: str | None) -> None:
     check_options(WriterOptions(fps=fps), uses, what)
 
 
-def round_plane(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
-    """A plane as a picture of `dtype`."""
-    levels: Pixels = np.rint(plane).clip(0, np.iinfo(dtype).max).astype(dtype)
-    return levels
-
-
 def write_pictures(stack: Stack, write: Callable[[str, bytes], object]) -> list[str]:
     """Gives `NAME.png` of each plane to `write`, and `report.json`; returns no notes, as all of these."""
     for name, plane in zip(stack.names, stack.read(), strict=True):
-        write(f"{name}.png", encode_png(round_plane(plane, stack.dtype)))
+        write(f"{name}.png", encode_png(round_levels(plane, stack.dtype)))
     write(REPORT, report_json(stack.describe()))
     return []
 
@@ -114,7 +107,7 @@ def _write_zip(file: IO[bytes], stack: Stack) -> list[str]:
 
 def _write_picture(file: IO[bytes], stack: Stack, picture: pictures.PictureFormat) -> list[str]:
     (plane,) = stack.read()
-    file.write(picture.encode(round_plane(plane, stack.dtype)))
+    file.write(picture.encode(round_levels(plane, stack.dtype)))
     return []
 
 
@@ -129,7 +122,7 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
     handle = tifffile.FileHandle(file, name="stack.tif")  # the name of a file that a descriptor opened is a number
     with tifffile.TiffWriter(handle, bigtiff=size > 2**31) as tiff:
         for name, plane in zip(stack.names, stack.read(), strict=True):
-            picture = round_plane(plane, stack.dtype)
+            picture = round_levels(plane, stack.dtype)
             tiff.write(
                 picture if channels > 1 else picture[..., 0],
                 **describe_page(channels),
@@ -153,10 +146,8 @@ def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
         with archive.open(zipfile.ZipInfo("planes.npy", ZIP_DATE), "w", force_zip64=True) as member:
             _write_npy(member, stack)
         report = report_json(stack.describe()).decode()
-        for name, array in ((stack.kind, np.array(stack.values)), ("report", np.array(report))):
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, array, allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), buffer.getvalue())
+        add_array(archive, stack.kind, np.array(stack.values))
+        add_array(archive, "report", np.array(report))
     return []
 
 
