@@ -20,7 +20,7 @@ from ciir.renderer.readers.eia.advice import (
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import TEXT
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
-from ciir.renderer.readers.registry import find_by_signature
+from ciir.renderer.readers.picture_sizes import find_format, read_size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,19 +43,21 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
     layout = complete_layout(layout, data)
-    is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
+    entry = find_format(data)
+    is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
     return replace(found, notes=(*found.notes, *note_profile(data, name)))
 
 
 def complete_layout(layout: Layout, data: bytes) -> Layout:
     """With the layout that the picture in `data` was written with, where `layout` leaves it open."""
-    if not any(entry.name == "PNG" for entry in find_by_signature(data)):
+    entry = find_format(data)
+    if entry is None or entry.name != "PNG":
         return layout
     from ciir.renderer.readers import png  # it imports Pillow
 
-    text = png.find_text(data, TEXT)
-    return layout if text is None else layout.complete(text, png.read_size(data))
+    text, size = png.find_text(data, TEXT), read_size(entry, data)
+    return layout if text is None or size is None else layout.complete(text, size)
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:
