@@ -107,18 +107,7 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
-
-
-def _estimate(
-    light_field: LightField,
-    view: View | None,
-    limits: tuple[float, float] | None,
-    beyond: float = 0.0,
-    extra: Callable[[float], NDArray[np.float32]] | None = None,
-) -> DisparityMap:
-    """As `estimate_disparity`, of views that use all bits."""
-    views = light_field.views
+    views = _raise_levels(light_field).views
     height, width = views.shape[2:4]
     check_views(views)
     view = view or center_view(*views.shape[:2])
@@ -223,7 +212,7 @@ def estimate_disparities(
         limits = find_limits(light_field.views)
         notes += note_reach(limits, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        found = _estimate(light_field, view, limits)
+        found = estimate_disparity(light_field, view, limits=limits)
         yield replace(found, notes=(*notes, *found.notes))
 
 
