@@ -66,8 +66,6 @@ class Format:
     """Makes a writer into a binary file."""
     holds_report: bool = False
     """Whether the report, and with it the times of that run, is in the file."""
-    is_whole: bool = False
-    """Whether it is made of all views of a light field."""
     uses: tuple[str, ...] = ()
     """The names of `WriterOptions` that it leaves open."""
 
@@ -92,7 +90,7 @@ def _container(
         found: Writer = getattr(import_module(f"ciir.renderer.writers.containers.{module}"), class_)(file, options)
         return found
 
-    return Format(name, suffixes, media_type, open_writer, is_whole=True, uses=uses)
+    return Format(name, suffixes, media_type, open_writer, uses=uses)
 
 
 def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
