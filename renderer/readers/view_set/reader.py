@@ -149,7 +149,7 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     found = estimate(views, layout)
     if not (found.is_wrong and is_automatic(layout)):
         return add_note(replace(turned, notes=notes), found, layout)
-    views = correct(views, found)
+    views = correct(turned, found)
     upwards = ", rows counted from the bottom up" if found.order.endswith("axis") else ""
     note = (
         f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "
