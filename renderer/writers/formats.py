@@ -173,12 +173,6 @@ def find_implied(path: PurePath, options: WriterOptions) -> str | None:
     return "eslf" if is_named else None
 
 
-def check_format(name: str) -> None:
-    """Raises `InvalidOption` where `name` is no format of `FORMATS`."""
-    if name not in FORMATS:
-        raise InvalidOption(f"format: {name[:40]!r} is not known; give {', '.join(FORMATS)}")
-
-
 FOLDER = "folder"
 """The name of the format of a folder of views, which is no file."""
 
@@ -205,8 +199,8 @@ class FileWriter(Writer):
     """Writes one file in the format that was asked for; without one, PNG for one view and zip for several."""
 
     def __init__(self, file: IO[bytes], wanted: str | None, options: WriterOptions | None = None) -> None:
-        if wanted is not None:
-            check_format(wanted)
+        if wanted is not None and wanted not in FORMATS:
+            raise InvalidOption(f"format: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
         self._file = file
         self._wanted = wanted
         self._options = options or WriterOptions()
