@@ -10,8 +10,7 @@ import re
 import zipfile
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,6 +28,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from ciir.renderer.writers.containers.video import PathWriter
 
     Planes = Iterator[NDArray[np.float32]]
     WriteStack = Callable[[IO[bytes], "Stack"], list[str]]
@@ -151,15 +152,14 @@ def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
     return []
 
 
-def _write_video(file: IO[bytes], stack: Stack, writer: str) -> list[str]:
+def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
     """Frames of 8-bit RGB from the first plane to the last and back."""
-    video = import_module("ciir.renderer.writers.containers.video")
     back = range(len(stack) - 2, 0, -1)
-    found = getattr(video, writer)(file, WriterOptions(frames=len(stack) + len(back), fps=stack.fps))
+    options = WriterOptions(frames=len(stack) + len(back), fps=stack.fps)
+    writer = cast("PathWriter", FORMATS[name].make_writer(file, options))
     height, width, channels = stack.shape
-    found.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
-    notes: list[str] = found.write_frames(_list_frames(stack, back))
-    return notes
+    writer.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
+    return writer.write_frames(_list_frames(stack, back))
 
 
 def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
@@ -193,10 +193,7 @@ STACK: dict[str, WriteStack] = {
     "stack": _write_tiff,
     "npy": _write_npy,
     "npz": _write_npz,
-    "mp4": partial(_write_video, writer="Mp4Writer"),
-    "webm": partial(_write_video, writer="WebmWriter"),
-    "gif": partial(_write_video, writer="GifWriter"),
-    "animated-webp": partial(_write_video, writer="WebpWriter"),
+    **{name: partial(_write_video, name=name) for name in ("mp4", "webm", "gif", "animated-webp")},
 }
 """What writes several planes, by names there."""
 PLANE_BY_SUFFIX, STACK_BY_SUFFIX = (
