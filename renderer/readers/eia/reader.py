@@ -82,14 +82,14 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
     rows, cols = _count_lenses(picture, layout, periods)
     grid = picture.shape[0] // rows, picture.shape[1] // cols
     is_open = layout.arrangement == "auto"
-    exchanged = note_exchanged(periods, (rows, cols), grid) if is_open else ()
-    seen = periods.find_arrangement(grid) if is_open and not exchanged else None
+    note = note_exchanged(periods, (rows, cols), grid) if is_open else ""
+    seen = periods.find_arrangement(grid) if is_open and not note else None
     if layout.arrangement == "mosaic" or (seen == "mosaic" and layout.pickup == "virtual"):
         return _read_mosaic(picture, grid, periods, is_sure=not is_open)
-    notes: tuple[str, ...] = ()
     if is_open:
-        notes = exchanged or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
-    if jpeg and layout.restores_jpeg and not notes:
+        note = note or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
+    notes: tuple[str, ...] = (note,) if note else ()
+    if jpeg and layout.restores_jpeg and not note:
         picture, notes = _restore(jpeg, picture, grid)
     return replace(LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup), notes=notes)
 
@@ -136,8 +136,8 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
         f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
         f"{advise_quilt(view, grid)}"
     )
-    notes = note_other_views(periods, view, grid) or (() if is_sure else (note,))
-    return LightField(tiles.swapaxes(1, 2), notes, depth_sense="cameras")
+    note = note_other_views(periods, view, grid) or ("" if is_sure else note)
+    return LightField(tiles.swapaxes(1, 2), (note,) if note else (), depth_sense="cameras")
 
 
 def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:
